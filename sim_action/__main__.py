@@ -1,0 +1,6 @@
+"""`python -m sim_action`."""
+
+from sim_action.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""Assertions that hold a scalar against `at_least` (a goal) and `at_most` (an invariant)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Self
+
+from pydantic import Field, model_validator
+
+from sim_action import units
+from sim_action.assertions import Assertion, State
+from sim_action.assertions.fold import Goal, Invariant, joined
+from sim_action.quantities import NonNegativeMetres, PositiveMetres
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.trace import FloatArray, Trace
+
+
+class LengthBounds(Assertion):
+    """The two bounds of an assertion on a length."""
+
+    at_least: Annotated[PositiveMetres | None, Field(description="a goal: must be reached")] = None
+    at_most: Annotated[NonNegativeMetres | None, Field(description="an invariant: must not be exceeded")] = None
+
+    @model_validator(mode="after")
+    def _has_a_bound(self) -> Self:
+        if self.at_least is None and self.at_most is None:
+            raise ValueError("give 'at_least', 'at_most' or both")
+        check_order(self.at_least, self.at_most)
+        return self
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return f"{self.key} {bounds_title(self.at_least, self.at_most, 'm')}"
+
+
+def check_order(at_least: float | None, at_most: float | None) -> None:
+    """Raises ValueError for bounds that nothing can satisfy."""
+    if at_least is not None and at_most is not None and at_least > at_most:
+        raise ValueError(f"nothing is at least {at_least:g} and at most {at_most:g}; exchange the two?")
+
+
+def bounds_title(at_least: float | None, at_most: float | None, unit: str) -> str:
+    """Such as "at least 1.5 m, at most 2 m"."""
+    named = (("at least", at_least), ("at most", at_most))
+    return ", ".join(f"{name} {units.display(value, unit)}" for name, value in named if value is not None)
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The fold of a signal against one or both bounds.
+
+    Attributes:
+        verb: what the robot did, for messages: "travelled".
+        unit: SI symbol of the signal.
+        end: sim time in s of the last moment seen.
+    """
+
+    verb: str
+    unit: str
+    at_least: float | None
+    at_most: float | None
+    goal: Goal = Goal()
+    invariant: Invariant = Invariant()
+    end: float = 0.0
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return joined(self.invariant.state, State.HOLDS if self.at_least is None else self.goal.state)
+
+    def observe(self, time: FloatArray, signal: FloatArray) -> Self:
+        """The fold after these moments."""
+        if not len(time):
+            return self
+        goal = self.goal if self.at_least is None else self.goal.observe(time, signal - self.at_least)
+        invariant = self.invariant if self.at_most is None else self.invariant.observe(time, self.at_most - signal)
+        return replace(self, goal=goal, invariant=invariant, end=float(time[-1]))
+
+    def verdict(self) -> Verdict:
+        """The bound that decides: a broken one, else the goal, else the one that held."""
+        if self.at_least is None or self.invariant.state is State.BROKEN:
+            return self._upper()
+        return self._lower(self.at_least)
+
+    def _lower(self, limit: float) -> Verdict:
+        passed, margin = self.goal.state is State.HOLDS, self.goal.margin
+        measured = None if margin is None else limit + margin
+        if measured is None or self.goal.time is None:
+            message = f"{self.verb} nothing: no moment to measure"
+        elif passed:
+            message = f"{self.verb} {self._shown(measured)} in {self.goal.time:.2f} s"
+        else:
+            message = f"{self.verb} {self._shown(measured)} of {self._shown(limit)} in {self.end:.1f} s"
+        return Verdict(passed, measured, limit, margin, self.unit, self.goal.time, message)
+
+    def _upper(self) -> Verdict:
+        limit, fold = self.at_most, self.invariant
+        passed = fold.state is State.HOLDS
+        if limit is None or fold.margin is None or fold.time is None:
+            return Verdict(passed, None, limit, None, self.unit, None, "no moment to measure")
+        measured = limit - fold.margin
+        message = (
+            f"{self.verb} at most {self._shown(measured)}, limit {self._shown(limit)}"
+            if passed
+            else f"{self.verb} {self._shown(measured)} at {fold.time:.2f} s, more than {self._shown(limit)}"
+        )
+        return Verdict(passed, measured, limit, fold.margin, self.unit, fold.time, message)
+
+    def _shown(self, value: float) -> str:
+        return units.display(value, self.unit)
+
+
+@dataclass(frozen=True, slots=True)
+class SignalMonitor:
+    """A signal that each moment has by itself, against its bounds."""
+
+    signal: Callable[[Trace], FloatArray]
+    bounds: Bounds
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self.bounds.state
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, bounds=self.bounds.observe(trace.time, self.signal(trace)))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        return self.bounds.verdict()

@@ -1,0 +1,83 @@
+"""`no_collision`: the robot touches nothing but the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+
+from pydantic import Field
+
+from sim_action.assertions import Assertion, Monitor, State
+from sim_action.errors import did_you_mean
+from sim_action.observation import Contact, Observation
+from sim_action.scene import Scene, SpecProblems
+from sim_action.verdict import Verdict
+from sim_action.world import GROUND
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
+
+
+class NoCollision(Assertion):
+    """No link of the robot touches a body of the world, at any physics step; the ground never counts."""
+
+    key: ClassVar[str] = "no_collision"
+    watches_contacts: ClassVar[bool] = True
+
+    allow: Annotated[
+        tuple[str, ...], Field(description="objects that may be touched, and links of the robot that may touch")
+    ] = ()
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return "no_collision" + (f" but {', '.join(self.allow)}" if self.allow else "")
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Names that are neither a link nor an object."""
+        names = {*scene.model.links_by_name, *(body.name for body in scene.world.objects), GROUND}
+        for index, name in enumerate(self.allow):
+            if name not in names:
+                yield ("allow", index), f"'{name}' is neither an object nor a link{did_you_mean(name, names)}"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        return NoCollisionMonitor(frozenset(self.allow))
+
+
+@dataclass(frozen=True, slots=True)
+class NoCollisionMonitor:
+    """Keeps the first contact that was not allowed."""
+
+    allowed: frozenset[str]
+    first: Contact | None = None
+    end: float | None = None
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return State.HOLDS if self.first is None else State.BROKEN
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if self.first is not None:
+            return self
+        # A stored trace has fewer moments than contacts: there may be contacts where there is no moment.
+        end = float(trace.time[-1]) if len(trace) else self.end
+        return replace(self, first=next(filter(self._is_forbidden, trace.contacts), None), end=end)
+
+    def _is_forbidden(self, contact: Contact) -> bool:
+        return contact.link not in self.allowed and contact.body not in self.allowed and contact.body != GROUND
+
+    def verdict(self) -> Verdict:
+        """Measured: contacts that were not allowed, up to the moment that decided."""
+        if self.first is None:
+            return Verdict(
+                True, 0.0, 0.0, 0.0, "", self.end, "touched nothing" + (" else" if len(self.allowed) > 1 else "")
+            )
+        x, y, z = self.first.position_xyz
+        message = (
+            f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "
+            f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, with {self.first.force:.3g} N"
+        )
+        return Verdict(False, 1.0, 0.0, -1.0, "", self.first.time, message)

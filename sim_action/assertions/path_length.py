@@ -1,0 +1,54 @@
+"""`path_length: {at_most: 3 m}`: how long a way the robot made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from sim_action.assertions import Monitor, State
+from sim_action.assertions.bounds import Bounds, LengthBounds
+from sim_action.geometry import Vector3
+from sim_action.observation import Observation
+from sim_action.scene import Scene
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
+
+
+class PathLength(LengthBounds):
+    """Arc length of the base link's way in space, added up over every physics step."""
+
+    key: ClassVar[str] = "path_length"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        bounds = Bounds("went a way of", "m", self.at_least, self.at_most)
+        return PathLengthMonitor(bounds, start.pose.position_xyz)
+
+
+@dataclass(frozen=True, slots=True)
+class PathLengthMonitor:
+    """Carries the length so far and the place that it ends at."""
+
+    bounds: Bounds
+    position_xyz: Vector3
+    length: float = 0.0
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self.bounds.state
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if not len(trace):
+            return self
+        lengths = trace.arc_length_from(self.position_xyz, self.length)
+        x, y, z = trace.base_position_xyz[-1].tolist()
+        bounds = self.bounds.observe(trace.time, lengths)
+        return replace(self, bounds=bounds, position_xyz=(x, y, z), length=float(lengths[-1]))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        return self.bounds.verdict()

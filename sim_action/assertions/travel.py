@@ -1,0 +1,22 @@
+"""`travel: {at_least: 1.5 m}`: how far the robot is from where it stood."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from sim_action.assertions import Monitor
+from sim_action.assertions.bounds import Bounds, LengthBounds, SignalMonitor
+from sim_action.observation import Observation
+from sim_action.scene import Scene
+
+
+class Travel(LengthBounds):
+    """Displacement on the ground plane from where the robot settled, as the crow flies."""
+
+    key: ClassVar[str] = "travel"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        x, y, _ = start.pose.position_xyz
+        bounds = Bounds("travelled", "m", self.at_least, self.at_most)
+        return SignalMonitor(lambda trace: trace.planar_distance_to(x, y), bounds)

@@ -1,0 +1,32 @@
+"""`upright: {max_tilt: 20 deg}`: the robot does not tip over."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from sim_action import units
+from sim_action.assertions import Assertion, Monitor
+from sim_action.assertions.bounds import Bounds, SignalMonitor
+from sim_action.observation import Observation
+from sim_action.quantities import PositiveRadians
+from sim_action.scene import Scene
+
+
+class Upright(Assertion):
+    """The angle between the base link's z axis and the world's stays below a limit."""
+
+    key: ClassVar[str] = "upright"
+
+    max_tilt: Annotated[PositiveRadians, Field(description="an invariant: must not be exceeded")] = math.radians(20)
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return f"upright within {units.display(self.max_tilt, 'rad')}"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        return SignalMonitor(lambda trace: trace.tilt, Bounds("tilted by", "rad", None, self.max_tilt))

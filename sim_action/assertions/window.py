@@ -1,0 +1,46 @@
+"""The time window of an expectation, around the monitor of any assertion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+from sim_action.assertions import Monitor, State
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Lets a monitor see the moments from `after` to `before` only; a goal still pending then is lost.
+
+    Attributes:
+        after: s of sim time.
+        before: s of sim time, infinite without an end.
+        over: whether the window has closed.
+    """
+
+    monitor: Monitor
+    after: float = 0.0
+    before: float = math.inf
+    over: bool = False
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        lost = self.over and self.monitor.state is State.PENDING
+        return State.BROKEN if lost else self.monitor.state
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if self.over or not len(trace):
+            return self
+        inside = trace.between(self.after, self.before)
+        return replace(self, monitor=self.monitor.observe(inside), over=bool(trace.time[-1] >= self.before))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        return self.monitor.verdict()

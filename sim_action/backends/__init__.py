@@ -1,0 +1,57 @@
+"""Physics engines. A backend holds one scene, steps it, and says what became of the robot.
+
+Seen from above, all backends are alike: poses of link frames, quaternions x, y, z, w, twists in the world frame,
+friction as a product, no collisions of the robot with itself, names instead of indices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, Protocol
+
+from sim_action.command import JointTargets
+from sim_action.observation import Contact
+from sim_action.registry import Table
+from sim_action.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
+
+
+class Backend(Protocol):
+    """One engine with one scene in it.
+
+    Until told otherwise, a joint between limits is held where it began, as its servo would; a continuous joint rolls.
+    """
+
+    version: str
+    """Name and version of the engine, such as "pybullet 3.2.7"."""
+
+    def advance(self, first_step: int, steps: int, targets: Sequence[JointTargets]) -> Trace:
+        """Steps the scene and returns the state after each step.
+
+        `targets[i]` is given to the motors before the i-th step; the last holds. `first_step` numbers the state
+        before the first step: sim time is the step's number over `physics.rate`.
+        """
+
+    def observe(self, step: int) -> Trace:
+        """The present state alone, as that of step number `step`."""
+
+    def contacts(self, step: int) -> tuple[Contact, ...]:
+        """The robot's contacts of the present, those with the ground too, as of step number `step`."""
+
+    def close(self) -> None:
+        """Frees the engine."""
+
+
+class BackendFactory(Protocol):
+    """What the table's entries are."""
+
+    def __call__(self, scene: Scene, *, contacts: bool) -> Backend:
+        """Loads a scene; `contacts`: whether traces hold the robot's contacts. Raises EngineError."""
+
+
+BACKENDS: Final = Table[BackendFactory](
+    "engine",
+    {"pybullet": "sim_action.backends.pybullet:PyBulletBackend"},
+)

@@ -1,0 +1,178 @@
+"""The command line. What a subcommand needs is imported when it is called, so that `--help` stays quick."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sim_action import __version__
+from sim_action.errors import ExitCode, SimActionError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from sim_action.catalogue import Entry
+
+_PATHS = click.argument("paths", nargs=-1, metavar="[PATHS]...")
+_ALLOW_OUTSIDE = click.option(
+    "--allow-outside", is_flag=True, help="Let scenarios name files outside of their workspace."
+)
+
+
+def main() -> None:
+    """The entry point, and the one place that catches errors."""
+    try:
+        code = commands.main(standalone_mode=False, prog_name="sim-action")
+    except click.ClickException as error:
+        error.show()
+        code = error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        code = ExitCode.INTERRUPTED
+    except SimActionError as error:
+        click.echo(f"sim-action: {error}", err=True)
+        code = error.exit_code
+    except BrokenPipeError:
+        # Whoever read our output has gone; there is nobody left to tell.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = ExitCode.FAILED
+    except Exception:  # noqa: BLE001 - the last stop: whatever it is, it is a fault of ours
+        traceback.print_exc()
+        click.echo("sim-action: this is a fault of sim-action; please report it with the lines above", err=True)
+        code = ExitCode.INTERNAL
+    sys.exit(code)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="sim-action")
+def commands() -> None:
+    """Simulation tests for robots: a YAML scenario, a headless physics engine, a verdict.
+
+    PATHS are scenario files, folders (every *.sim.yml in and below them) or globs; left out: the current folder.
+    """
+
+
+@commands.command()
+@_PATHS
+@click.option("--output-dir", default="sim-results", show_default=True, help="Where results, JUnit and traces go.")
+@click.option("--junit", metavar="PATH", help="Where the JUnit XML goes.  [default: junit.xml in the output dir]")
+@click.option("--junit-strict", is_flag=True, help="Leave out of it what junit-10.xsd forbids.")
+@click.option("--jobs", "-j", type=click.IntRange(min=1), metavar="N", help="At the same time.  [default: the cores]")
+@click.option("--verbose", "-v", is_flag=True, help="Show notes, diagnostics and what controllers print.")
+@click.option("--quiet", "-q", is_flag=True, help="Show what failed, and one closing line.")
+@_ALLOW_OUTSIDE
+def run(  # noqa: PLR0917 - click passes what was typed
+    paths: Sequence[str],
+    output_dir: str,
+    junit: str | None,
+    junit_strict: bool,
+    jobs: int | None,
+    verbose: bool,
+    quiet: bool,
+    allow_outside: bool,
+) -> ExitCode:
+    """Run scenarios, report their verdicts.
+
+    Exit code: 0 all passed, 1 a scenario failed or has no verdict, 2 a scenario is invalid, 3 a fault of sim-action,
+    5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1.
+    """
+    from sim_action import running
+
+    if verbose and quiet:
+        raise UsageError("--verbose and --quiet do not go together")
+    request = running.RunRequest(
+        files=_discovered(paths),
+        folder=Path(output_dir),
+        junit=Path(junit) if junit else None,
+        junit_strict=junit_strict,
+        jobs=jobs or len(os.sched_getaffinity(0)),
+        verbosity="verbose" if verbose else "quiet" if quiet else "normal",
+        allow_outside=allow_outside,
+    )
+    return running.run(request)
+
+
+@commands.command()
+@_PATHS
+@_ALLOW_OUTSIDE
+def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
+    """Find everything that is wrong with scenarios without running them."""
+    from sim_action.loading import load_all
+
+    files = _discovered(paths)
+    valid, invalid = load_all(files, allow_outside=allow_outside)
+    for error in invalid.values():
+        for problem in error.problems:
+            click.echo(str(problem))
+    click.echo(f"{len(valid)} valid, {len(invalid)} invalid", err=bool(invalid))
+    if not files:
+        return ExitCode.NO_SCENARIO
+    return ExitCode.INVALID if invalid else ExitCode.PASSED
+
+
+@commands.command()
+def schema() -> None:
+    """Print the JSON Schema of scenario files, for editors."""
+    from sim_action.schema import schema_text
+
+    click.echo(schema_text(), nl=False)
+
+
+@commands.command()
+@click.argument("folder", default=".", metavar="[DIR]")
+@click.option("--force", is_flag=True, help="Overwrite files that are there.")
+def init(folder: str, force: bool) -> None:
+    """Write a commented scenario that passes, and a workflow that runs it."""
+    from sim_action.scaffold import write_scaffold
+    from sim_action.schema import schema_text
+
+    for path in write_scaffold(Path(folder), schema_text(), force=force):
+        click.echo(f"wrote {path}")
+    click.echo(f"next: sim-action run {Path(folder) / 'simulation'}")
+
+
+@commands.command()
+def models() -> None:
+    """List the robots that need no path."""
+    from sim_action import catalogue
+
+    _print(catalogue.models())
+
+
+@commands.command()
+def assertions() -> None:
+    """List what can stand below `expect:`."""
+    from sim_action import catalogue
+
+    _print(catalogue.assertions())
+
+
+@commands.command("commands")
+def command_sources() -> None:
+    """List what can stand below `commands:`, and the drives that turn twists into wheel speeds."""
+    from sim_action import catalogue
+
+    _print((*catalogue.commands(), *catalogue.drives()))
+
+
+def _discovered(paths: Sequence[str]) -> list[Path]:
+    from sim_action.discovery import discover
+
+    found = discover(paths or ["."])
+    for pattern, files in found.items():
+        if not files:
+            click.echo(f"sim-action: no scenario in or at '{pattern}'", err=True)
+    return [path for files in found.values() for path in files]
+
+
+def _print(entries: Iterable[Entry]) -> None:
+    for entry in entries:
+        click.echo(f"{click.style(entry.name, bold=True)}\n  {entry.summary}")
+        for field in entry.fields:
+            default = f"  [{field.default}]" if field.default else ""
+            description = f"  {field.description}" if field.description else ""
+            click.echo(f"    {field.name}: {field.takes}{default}{description}")

@@ -1,0 +1,59 @@
+"""What a command is: a twist for the robot's base, or targets for named joints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from sim_action.geometry import Twist
+
+
+@dataclass(frozen=True, slots=True)
+class JointTargets:
+    """Where the motors of some joints shall go; joints that are not named keep what they were told before.
+
+    Attributes:
+        position: joint name -> rad (or m for a prismatic joint), held by a position servo.
+        velocity: joint name -> rad/s (or m/s), held by a velocity servo.
+        effort: joint name -> N m (or N), applied as it is.
+        max_effort: joint name -> N m (or N) that the servo of that joint may use; left out: the model's own limit.
+    """
+
+    position: Mapping[str, float] = field(default_factory=dict)
+    velocity: Mapping[str, float] = field(default_factory=dict)
+    effort: Mapping[str, float] = field(default_factory=dict)
+    max_effort: Mapping[str, float] = field(default_factory=dict)
+
+    def names(self) -> Iterator[str]:
+        """Every joint that is given a target."""
+        yield from self.position
+        yield from self.velocity
+        yield from self.effort
+
+    def updated_by(self, later: JointTargets) -> JointTargets:
+        """These targets, but for the joints that `later` names."""
+        if not any(self.names()):
+            return later
+        renamed = set(later.names())
+
+        def kept(group: Mapping[str, float]) -> dict[str, float]:
+            return {name: value for name, value in group.items() if name not in renamed}
+
+        return JointTargets(
+            position={**kept(self.position), **later.position},
+            velocity={**kept(self.velocity), **later.velocity},
+            effort={**kept(self.effort), **later.effort},
+            max_effort={**kept(self.max_effort), **later.max_effort},
+        )
+
+
+Command = Twist | JointTargets
+
+
+def is_finite(command: Command) -> bool:
+    """Whether every number of the command is one that a motor can be given."""
+    if isinstance(command, Twist):
+        return all(map(math.isfinite, (*command.linear_xyz, *command.angular_xyz)))
+    groups = (command.position, command.velocity, command.effort, command.max_effort)
+    return all(math.isfinite(value) for group in groups for value in group.values())

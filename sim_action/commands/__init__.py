@@ -1,0 +1,52 @@
+"""Command sources: what tells the robot, at a rate of its own, where to go."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Annotated, ClassVar, Final
+
+from pydantic import Field
+
+from sim_action.command import Command
+from sim_action.observation import Observation
+from sim_action.quantities import FrozenModel, PositiveHertz
+from sim_action.registry import Table
+from sim_action.scene import Scene, SpecProblems
+from sim_action.workspace import Workspace
+
+Controller = Callable[[Observation], Command | None]
+"""The live half of a command source: asked at every tick; None leaves the last command standing."""
+
+
+class CommandSource(FrozenModel):
+    """What all command sources are: a frozen spec whose fields are the YAML keys."""
+
+    runs_user_code: ClassVar[bool] = False
+    """Whether `open` or its controller runs code of the user's: such a scenario gets an interpreter of its own."""
+
+    watches_contacts: ClassVar[bool] = False
+    """Whether its controller reads `Observation.contacts`; they are computed only when asked for."""
+
+    needs_drive: ClassVar[bool] = False
+    """Whether all its commands are twists."""
+
+    rate: Annotated[PositiveHertz, Field(description="of the ticks at which a command is given")] = 10.0
+
+    def problems(self, workspace: Workspace) -> SpecProblems:
+        """What is wrong with the files it names; nothing of the user's is run."""
+        yield from ()
+
+    @abstractmethod
+    def open(self, scene: Scene) -> Controller:
+        """The live half."""
+
+
+COMMANDS: Final = Table[type[CommandSource]](
+    "command",
+    {
+        "twist": "sim_action.commands.twist:TwistCommands",
+        "script": "sim_action.commands.script:ScriptCommands",
+    },
+)
+"""The key that tells a command source from the others -> its class."""

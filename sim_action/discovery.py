@@ -1,0 +1,47 @@
+"""From what people type to scenario files: files, folders, globs."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+SUFFIX: Final = ".sim.yml"
+
+_NEVER_ENTERED: Final = frozenset({"node_modules", "__pycache__", "site-packages"})
+
+
+def discover(patterns: Iterable[str]) -> dict[str, list[Path]]:
+    """The scenario files behind each pattern, sorted; each file once, at the first pattern that finds it.
+
+    A folder means the `*.sim.yml` in it and below, hidden folders left out. A name without wildcards is taken as a
+    file even if it does not exist, so that its absence is reported like any other fault of a scenario.
+    """
+    seen: set[Path] = set()
+    found: dict[str, list[Path]] = {}
+    for pattern in patterns:
+        files = found.setdefault(pattern, [])
+        for path in _matches(pattern):
+            if (resolved := path.resolve()) not in seen:
+                seen.add(resolved)
+                files.append(path)
+    return found
+
+
+def _matches(pattern: str) -> Iterator[Path]:
+    # A file whose name has brackets in it is that file.
+    named = not glob.has_magic(pattern) or os.path.lexists(pattern)
+    # Path.glob takes no absolute pattern.
+    for path in [Path(pattern)] if named else sorted(map(Path, glob.glob(pattern, recursive=True))):  # noqa: PTH207
+        if path.is_dir():
+            yield from _below(path)
+        elif named or _NEVER_ENTERED.isdisjoint(path.parts):
+            yield path
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    for parent, folders, files in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in _NEVER_ENTERED)
+        yield from (Path(parent, name) for name in sorted(files) if name.endswith(SUFFIX))

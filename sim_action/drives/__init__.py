@@ -1,0 +1,58 @@
+"""Drives: from a twist of the base to targets for the joints that move it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import ClassVar, Final, Protocol, Self
+
+from sim_action.command import JointTargets
+from sim_action.geometry import Twist
+from sim_action.quantities import FrozenModel
+from sim_action.registry import Table
+from sim_action.robot_model import RobotModel
+from sim_action.scene import SpecProblems
+
+
+class DriveMotion(Protocol):
+    """The live half of a drive: remembers how fast the wheels were told to turn."""
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """The joints that it moves."""
+
+    def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
+        """Joint targets for the next physics steps; fewer than `steps` once they no longer change."""
+
+
+class Drive(FrozenModel):
+    """What all drives are: a frozen spec whose fields are the YAML keys."""
+
+    key: ClassVar[str]
+    """Its name in YAML."""
+
+    @classmethod
+    @abstractmethod
+    def recognise(cls, model: RobotModel) -> Self | None:
+        """A drive of this kind for a model that looks as if it had one."""
+
+    @abstractmethod
+    def problems(self, model: RobotModel) -> SpecProblems:
+        """What does not fit the model."""
+
+    @abstractmethod
+    def open(self, model: RobotModel, rate: float) -> DriveMotion:
+        """The live half, for physics steps at `rate` Hz."""
+
+    @abstractmethod
+    def describe(self, model: RobotModel) -> str:
+        """One line for people, with every figure that was read from the model."""
+
+
+DRIVES: Final = Table[type[Drive]]("drive", {"diff": "sim_action.drives.diff:DiffDrive"})
+
+
+def recognise(model: RobotModel) -> Drive | None:
+    """The first drive of the table that fits a model."""
+    found: Iterator[Drive | None] = (DRIVES.load(name).recognise(model) for name in DRIVES)
+    return next((drive for drive in found if drive is not None), None)

@@ -1,0 +1,136 @@
+"""Differential drive: wheels on the left and on the right that turn at speeds of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Annotated, ClassVar, Final, Self
+
+from pydantic import Field
+
+from sim_action.command import JointTargets
+from sim_action.drives import Drive
+from sim_action.drives.wheels import Wheel, wheel
+from sim_action.errors import did_you_mean
+from sim_action.geometry import Twist
+from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtonMetres
+from sim_action.robot_model import RobotModel
+from sim_action.scene import SpecProblems
+
+JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+class DiffDrive(Drive):
+    """Two sides of wheels; forward speed is their mean, turning rate their difference over the separation.
+
+    Wheel speeds follow a twist by a ramp, as Gazebo's diff drive plugin does (`wheelAcceleration`).
+    """
+
+    key: ClassVar[str] = "diff"
+
+    left: Annotated[JointNames, Field(description="joints of the wheels on the left")]
+    right: Annotated[JointNames, Field(description="joints of the wheels on the right")]
+    radius: Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")] = None
+    separation: Annotated[
+        PositiveMetres | None, Field(description="between left and right wheels; left out: read from the model")
+    ] = None
+    acceleration: Annotated[PositiveMetresPerSecondSquared, Field(description="limit at the rim of a wheel")] = 1.0
+    torque: Annotated[
+        PositiveNewtonMetres | None, Field(description="limit of a wheel's motor; left out: the joint's own limit")
+    ] = None
+
+    @classmethod
+    def recognise(cls, model: RobotModel) -> Self | None:
+        """One continuous joint with "left" in its name, one with "right", both with a round link."""
+        wheels = [
+            joint.name for joint in model.joints if joint.type == "continuous" and wheel(model, joint.name).radius
+        ]
+        left, right = ([name for name in wheels if side in name.lower()] for side in ("left", "right"))
+        return cls(left=tuple(left), right=tuple(right)) if len(left) == len(right) == len(wheels) / 2 == 1 else None
+
+    def problems(self, model: RobotModel) -> SpecProblems:
+        """Joints that the model has not, figures that it does not tell."""
+        moving = [joint.name for joint in model.moving_joints]
+        unknown = [
+            ((side, index), f"the model has no moving joint '{name}'{did_you_mean(name, moving)}")
+            for side in ("left", "right")
+            for index, name in enumerate(getattr(self, side))
+            if name not in moving
+        ]
+        yield from unknown
+        if unknown:
+            return
+        if set(self.left) & set(self.right):
+            yield ("right",), "a wheel cannot be on both sides"
+        elif self.separation is None and self._separation(model) < _LEAST_SEPARATION:
+            yield (), "the left and right wheels are at the same place in the model; give 'separation'"
+        if self.radius is None and wheel(model, self.left[0]).radius is None:
+            yield (), f"the model does not tell the radius of the wheel at '{self.left[0]}'; give 'radius'"
+
+    def open(self, model: RobotModel, rate: float) -> DiffDriveMotion:
+        """See Drive.open."""
+        return DiffDriveMotion(self, self._radius(model), self._separation(model), 1 / rate)
+
+    def describe(self, model: RobotModel) -> str:
+        """See Drive.describe."""
+        return (
+            f"diff drive: left {', '.join(self.left)}; right {', '.join(self.right)}; wheel radius "
+            f"{self._radius(model):.4g} m, separation {self._separation(model):.4g} m, "
+            f"acceleration {self.acceleration:.4g} m/s^2"
+        )
+
+    def _radius(self, model: RobotModel) -> float:
+        radius = self.radius or wheel(model, self.left[0]).radius
+        assert radius is not None, "problems() reports a radius that nobody tells"
+        return radius
+
+    def _separation(self, model: RobotModel) -> float:
+        if self.separation is not None:
+            return self.separation
+        left, right = ([wheel(model, name) for name in side] for side in (self.left, self.right))
+        return abs(_mean(left, lambda w: w.position_xyz[1]) - _mean(right, lambda w: w.position_xyz[1]))
+
+
+class DiffDriveMotion:
+    """Rim speeds of both sides, ramping towards what the last twist asks for."""
+
+    def __init__(self, drive: DiffDrive, radius: float, separation: float, time_step: float) -> None:
+        self._drive = drive
+        self._radius = radius
+        self._half_separation = separation / 2
+        self._change = drive.acceleration * time_step
+        self._left = self._right = 0.0
+        torque = drive.torque
+        self._max_effort = {} if torque is None else dict.fromkeys((*drive.left, *drive.right), torque)
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """See DriveMotion.joints."""
+        return frozenset((*self._drive.left, *self._drive.right))
+
+    def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
+        """See DriveMotion.targets."""
+        turn = twist.angular_xyz[2] * self._half_separation
+        left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
+        planned = []
+        for _ in range(steps):
+            before = (self._left, self._right)
+            self._left, self._right = self._towards(left, self._left), self._towards(right, self._right)
+            planned.append(self._joint_targets())
+            if before == (self._left, self._right):
+                break
+        return planned
+
+    def _towards(self, wanted: float, speed: float) -> float:
+        return speed + max(-self._change, min(self._change, wanted - speed))
+
+    def _joint_targets(self) -> JointTargets:
+        left = dict.fromkeys(self._drive.left, self._left / self._radius)
+        right = dict.fromkeys(self._drive.right, self._right / self._radius)
+        return JointTargets(velocity=left | right, max_effort=self._max_effort)
+
+
+_LEAST_SEPARATION: Final = 1e-6
+
+
+def _mean(wheels: Sequence[Wheel], value: Callable[[Wheel], float]) -> float:
+    return sum(map(value, wheels)) / len(wheels)

@@ -1,0 +1,93 @@
+"""Poses, twists and quaternions as plain floats.
+
+Lengths in m, angles in rad. Quaternions are (x, y, z, w) and of unit length. Conventions of ROS REP 103: x forward,
+y left, z up; roll, pitch, yaw turn about the fixed x, y, z axes in this order.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Self
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
+IDENTITY: Final[Quaternion] = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where a frame is and how it is turned, seen from its parent frame."""
+
+    position_xyz: Vector3 = ZERO
+    orientation_xyzw: Quaternion = IDENTITY
+
+    @property
+    def yaw(self) -> float:
+        """Heading about the parent's z axis, in (-pi, pi]."""
+        x, y, z, w = self.orientation_xyzw
+        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """How fast a frame moves (m/s) and turns (rad/s)."""
+
+    linear_xyz: Vector3 = ZERO
+    angular_xyz: Vector3 = ZERO
+
+    @classmethod
+    def planar(cls, linear: float = 0.0, angular: float = 0.0) -> Self:
+        """Forward speed (m/s) and turning rate to the left (rad/s): what steers a wheeled robot."""
+        return cls((float(linear), 0.0, 0.0), (0.0, 0.0, float(angular)))
+
+
+def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """The rotation by roll, pitch and yaw about the fixed x, y, z axes."""
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
+    """The rotation that applies `second`, then `first`."""
+    ax, ay, az, aw = first
+    bx, by, bz, bw = second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def rotate(rotation: Quaternion, vector: Vector3) -> Vector3:
+    """The vector after the rotation."""
+    x, y, z, _ = multiply(multiply(rotation, (*vector, 0.0)), conjugate(rotation))
+    return (x, y, z)
+
+
+def conjugate(rotation: Quaternion) -> Quaternion:
+    """The opposite rotation."""
+    x, y, z, w = rotation
+    return (-x, -y, -z, w)
+
+
+def compose(outer: Pose, inner: Pose) -> Pose:
+    """The pose of `inner`, given in the frame `outer`, seen from the parent of `outer`."""
+    ox, oy, oz = outer.position_xyz
+    ix, iy, iz = rotate(outer.orientation_xyzw, inner.position_xyz)
+    return Pose((ox + ix, oy + iy, oz + iz), multiply(outer.orientation_xyzw, inner.orientation_xyzw))
+
+
+def wrap_angle(angle: float) -> float:
+    """The same angle in [-pi, pi]."""
+    return math.remainder(angle, 2 * math.pi)

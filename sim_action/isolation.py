@@ -1,0 +1,142 @@
+"""A child process for one scenario: how it is born, listened to, and ended with everything that it left behind."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, NoReturn, Self
+
+from sim_action.worker import Job, run_job
+
+CAN_FORK: Final = sys.platform == "linux"
+
+# What a user's script has no business to see (the names that GitHub documents for runners).
+_SECRET_NAMES: Final = frozenset(
+    {"GITHUB_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"}
+)
+_SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_", "SIM_ACTION_")
+_PACKAGE_ROOT: Final = Path(__file__).resolve().parent.parent
+
+
+class Child:
+    """A running child. Its process is the leader of a session and group of its own.
+
+    Attributes:
+        progress: descriptor to read sim times from, one a line; at its end when the child is gone.
+        sim_time: the last of them.
+        silent: whether the pipe has come to its end.
+        started: `time.monotonic()` at its birth.
+    """
+
+    def __init__(self, job: Job, pid: int, progress: int) -> None:
+        self.job = job
+        self.progress = progress
+        self.sim_time = 0.0
+        self.silent = False
+        self.started = time.monotonic()
+        self._pid = pid
+        self._unread = b""
+
+    @classmethod
+    def start(cls, job: Job) -> Self:
+        """Forks this process, or starts a fresh interpreter where forking is not to be had or user code will run."""
+        reader, writer = os.pipe()
+        os.set_blocking(reader, False)
+        try:
+            alone = job.loaded.scenario.runs_user_code or not CAN_FORK or threading.active_count() > 1
+            pid = _spawn(job, writer) if alone else _fork(job, writer)
+        finally:
+            os.close(writer)
+        return cls(job, pid, reader)
+
+    def listen(self) -> None:
+        """Takes in what the child has said of its progress."""
+        with suppress(BlockingIOError):
+            read = os.read(self.progress, 65536)
+            self.silent = not read
+            self._unread += read
+        *lines, self._unread = self._unread[-65536:].split(b"\n")
+        with suppress(ValueError, IndexError):
+            self.sim_time = float(lines[-1])
+
+    def poll(self) -> int | None:
+        """The exit status if the child is gone (negative: the signal that ended it), else None."""
+        pid, status = os.waitpid(self._pid, os.WNOHANG)
+        return os.waitstatus_to_exitcode(status) if pid else None
+
+    def kill(self) -> None:
+        """Ends the child and its group, and waits for it."""
+        self._kill_group()
+        os.waitpid(self._pid, 0)
+
+    def close(self) -> None:
+        """After its end: ends the processes that it left behind."""
+        self._kill_group()
+        os.close(self.progress)
+
+    def _kill_group(self) -> None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._pid, signal.SIGKILL)
+
+
+def _fork(job: Job, writer: int) -> int:
+    sys.stdout.flush()
+    sys.stderr.flush()
+    pid = os.fork()
+    if pid == 0:
+        _child_main(job, writer)
+    return pid
+
+
+def _child_main(job: Job, writer: int) -> NoReturn:
+    """Never returns into the parent's code, whatever happens."""
+    code = 1
+    try:
+        os.setsid()
+        run_job(job, writer)
+        code = 0
+    except BaseException:  # noqa: BLE001 - nothing may return into the parent's code
+        traceback.print_exc()
+    finally:
+        with suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
+
+
+def _spawn(job: Job, writer: int) -> int:
+    with tempfile.TemporaryFile() as stdin:
+        pickle.dump(job, stdin)
+        stdin.seek(0)
+        process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
+            [sys.executable, "-P", "-m", "sim_action.worker", str(writer)],
+            stdin=stdin,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=(writer,),
+            start_new_session=True,
+            env=_environment(),
+        )
+    # This object would wait for the process too; from here on, its number is all that counts.
+    process.returncode = 0
+    return process.pid
+
+
+def _environment() -> dict[str, str]:
+    """The caller's, without what a stranger's script could act with. Hygiene, not a boundary."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in _SECRET_NAMES and not name.startswith(_SECRET_PREFIXES)
+    }
+    path = os.pathsep.join(filter(None, (str(_PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
+    return {**kept, "PYTHONPATH": path}

@@ -1,0 +1,296 @@
+"""YAML -> Scenario. Every error has file, line and column, and all of them are reported at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS, CommandSource
+from sim_action.drives import DRIVES, Drive, recognise
+from sim_action.errors import InvalidScenario, Location, ModelError, Problem, did_you_mean, one_line, shown
+from sim_action.models import load_model
+from sim_action.registry import Table
+from sim_action.robot_model import RobotModel
+from sim_action.scenario import Expectation, ExpectationOptions, LoadedScenario, Scenario, rate_divides
+from sim_action.scene import Scene, SpecProblems
+from sim_action.spec_errors import spec_errors
+from sim_action.workspace import Workspace
+from sim_action.world import GROUND
+from sim_action.yaml_document import MAX_BYTES, Document, KeyPath, read_document
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_TIME_ROUNDING: Final = 1e-9
+
+
+def load_scenario(path: Path, *, allow_outside: bool = False) -> LoadedScenario:
+    """Reads a scenario file, and checks everything that can be checked without running it.
+
+    Raises InvalidScenario with all problems; their file is named as `path` names it.
+    """
+    document = read_document(str(path), _read_text(path))
+    return _Loader(document, Workspace.around(path, allow_outside=allow_outside)).load()
+
+
+def load_all(
+    paths: Iterable[Path], *, allow_outside: bool = False
+) -> tuple[dict[Path, LoadedScenario], dict[Path, InvalidScenario]]:
+    """Every path is in one of the two: the scenarios that can be run, and what is wrong with the others."""
+    valid: dict[Path, LoadedScenario] = {}
+    invalid: dict[Path, InvalidScenario] = {}
+    for path in paths:
+        try:
+            valid[path] = load_scenario(path, allow_outside=allow_outside)
+        except InvalidScenario as error:
+            invalid[path] = error
+    return valid, invalid
+
+
+def build_scene(loaded: LoadedScenario) -> Scene:
+    """The scene of a scenario, its model read. Raises ModelError."""
+    scenario, workspace = loaded.scenario, loaded.workspace
+    model = load_model(scenario.robot.model, workspace)
+    return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace)
+
+
+def _read_text(path: Path) -> str:
+    where = Location(str(path))
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InvalidScenario([Problem(where, f"cannot be read: {error.strerror}")]) from None
+    if len(data) > MAX_BYTES:
+        message = f"a scenario of more than {MAX_BYTES // 1000} kB is not read; is this the right file?"
+        raise InvalidScenario([Problem(where, message)])
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8").split("\n")
+        where = replace(where, line=len(before), column=len(before[-1]) + 1)
+        message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
+        raise InvalidScenario([Problem(where, message)]) from None
+
+
+class _Loader:
+    """One document while it becomes a scenario."""
+
+    def __init__(self, document: Document, workspace: Workspace) -> None:
+        self._document = document
+        self._workspace = workspace
+        self._problems: dict[tuple[KeyPath, str], Problem] = {}
+        self._command_paths: list[KeyPath] = []
+        self._expect_paths: list[KeyPath] = []
+
+    def load(self) -> LoadedScenario:
+        data = self._document.data
+        if not isinstance(data, dict):
+            what = "the file is empty" if data is None else "the file holds no map of keys"
+            self._note((), f"{what}; a scenario begins with 'name:', 'robot:', 'expect:', 'time_limit:'")
+            raise InvalidScenario(self._problems.values())
+        scenario = self._validated(Scenario, self._with_families(data), ())
+        if scenario is not None:
+            self._check_times(scenario)
+            self._check_rates(scenario)
+            self._check_scene(scenario)
+        if scenario is None or self._problems:
+            raise InvalidScenario(sorted(self._problems.values(), key=lambda p: (p.location.line, p.location.column)))
+        return LoadedScenario(scenario, self._document.file, self._workspace)
+
+    # --- families: the parts whose class depends on a key ---
+
+    def _with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
+        """The document's data, with drive, commands and expectations made into objects."""
+        parts = dict(data)
+        if "commands" in data:
+            parts["commands"] = self._commands(data["commands"])
+        if isinstance(data.get("expect"), tuple):
+            parts["expect"] = self._expectations(data["expect"])
+        robot = data.get("robot")
+        if isinstance(robot, dict) and "drive" in robot:
+            parts["robot"] = {**robot, "drive": self._drive(robot["drive"], ("robot", "drive"))}
+        return parts
+
+    def _commands(self, data: Any) -> tuple[CommandSource, ...]:
+        entries: list[tuple[KeyPath, Any]]
+        entries = [(("commands", index), entry) for index, entry in enumerate(data)] if isinstance(data, tuple) else []
+        found = [(path, self._command(entry, path)) for path, entry in entries or [(("commands",), data)]]
+        self._command_paths = [path for path, source in found if source is not None]
+        return tuple(source for _, source in found if source is not None)
+
+    def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
+        key = self._family_key(COMMANDS, data, path, beside=CommandSource)
+        if key is None:
+            return None
+        source = self._validated(COMMANDS.load(key), data, path)
+        if source is not None:
+            self._note_all(path, source.problems(self._workspace))
+        return source
+
+    def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
+        found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(data)]
+        self._expect_paths = [path for path, expectation in found if expectation is not None]
+        return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
+
+    def _expectation(self, data: Any, path: KeyPath) -> Expectation | None:
+        data = {data: None} if isinstance(data, str) else data
+        key = self._family_key(ASSERTIONS, data, path, beside=ExpectationOptions)
+        if key is None:
+            return None
+        spec = {} if data[key] is None else data[key]
+        assertion = self._validated(ASSERTIONS.load(key), spec, (*path, key))
+        beside = {name: value for name, value in data.items() if name != key}
+        options = self._validated(ExpectationOptions, beside, path)
+        if assertion is None or options is None:
+            return None
+        if options.before is not None and options.before <= options.after:
+            self._note((*path, "before"), f"must be later than 'after' ({options.after:g} s)")
+        return Expectation(
+            assertion=assertion,
+            location=self._document.location((*path, key)),
+            name=options.name or assertion.title,
+            after=options.after,
+            before=float("inf") if options.before is None else options.before,
+            severity=options.severity,
+        )
+
+    def _drive(self, data: Any, path: KeyPath) -> Drive | None:
+        key = self._family_key(DRIVES, data, path)
+        return None if key is None else self._validated(DRIVES.load(key), data[key], (*path, key))
+
+    def _family_key(
+        self, table: Table[Any], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
+    ) -> str | None:
+        """The one key of `data` that the table knows; `beside`: the class of the keys that may stand next to it."""
+        names = ", ".join(table)
+        if not isinstance(data, dict):
+            self._note(path, f"expected a map with one {table.kind} ({names}), found {shown(data)}")
+            return None
+        known = [key for key in data if key in table]
+        if len(known) == 1 and (beside or len(data) == 1):
+            return str(known[0])
+        others = [key for key in data if key not in table and key not in (beside.model_fields if beside else ())]
+        if len(known) > 1:
+            self._note((*path, known[1]), f"'{known[0]}' and '{known[1]}' in one entry; begin each with '- '")
+        elif others:
+            self._note((*path, others[0]), f"unknown {table.kind} '{others[0]}'{did_you_mean(others[0], table)}")
+        else:
+            self._note(path, f"names no {table.kind}; give one of {names}")
+        return None
+
+    def _validated(self, model: type[Model], data: Any, path: KeyPath) -> Model | None:
+        try:
+            return model.model_validate(data)
+        except ValidationError as error:
+            for location, message in spec_errors(model, error):
+                # A part that was refused is missing from the whole: that is not a second problem.
+                if not self._has_problem_below((*path, *location)):
+                    self._note((*path, *location), message)
+            return None
+
+    def _has_problem_below(self, path: KeyPath) -> bool:
+        return any(len(noted) > len(path) and noted[: len(path)] == path for noted, _ in self._problems)
+
+    # --- what a whole scenario must satisfy ---
+
+    def _check_times(self, scenario: Scenario) -> None:
+        limit = scenario.time_limit
+        if scenario.duration is not None and scenario.duration > limit:
+            self._note(("duration",), f"must not be longer than time_limit ({limit:g} s)")
+        if limit * scenario.physics.rate < 1:
+            self._note(("time_limit",), f"must not be shorter than a physics step (1 / {scenario.physics.rate:g} s)")
+        for path, expectation in zip(self._expect_paths, scenario.expect, strict=True):
+            if expectation.before != float("inf") and expectation.before > limit:
+                self._note((*path, "before"), f"must not be later than time_limit ({limit:g} s)")
+            if expectation.after >= limit:
+                self._note((*path, "after"), f"must be earlier than time_limit ({limit:g} s)")
+            first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
+            if expectation.after < expectation.before < first - _TIME_ROUNDING:
+                self._note((*path, "before"), f"too early: the first physics step that counts is at {first:.4g} s")
+
+    def _check_rates(self, scenario: Scenario) -> None:
+        rates: list[tuple[KeyPath, float]] = [
+            ((*path, "rate"), source.rate) for path, source in zip(self._command_paths, scenario.commands, strict=True)
+        ]
+        if scenario.trace.rate is not None:
+            rates.append((("trace", "rate"), scenario.trace.rate))
+        for path, rate in rates:
+            if not rate_divides(scenario.physics.rate, rate):
+                near = " and ".join(f"{near:g} Hz" for near in _rates_near(scenario.physics.rate, rate))
+                self._note(
+                    path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; near: {near}"
+                )
+
+    def _check_scene(self, scenario: Scenario) -> None:
+        """Whether joints, links and objects that are named are there."""
+        try:
+            scene = build_scene(LoadedScenario(scenario, self._document.file, self._workspace))
+        except ModelError as error:
+            self._note(("robot", "model"), str(error))
+            return
+        self._check_robot(scenario, scene.model)
+        names = [GROUND, *(body.name for body in scenario.world.objects)]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                self._note(("world", "objects", index - 1, "name"), f"a second body named '{name}'; names are unique")
+        for path, expectation in zip(self._expect_paths, scenario.expect, strict=True):
+            self._note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
+
+    def _check_robot(self, scenario: Scenario, model: RobotModel) -> None:
+        moving = [joint.name for joint in model.moving_joints]
+        for name in scenario.robot.joints:
+            if name not in moving:
+                hint = did_you_mean(name, moving)
+                self._note(("robot", "joints", name), f"the model has no moving joint '{name}'{hint}")
+        if scenario.robot.drive is not None:
+            self._check_drive(scenario.robot.drive, model)
+        elif any(source.needs_drive for source in scenario.commands) and recognise(model) is None:
+            self._note(
+                ("robot",),
+                f"it is not plain from '{model.name}' which joints are wheels; name them, such as "
+                f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}",
+            )
+
+    def _check_drive(self, drive: Drive, model: RobotModel) -> None:
+        self._note_all(("robot", "drive", drive.key), drive.problems(model))
+
+    # --- notes ---
+
+    def _note_all(self, path: KeyPath, problems: SpecProblems) -> None:
+        for below, message in problems:
+            self._note((*path, *below), message)
+
+    def _note(self, path: KeyPath, message: str) -> None:
+        dotted = ".".join(str(step) for step in path)
+        text = one_line(f"{dotted}: {message}" if dotted else message)
+        self._problems.setdefault((path, message), Problem(self._document.location(path), text))
+
+
+def _with_unique_names(expectations: tuple[Expectation, ...]) -> tuple[Expectation, ...]:
+    """Reports tell assertions apart by name: the second of a name becomes "name (2)"."""
+    taken = {expectation.name for expectation in expectations}
+    seen: set[str] = set()
+    unique = []
+    for expectation in expectations:
+        name = expectation.name
+        if name in seen:
+            name = next(free for n in count(2) if (free := f"{name} ({n})") not in taken)
+        seen.add(name)
+        taken.add(name)
+        unique.append(replace(expectation, name=name))
+    return tuple(unique)
+
+
+def _rates_near(physics_rate: float, rate: float) -> list[float]:
+    """The next lower and higher rate that fall on whole steps, whole hertz first."""
+    whole = [float(hertz) for hertz in range(1, int(physics_rate) + 1) if rate_divides(physics_rate, hertz)]
+    candidates = whole or [physics_rate / steps for steps in range(1, 1000)]
+    below = max((r for r in candidates if r < rate), default=None)
+    above = min((r for r in candidates if r > rate), default=None)
+    return [near for near in (below, above) if near is not None]

@@ -1,0 +1,194 @@
+"""Outcomes: what became of each scenario, and of all of them; `results.json` is read and written here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+from pydantic import ValidationError
+
+from sim_action.errors import ExitCode, InvalidScenario, Location, UsageError
+from sim_action.quantities import FrozenModel
+from sim_action.scenario import Severity
+from sim_action.verdict import Verdict
+
+RESULTS_FILE = "results.json"
+
+Status = Literal["passed", "failed", "error"]
+"""failed: an assertion did not hold; error: there is no verdict."""
+
+FailureKind = Literal[
+    "invalid", "engine", "unstable", "script", "crash", "wall limit", "memory", "interrupted", "internal"
+]
+
+
+class Failure(FrozenModel):
+    """Why a scenario has no verdict.
+
+    Attributes:
+        title: a word or two, such as "invalid scenario" or "SIGSEGV".
+        location: what has to be mended, where that is known.
+        details: the last words of the process, for people.
+    """
+
+    kind: FailureKind
+    title: str
+    message: str
+    location: Location | None = None
+    details: str = ""
+
+
+class Diagnostic(FrozenModel):
+    """Something that the engine said while it loaded or ran."""
+
+    level: Literal["warning", "error", "note"]
+    message: str
+
+
+class ExpectationOutcome(FrozenModel):
+    """One expectation and its verdict; line and column are those of the assertion in the scenario file."""
+
+    name: str
+    assertion: str
+    severity: Severity
+    location: Location
+    verdict: Verdict
+
+    @property
+    def failed(self) -> bool:
+        """Whether it makes the scenario fail."""
+        return not self.verdict.passed and self.severity == "error"
+
+    @property
+    def warned(self) -> bool:
+        """Whether it did not hold, and that is but a warning."""
+        return not self.verdict.passed and self.severity == "warning"
+
+
+class Outcome(FrozenModel):
+    """What became of one scenario.
+
+    Attributes:
+        name: of the scenario; of its file, if it could not be read.
+        file: as it was named on the command line or found below it.
+        failures: why there is no verdict; empty unless `status` is "error".
+        end: why the run was over.
+        sim_time: s at which the run was over.
+        wall_time: s that the process took, loading included.
+        real_time_factor: sim time over wall time of the simulation loop alone.
+        travelled: m between the robot's first and last place on the ground plane.
+        digest: SHA-256 over the state at every physics step.
+        notes: what was assumed or noticed.
+        diagnostics: what the engine said.
+        output: what the user's own code printed, its end.
+        trace: path of the stored trace, seen from the results file.
+    """
+
+    name: str
+    file: str
+    status: Status
+    expectations: tuple[ExpectationOutcome, ...] = ()
+    failures: tuple[Failure, ...] = ()
+    end: str | None = None
+    sim_time: float | None = None
+    wall_time: float = 0.0
+    real_time_factor: float | None = None
+    travelled: float | None = None
+    digest: str | None = None
+    engine: str | None = None
+    notes: tuple[str, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+    output: str = ""
+    trace: str | None = None
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """What this outcome alone would make of the process."""
+        kinds = {failure.kind for failure in self.failures}
+        if "interrupted" in kinds:
+            return ExitCode.INTERRUPTED
+        if "internal" in kinds:
+            return ExitCode.INTERNAL
+        if "invalid" in kinds:
+            return ExitCode.INVALID
+        return ExitCode.PASSED if self.status == "passed" else ExitCode.FAILED
+
+    @classmethod
+    def of_invalid(cls, file: str, error: InvalidScenario) -> Outcome:
+        """The outcome of a file that is no valid scenario."""
+        failures = tuple(
+            Failure(kind="invalid", title="invalid scenario", message=problem.message, location=problem.location)
+            for problem in error.problems
+        )
+        return cls(name=Path(file).name, file=file, status="error", failures=failures)
+
+
+class Results(FrozenModel):
+    """Everything that one call of `sim-action run` found out; `results.json` is this, as JSON."""
+
+    version: Literal[1] = 1
+    sim_action: str
+    python: str
+    platform: str
+    wall_time: float
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def total(self) -> int:
+        """How many scenarios there were."""
+        return len(self.outcomes)
+
+    def count(self, status: Status) -> int:
+        """How many scenarios have a status."""
+        return sum(outcome.status == status for outcome in self.outcomes)
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The worst of all outcomes: 130, 3, 2, 1, 0."""
+        return max((outcome.exit_code for outcome in self.outcomes), default=ExitCode.NO_SCENARIO)
+
+    @property
+    def conclusion(self) -> Literal["success", "failure", "cancelled"]:
+        """In GitHub's words."""
+        if self.exit_code is ExitCode.INTERRUPTED:
+            return "cancelled"
+        return "success" if self.exit_code is ExitCode.PASSED else "failure"
+
+    @property
+    def travelled(self) -> float | None:
+        """m, if there was exactly one scenario."""
+        return self.outcomes[0].travelled if self.total == 1 else None
+
+    def worst_first(self) -> list[Outcome]:
+        """Errors, then failures, then warnings, then the rest, each in the order of the call."""
+        return sorted(self.outcomes, key=_badness)
+
+    def write(self, folder: Path) -> Path:
+        """Writes `results.json` into a folder that exists; returns its path."""
+        path = folder / RESULTS_FILE
+        path.write_text(self.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        return path
+
+    @classmethod
+    def read(cls, path: Path) -> Results:
+        """Reads a `results.json`. Raises UsageError."""
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except (OSError, ValidationError) as error:
+            raise UsageError(f"{path} is no results file: {error}") from None
+
+
+def _badness(outcome: Outcome) -> int:
+    if outcome.status != "passed":
+        return {"error": 0, "failed": 1}[outcome.status]
+    return 2 if any(expectation.warned for expectation in outcome.expectations) else 3
+
+
+def count_by_status(outcomes: Iterable[Outcome]) -> str:
+    """Such as "3 passed, 1 failed"; only what there is."""
+    counts = {"passed": 0, "failed": 0, "error": 0}
+    for outcome in outcomes:
+        counts[outcome.status] += 1
+    named = {"passed": "passed", "failed": "failed", "error": "error" if counts["error"] == 1 else "errors"}
+    return ", ".join(f"{count} {named[status]}" for status, count in counts.items() if count) or "no scenario"

@@ -1,0 +1,98 @@
+"""The panel: the monitors of all expectations, and the one question that the loop asks them: is it over?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, Self
+
+from sim_action.assertions import Monitor, State
+from sim_action.assertions.window import Window
+from sim_action.observation import Observation
+from sim_action.scenario import Scenario
+from sim_action.scene import Scene
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
+
+End = Literal["goals met", "broken", "duration", "time limit"]
+"""Why a run was over."""
+
+# Sim time is step / rate: two ways to the same moment differ by rounding alone.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A fold over all monitors.
+
+    Attributes:
+        scenario: whose expectations the monitors are of, in this order.
+        has_goals: whether anything was pending at the start that a run can fail by.
+        time: s of sim time, the last moment seen.
+    """
+
+    scenario: Scenario
+    monitors: tuple[Monitor, ...]
+    has_goals: bool
+    time: float = 0.0
+
+    @classmethod
+    def open(cls, scenario: Scenario, scene: Scene, start: Observation) -> Self:
+        """The panel before the first step."""
+        monitors = tuple(
+            Window(expected.assertion.monitor(scene, start), expected.after, expected.before)
+            for expected in scenario.expect
+        )
+        pairs = zip(monitors, scenario.expect, strict=True)
+        has_goals = any(m.state is State.PENDING and expected.severity == "error" for m, expected in pairs)
+        return cls(scenario, monitors, has_goals)
+
+    def observe(self, trace: Trace) -> Self:
+        """The panel after the moments that follow."""
+        monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
+        return replace(self, monitors=monitors, time=float(trace.time[-1]))
+
+    @property
+    def end(self) -> End | None:
+        """Why the run is over at the last moment seen; None if it goes on."""
+        if any(m.state is State.BROKEN for m in self._decisive()):
+            return "broken"
+        duration = self.scenario.duration
+        if self.has_goals and not self._pending() and self._reached(duration or 0.0) and self._all_opened():
+            return "goals met"
+        if not self.has_goals and duration is not None and self._reached(duration) and self._all_opened():
+            return "duration"
+        return "time limit" if self._reached(self.scenario.time_limit) else None
+
+    def observe_until_end(self, trace: Trace) -> tuple[Self, Trace]:
+        """The panel after these moments, or after the first of them that ends the run; and the moments seen."""
+        later = self.observe(trace)
+        if later.end is None:
+            return later, trace
+        # What ended a run does not un-end it: the first such moment is found by halving.
+        before, ended = 0, len(trace)
+        while ended - before > 1:
+            middle = (before + ended) // 2
+            before, ended = (before, middle) if self.observe(trace.first(middle)).end else (middle, ended)
+        seen = trace.first(ended)
+        return self.observe(seen), seen
+
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """One for each expectation, if nothing more came."""
+        return tuple(monitor.verdict() for monitor in self.monitors)
+
+    def _decisive(self) -> list[Monitor]:
+        pairs = zip(self.monitors, self.scenario.expect, strict=True)
+        return [monitor for monitor, expected in pairs if expected.severity == "error"]
+
+    def _pending(self) -> bool:
+        return any(monitor.state is State.PENDING for monitor in self.monitors)
+
+    def _all_opened(self) -> bool:
+        """Whether no expectation is still waiting for its `after`: it would be green without having seen anything."""
+        return all(self._reached(expected.after) for expected in self.scenario.expect)
+
+    def _reached(self, time: float) -> bool:
+        """Whether the first physics step at or after a sim time has been seen."""
+        return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - _ROUNDING

@@ -1,0 +1,95 @@
+"""Field types of a scenario: floats in SI that a file may write with a unit, and the frozen base of all models.
+
+`Seconds` and its siblings are plain `float` to the code that uses them; pydantic reads them with `units.parse` and
+describes them in the JSON Schema.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from annotated_types import Ge, Gt
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from sim_action import units
+from sim_action.units import Dimension
+
+
+class FrozenModel(BaseModel):
+    """What every part of a scenario is: immutable, strict about types, and closed to unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+_JSON_SCHEMA_WORDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Annotates a float as a quantity of one dimension (or of any of several, for joints that turn or slide)."""
+
+    dimensions: tuple[Dimension, ...]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self._read, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        # pydantic leaves bounds that were added outside of this annotation in its own words.
+        number = {_JSON_SCHEMA_WORDS.get(key, key): value for key, value in handler(schema).items()}
+        symbols = [symbol for dimension in self.dimensions for symbol in dimension.factors if symbol]
+        if not symbols:
+            return number
+        pattern = f"^\\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\\s*({'|'.join(re.escape(s) for s in symbols)})?\\s*$"
+        return {"anyOf": [number, {"type": "string", "pattern": pattern, "examples": [f"1 {symbols[0]}"]}]}
+
+    def _read(self, value: object) -> float:
+        try:
+            return units.parse(value, *self.dimensions)
+        except units.UnitError as error:
+            # A brace would be read as a placeholder of pydantic's template.
+            raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from None
+
+
+def _plain_name(name: str) -> str:
+    """Names stand in tables, XML, workflow commands and file names: what would act there is refused at the door."""
+    found = next((part for part in _NOT_IN_NAMES if part in name), None)
+    if found is not None or not name.isprintable() or name != name.strip():
+        what = f"contains '{found}'" if found else "has a control character, a line break or a space at its end"
+        raise ValueError(f"a name is one line of plain text; {name!r} {what}")
+    return name
+
+
+_NOT_IN_NAMES: Final = ("|", "<", ">", "`", "::", "##[", "]]>", "${{")
+
+Name = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_plain_name)]
+Seconds = Annotated[float, Quantity((units.TIME,))]
+PositiveSeconds = Annotated[float, Gt(0), Quantity((units.TIME,))]
+NonNegativeSeconds = Annotated[float, Ge(0), Quantity((units.TIME,))]
+Metres = Annotated[float, Quantity((units.LENGTH,))]
+PositiveMetres = Annotated[float, Gt(0), Quantity((units.LENGTH,))]
+NonNegativeMetres = Annotated[float, Ge(0), Quantity((units.LENGTH,))]
+Radians = Annotated[float, Quantity((units.ANGLE,))]
+PositiveRadians = Annotated[float, Gt(0), Quantity((units.ANGLE,))]
+PositiveHertz = Annotated[float, Gt(0), Quantity((units.FREQUENCY,))]
+PositiveKilograms = Annotated[float, Gt(0), Quantity((units.MASS,))]
+MetresPerSecond = Annotated[float, Quantity((units.SPEED,))]
+NonNegativeMetresPerSecond = Annotated[float, Ge(0), Quantity((units.SPEED,))]
+RadiansPerSecond = Annotated[float, Quantity((units.ANGULAR_SPEED,))]
+NonNegativeRadiansPerSecond = Annotated[float, Ge(0), Quantity((units.ANGULAR_SPEED,))]
+PositiveMetresPerSecondSquared = Annotated[float, Gt(0), Quantity((units.ACCELERATION,))]
+PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
+NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
+JointPosition = Annotated[float, Quantity((units.ANGLE, units.LENGTH))]
+_JOINT_DIMENSIONS: Final = (
+    units.ANGLE,
+    units.LENGTH,
+    units.ANGULAR_SPEED,
+    units.SPEED,
+    units.TORQUE,
+    units.FORCE,
+)
+JointQuantity = Annotated[float, Quantity(_JOINT_DIMENSIONS)]
+PositiveJointQuantity = Annotated[float, Gt(0), Quantity(_JOINT_DIMENSIONS)]

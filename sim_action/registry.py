@@ -1,0 +1,37 @@
+"""Tables of what a scenario can name: from the name in YAML to the import path of the class behind it.
+
+Import paths are strings so that `--help` and `validate` load what the scenario uses and nothing else.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Generic, TypeVar, cast
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Table(Generic[T]):
+    """Names of one kind ("assertion", "command", ...) in the order in which they are listed.
+
+    Attributes:
+        kind: the noun for messages.
+        paths: name -> "module:attribute".
+    """
+
+    kind: str
+    paths: Mapping[str, str]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.paths
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.paths)
+
+    def load(self, name: str) -> T:
+        """The class behind a name; KeyError if the table has none."""
+        module, _, attribute = self.paths[name].partition(":")
+        return cast(T, getattr(importlib.import_module(module), attribute))

@@ -1,0 +1,83 @@
+"""Annotations: workflow commands that put a failure on the line of the file that has to be looked at."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from sim_action.errors import Location
+from sim_action.outcome import Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import (
+    command_data,
+    command_property,
+    log_text,
+    one_line,
+    shortened,
+    shortened_command,
+)
+from sim_action.reports.paths import seen_from
+
+MOST_ANNOTATIONS: Final = 10
+"""GitHub shows so many of each level and step."""
+
+MOST_CHARACTERS: Final = 4096
+_MOST_IN_TITLE: Final = 200
+
+Level = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True)
+class Annotation:
+    """One annotation, before escaping."""
+
+    level: Level
+    title: str
+    message: str
+    location: Location | None = None
+
+    def command(self, workspace: Path) -> str:
+        """The workflow command, on one line."""
+        properties = {"title": shortened(one_line(self.title), _MOST_IN_TITLE)}
+        if self.location is not None:
+            line, column = self.location.line, self.location.column
+            place = {"file": seen_from(workspace, self.location.file), "line": line, "col": column}
+            properties = {name: str(value) for name, value in place.items() if value is not None} | properties
+        start = f"::{self.level} {','.join(f'{name}={command_property(text)}' for name, text in properties.items())}::"
+        return start + shortened_command(command_data(self.message), max(1, MOST_CHARACTERS - len(start)))
+
+
+def write_annotations(results: Results, options: ReportOptions) -> None:
+    """Prints the annotations if this is GitHub Actions; the worst come first, as there is room for few."""
+    if options.environment.get("GITHUB_ACTIONS") != "true":
+        return
+    found = [annotation for outcome in results.worst_first() for annotation in _annotations(outcome)]
+    encoding = sys.stdout.encoding or "utf-8"
+    for annotation in (*_limited(found, "error"), *_limited(found, "warning")):
+        sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
+    sys.stdout.flush()
+
+
+def _annotations(outcome: Outcome) -> Iterator[Annotation]:
+    for failure in outcome.failures:
+        where = failure.location or Location(outcome.file)
+        yield Annotation("error", f"{outcome.name}: {failure.title}", failure.message, where)
+    for expected in outcome.expectations:
+        if expected.verdict.passed:
+            continue
+        level: Level = "error" if expected.failed else "warning"
+        title = f"{outcome.name}: {expected.name}"
+        yield Annotation(level, title, expected.verdict.message, expected.location)
+
+
+def _limited(found: list[Annotation], level: Level) -> list[Annotation]:
+    """At most as many as are shown; the last says how many are not."""
+    chosen = [annotation for annotation in found if annotation.level == level]
+    if len(chosen) <= MOST_ANNOTATIONS:
+        return chosen
+    shown = chosen[: MOST_ANNOTATIONS - 1]
+    more = f"{len(chosen) - len(shown)} more, see the summary"
+    return [*shown, Annotation(level, "sim-action", more)]

@@ -1,0 +1,186 @@
+"""JUnit XML, as Jenkins, GitLab and the reporters on GitHub read it.
+
+A testsuite is a scenario, a testcase an expectation: a failure if it did not hold. Where a scenario has no verdict,
+each reason is a testcase with an error.
+"""
+
+from __future__ import annotations
+
+import secrets
+import xml.etree.ElementTree as ET
+
+from sim_action.errors import Location
+from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import one_line
+from sim_action.reports.paths import place, seen_from, stored_trace
+from sim_action.reports.wording import measurements, own_output
+from sim_action.reports.xml_elements import add_attachment, add_child, add_line, add_properties, element
+
+
+def write_junit(results: Results, options: ReportOptions) -> None:
+    """Writes the JUnit XML to `options.junit`, all of it or nothing; folders above it are made."""
+    root = _Document(results, options).root()
+    ET.indent(root)
+    path = options.junit
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{secrets.token_hex(8)}.xml")
+    try:
+        ET.ElementTree(root).write(unfinished, encoding="utf-8", xml_declaration=True)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+class _Document:
+    """One document while it is built."""
+
+    def __init__(self, results: Results, options: ReportOptions) -> None:
+        self._results = results
+        self._options = options
+        self._taken: set[tuple[str, str]] = set()
+
+    def root(self) -> ET.Element:
+        suites = [self._suite(outcome) for outcome in self._results.outcomes]
+        totals = {name: sum(int(suite.attrib[name]) for suite in suites) for name in ("tests", "failures", "errors")}
+        root = element("testsuites", {"name": "sim-action", **totals, "time": _seconds(self._results.wall_time)})
+        root.extend(suites)
+        return root
+
+    def _suite(self, outcome: Outcome) -> ET.Element:
+        cases = [self._expectation(outcome, expected) for expected in outcome.expectations]
+        cases += [self._error(outcome, failure) for failure in _reasons(outcome)]
+        for index, case in enumerate(cases):
+            # The run is one; given to its first testcase, its time adds up for tools that sum testcases.
+            case.set("time", _seconds(outcome.wall_time if index == 0 else 0.0))
+        _add_output(outcome, cases)
+        totals = {
+            "tests": len(cases),
+            "failures": sum(case.find("failure") is not None for case in cases),
+            "errors": sum(case.find("error") is not None for case in cases),
+            "skipped": 0,
+        }
+        file = seen_from(self._options.workspace, outcome.file)
+        suite = element(
+            "testsuite", {"name": _name(outcome.name), **totals, "time": _seconds(outcome.wall_time), "file": file}
+        )
+        add_properties(suite, self._suite_properties(outcome) | _measured(outcome, cases))
+        suite.extend(cases)
+        return suite
+
+    def _suite_properties(self, outcome: Outcome) -> dict[str, object]:
+        """What the run was."""
+        factor = outcome.real_time_factor
+        return {
+            "sim_action": self._results.sim_action,
+            "python": self._results.python,
+            "platform": self._results.platform,
+            "engine": outcome.engine,
+            "end": outcome.end,
+            "sim_time_s": outcome.sim_time,
+            "real_time_factor": None if factor is None else f"{factor:.4g}",
+            "travelled_m": outcome.travelled,
+            "digest": outcome.digest,
+        }
+
+    def _expectation(self, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
+        case = self._case(outcome, expected.name, expected.location)
+        message = expected.verdict.message
+        if not self._options.junit_strict:
+            add_properties(case, _case_properties(expected))
+        if expected.failed:
+            body = self._body(message, expected.name, expected.location)
+            add_child(case, "failure", body, {"type": expected.assertion, "message": message})
+        self._attach_trace(case, outcome)
+        add_line(case, "system-out", f"warning: {message}" if expected.warned else message)
+        add_line(case, "system-out", measurements(expected.verdict))
+        return case
+
+    def _error(self, outcome: Outcome, failure: Failure) -> ET.Element:
+        location = failure.location or Location(outcome.file)
+        case = self._case(outcome, failure.title, location)
+        message = f"{failure.title}: {failure.message}"
+        body = self._body(message, failure.title, location)
+        if failure.details:
+            body += f"\n\n{failure.details}"
+        add_child(case, "error", body, {"type": failure.kind, "message": message})
+        self._attach_trace(case, outcome)
+        return case
+
+    def _case(self, outcome: Outcome, name: str, location: Location) -> ET.Element:
+        classname = _name(outcome.name)
+        names = {"classname": classname, "name": self._unique(classname, _name(name))}
+        if self._options.junit_strict:
+            return element("testcase", names)
+        file = seen_from(self._options.workspace, location.file)
+        return element("testcase", {**names, "file": file, "line": location.line})
+
+    def _unique(self, classname: str, name: str) -> str:
+        """Tools know a testcase by its two names, across suites."""
+        unique, number = name, 1
+        while (classname, unique) in self._taken:
+            number += 1
+            unique = f"{name} ({number})"
+        self._taken.add((classname, unique))
+        return unique
+
+    def _body(self, message: str, name: str, location: Location) -> str:
+        """The message again, then the place twice: alone, and as in a stack trace, which some reporters look for."""
+        where = place(self._options.workspace, location)
+        return f"{message}\n{where}\nat {one_line(name)}({where})"
+
+    def _attach_trace(self, case: ET.Element, outcome: Outcome) -> None:
+        """Comes first in the output: GitLab takes the first."""
+        trace = stored_trace(outcome, self._options.folder)
+        if trace is not None:
+            add_attachment(case, seen_from(self._options.workspace, trace))
+
+
+def _reasons(outcome: Outcome) -> tuple[Failure, ...]:
+    """Why there is no verdict. To tools, a suite without a testcase is no test: there is always one."""
+    if outcome.failures or (outcome.expectations and outcome.status != "error"):
+        return outcome.failures
+    return (Failure(kind="internal", title="no verdict", message="nothing says what became of this scenario"),)
+
+
+def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
+    """Stands in the testcase that will be looked at: Jenkins shows a suite's only where its testcases have none."""
+    unhappy = (case for case in cases if case.find("failure") is not None or case.find("error") is not None)
+    case = next(unhappy, cases[0])
+    for note in outcome.notes:
+        add_line(case, "system-out", f"note: {note}")
+    add_line(case, "system-out", own_output(outcome))
+    for diagnostic in outcome.diagnostics:
+        add_line(case, "system-err", f"{diagnostic.level}: {diagnostic.message}")
+
+
+def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
+    verdict = expected.verdict
+    return {
+        "assertion": expected.assertion,
+        "severity": expected.severity,
+        "measured": verdict.measured,
+        "limit": verdict.limit,
+        "margin": verdict.margin,
+        "unit": verdict.unit,
+        "sim_time_s": verdict.time,
+    }
+
+
+def _measured(outcome: Outcome, cases: list[ET.Element]) -> dict[str, object]:
+    """The measured values once more, for a suite: a strict schema knows no properties of testcases."""
+    pairs = zip(cases, (expected.verdict for expected in outcome.expectations), strict=False)
+    return {
+        f"measured: {case.get('name')}": f"{verdict.measured:.9g} {verdict.unit}".rstrip()
+        for case, verdict in pairs
+        if verdict.measured is not None
+    }
+
+
+def _name(text: str) -> str:
+    """Tools drop or refuse a testcase without a name."""
+    return one_line(text) or "unnamed"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3f}"

@@ -1,0 +1,41 @@
+"""The outputs of a GitHub Actions step."""
+
+from __future__ import annotations
+
+import secrets
+from pathlib import Path
+
+from sim_action.outcome import RESULTS_FILE, Results
+from sim_action.reports import ReportOptions
+
+
+def write_outputs(results: Results, options: ReportOptions) -> None:
+    """Appends what later steps can ask for to the file behind `GITHUB_OUTPUT`, if there is one."""
+    file = options.environment.get("GITHUB_OUTPUT")
+    if not file:
+        return
+    entries = "".join(_entry(name, value) for name, value in outputs(results, options).items())
+    # Paths need not be UTF-8; they go out as they came in.
+    with Path(file).open("a", encoding="utf-8", errors="surrogateescape", newline="\n") as stream:
+        stream.write(entries)
+
+
+def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
+    """Name -> value; `travelled` in m, empty unless there is exactly one scenario and it moved a robot."""
+    travelled = results.travelled
+    return {
+        "conclusion": results.conclusion,
+        "total": str(results.total),
+        "passed": str(results.count("passed")),
+        "failed": str(results.count("failed")),
+        "errors": str(results.count("error")),
+        "junit-path": str(options.junit.absolute()),
+        "results-path": str((options.folder / RESULTS_FILE).absolute()),
+        "travelled": "" if travelled is None else f"{travelled:.4f}",
+    }
+
+
+def _entry(name: str, value: str) -> str:
+    """In the form for many lines: a value that cannot know the delimiter cannot begin another entry."""
+    delimiter = f"ghadelimiter_{secrets.token_hex(16)}"
+    return f"{name}<<{delimiter}\n{value}\n{delimiter}\n"

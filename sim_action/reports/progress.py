@@ -1,0 +1,86 @@
+"""How far a run is, while it runs: on a terminal one line that is rewritten, elsewhere a line for each scenario."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+import unicodedata
+from typing import Final, TextIO
+
+from sim_action.outcome import Outcome
+from sim_action.reports import Verbosity
+from sim_action.reports.escaping import log_text, one_line
+from sim_action.reports.wording import factor
+
+_PERIOD: Final = 0.1
+_ERASE: Final = "\r\x1b[K"
+
+
+class ProgressListener:
+    """Told by the execution how it goes.
+
+    It starts no thread, holds no text back, and imports nothing of weight: children are forked while it listens.
+    """
+
+    def __init__(self, total: int, verbosity: Verbosity, stream: TextIO | None = None) -> None:
+        """Writes to a stream, standard error unless another is given, of so many scenarios."""
+        self._stream = stream or sys.stderr
+        self._silent = verbosity == "quiet"
+        self._rewrites = self._stream.isatty()
+        self._total = total
+        self._done = 0
+        self._running: dict[str, str] = {}
+        self._shown_at = float("-inf")
+
+    def progress(self, name: str, sim_time: float, real_time_factor: float) -> None:
+        """A scenario has come to a sim time, in s."""
+        if self._silent or not self._rewrites:
+            return
+        self._running[name] = f"{one_line(name)} {sim_time:.1f} s ({factor(real_time_factor)})"
+        if time.monotonic() - self._shown_at >= _PERIOD:
+            self._shown_at = time.monotonic()
+            self._rewrite(f"[{self._done}/{self._total}] {', '.join(self._running.values())}")
+
+    def finished(self, outcome: Outcome) -> None:
+        """A scenario is over."""
+        self._done += 1
+        self._running.pop(outcome.name, None)
+        if self._silent:
+            return
+        if self._rewrites:
+            self.close()
+        else:
+            self._write(f"{self._readable(self._summed_up(outcome))}\n")
+
+    def close(self) -> None:
+        """Leaves no half-written line behind; to be called when the run is over, or was interrupted."""
+        if self._rewrites and not self._silent:
+            self._write(_ERASE)
+
+    def _summed_up(self, outcome: Outcome) -> str:
+        simulated = f"{outcome.sim_time:.1f} s simulated in " if outcome.sim_time is not None else ""
+        counter = f"[{self._done}/{self._total}]"
+        return f"{counter} {outcome.status:<6}  {one_line(outcome.name)}  {simulated}{outcome.wall_time:.1f} s"
+
+    def _rewrite(self, line: str) -> None:
+        # One column is left free: a full line makes some terminals go on to the next.
+        columns = shutil.get_terminal_size().columns - 1
+        self._write(_ERASE + _cut(self._readable(line), columns))
+
+    def _readable(self, text: str) -> str:
+        return log_text(text, self._stream.encoding or "utf-8")
+
+    def _write(self, text: str) -> None:
+        self._stream.write(text)
+        # What is buffered when a child is forked would be written by both.
+        self._stream.flush()
+
+
+def _cut(text: str, columns: int) -> str:
+    """The beginning of a text that fits into so many columns; East Asian wide characters take two."""
+    for index, character in enumerate(text):
+        columns -= 2 if unicodedata.east_asian_width(character) in "WF" else 1
+        if columns < 0:
+            return text[:index]
+    return text

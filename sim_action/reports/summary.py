@@ -1,0 +1,119 @@
+"""The job summary of GitHub Actions: what failed and why at first sight, the rest folded; never over the size limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Final
+
+from sim_action.errors import Location
+from sim_action.outcome import Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import markdown_text
+from sim_action.reports.markdown import folded, row, source_link, table
+from sim_action.reports.summary_section import ICONS, gist, section
+from sim_action.reports.wording import counts, factor, moment, mood, overall_speed
+
+MOST_BYTES: Final = 1 << 20
+"""GitHub drops a larger summary whole."""
+
+# What headings, table heads, folds and remarks on what is left out take at most.
+_FRAME: Final = 4_000
+# Of all bytes, how many the overview may take; what it leaves is for the sections.
+_OVERVIEW_SHARE: Final = 0.4
+_MOST_UNFOLDED: Final = 20
+
+
+def write_summary(results: Results, options: ReportOptions) -> None:
+    """Appends the summary to the file behind `GITHUB_STEP_SUMMARY`, if there is one."""
+    name = options.environment.get("GITHUB_STEP_SUMMARY")
+    if not name:
+        return
+    file = Path(name)
+    written = file.stat().st_size if file.exists() else 0
+    text = summary(results, options, MOST_BYTES - written)
+    with file.open("ab") as stream:
+        stream.write(text.encode("utf-8", errors="replace"))
+
+
+def summary(results: Results, options: ReportOptions, most_bytes: int = MOST_BYTES) -> str:
+    """The summary, in at most so many bytes; what does not fit is left out from the end, where the harmless stands."""
+    outcomes, room = results.worst_first(), most_bytes - _FRAME
+    if room < 0:
+        return ""
+    rows = _fitting(outcomes, lambda outcome: _overview_row(outcome, options), int(room * _OVERVIEW_SHARE))
+    sections = _fitting(outcomes, lambda outcome: section(outcome, options), room - _size(rows))
+    unfolded = sum(mood(outcome) != "passed" for outcome in outcomes[: len(sections)])
+    parts = [
+        f"## {_headline(results)}",
+        _counts(results),
+        *_overview(outcomes, rows),
+        *sections[:unfolded],
+        folded(f"Measurements of what passed ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
+        if len(sections) > unfolded
+        else "",
+        _left_out(len(outcomes) - len(sections)),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n\n"
+
+
+def _headline(results: Results) -> str:
+    bad = results.total - results.count("passed")
+    if not results.total:
+        return "⚠️ No scenario was run"
+    if results.conclusion == "cancelled":
+        return f"🛑 Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
+    if not bad:
+        return "✅ The scenario passed" if results.total == 1 else f"✅ All {results.total} scenarios passed"
+    return (
+        "❌ The scenario did not pass" if results.total == 1 else f"❌ {bad} of {results.total} scenarios did not pass"
+    )
+
+
+def _counts(results: Results) -> str:
+    speed = f" ({overall_speed(results)})" if overall_speed(results) else ""
+    version = markdown_text(f"sim-action {results.sim_action}")
+    return f"**{counts(results)}** in {results.wall_time:.1f} s{speed} · {version}"
+
+
+def _overview(outcomes: list[Outcome], rows: list[str]) -> Iterable[str]:
+    """One table of all; of many scenarios, those that passed are folded."""
+    unfolded = len(rows)
+    if unfolded > _MOST_UNFOLDED:
+        unfolded = sum(mood(outcome) != "passed" for outcome in outcomes[:unfolded])
+    columns = ("", "Scenario", "What happened", " Sim time", " Speed")
+    if rows[:unfolded]:
+        yield table(columns, rows[:unfolded])
+    if rows[unfolded:]:
+        yield folded(f"{len(rows) - unfolded} scenarios passed", table(columns, rows[unfolded:]))
+    if len(outcomes) > len(rows):
+        yield f"_{len(outcomes) - len(rows)} more scenarios are left out of this table._"
+
+
+def _overview_row(outcome: Outcome, options: ReportOptions) -> str:
+    name = f"**{markdown_text(outcome.name)}**<br><sub>{source_link(options, Location(outcome.file))}</sub>"
+    speed = factor(outcome.real_time_factor).removesuffix(" real time")
+    return row(ICONS[mood(outcome)], name, gist(outcome), moment(outcome.sim_time), speed)
+
+
+def _fitting(outcomes: list[Outcome], written: Callable[[Outcome], str], most_bytes: int) -> list[str]:
+    """What is written of the first outcomes, as many as there is room for."""
+    texts: list[str] = []
+    for outcome in outcomes:
+        text = written(outcome)
+        most_bytes -= _size([text])
+        if most_bytes < 0:
+            break
+        texts.append(text)
+    return texts
+
+
+def _size(texts: list[str]) -> int:
+    """In bytes, with the line ends that come between."""
+    return sum(len(text.encode("utf-8", errors="replace")) + 2 for text in texts)
+
+
+def _left_out(count: int) -> str:
+    if not count:
+        return ""
+    return f"_{count} more scenarios are left out here, as GitHub shows no more; `results.json` has them all._"

@@ -1,0 +1,163 @@
+"""What a person reads after `sim-action run`; the worst stands last, right above the prompt."""
+
+from __future__ import annotations
+
+import secrets
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, TextIO
+
+from rich.console import Console
+from rich.text import Text
+
+from sim_action.outcome import RESULTS_FILE, ExpectationOutcome, Failure, Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import log_text, plain_text
+from sim_action.reports.paths import stored_trace
+from sim_action.reports.wording import Mood, counts, factor, measurements, mood, overall_speed, own_output
+
+_SYMBOLS: Final[dict[Mood, str]] = {"passed": "✓", "warned": "!", "failed": "✗", "error": "✗"}
+_ASCII_SYMBOLS: Final[dict[Mood, str]] = {"passed": "+", "warned": "!", "failed": "x", "error": "x"}
+_STYLES: Final[dict[Mood, str]] = {"passed": "green", "warned": "yellow", "failed": "bold red", "error": "bold red"}
+_MOODS: Final[tuple[Mood, ...]] = ("passed", "warned", "failed", "error")
+
+
+def print_results(results: Results, options: ReportOptions, stream: TextIO | None = None) -> None:
+    """Prints to a stream, standard output unless another is given."""
+    stream = stream or sys.stdout
+    on_github = options.environment.get("GITHUB_ACTIONS") == "true"
+    with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
+        printer = _Printer(_console(stream, options), options)
+        for outcome in sorted(results.outcomes, key=lambda outcome: _MOODS.index(mood(outcome))):
+            if options.verbosity != "quiet" or outcome.status != "passed":
+                printer.outcome(outcome)
+        printer.closing(results)
+
+
+def _console(stream: TextIO, options: ReportOptions) -> Console:
+    plain = bool(options.environment.get("NO_COLOR"))
+    # GitHub's log is no terminal, but shows colours.
+    colourful = options.environment.get("GITHUB_ACTIONS") == "true" and not plain
+    return Console(
+        file=stream,
+        force_terminal=True if colourful else None,
+        color_system="standard" if colourful else "auto",
+        no_color=plain or None,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        legacy_windows=False,
+    )
+
+
+@contextmanager
+def _no_workflow_commands(stream: TextIO) -> Iterator[None]:
+    """GitHub obeys no command in what is printed meanwhile; nobody else knows the token that ends this."""
+    token = secrets.token_hex(16)
+    stream.write(f"::stop-commands::{token}\n")
+    try:
+        yield
+    finally:
+        stream.write(f"::{token}::\n")
+        stream.flush()
+
+
+@contextmanager
+def _as_it_is(stream: TextIO) -> Iterator[None]:
+    yield
+    stream.flush()
+
+
+class _Printer:
+    """Lines on a console; every text goes through `_line`, as text and never as markup."""
+
+    def __init__(self, console: Console, options: ReportOptions) -> None:
+        self._console = console
+        self._options = options
+        self._verbosity = options.verbosity
+        self._encoding = console.encoding
+        shows_symbols = log_text("✓✗│", self._encoding) == "✓✗│"
+        self._symbols = _SYMBOLS if shows_symbols else _ASCII_SYMBOLS
+        self._bar = "│" if shows_symbols else "|"
+
+    def outcome(self, outcome: Outcome) -> None:
+        """One scenario, and an empty line."""
+        style = _STYLES[mood(outcome)]
+        self._line(
+            "", (f"{self._symbols[mood(outcome)]} ", style), (outcome.name, "bold"), (f"  {outcome.file}", "dim")
+        )
+        for expected in outcome.expectations:
+            if self._verbosity != "quiet" or expected.failed:
+                self._expectation(expected)
+        for failure in outcome.failures:
+            self._failure(failure)
+        if self._verbosity == "verbose":
+            self._run_details(outcome)
+        self._line()
+
+    def closing(self, results: Results) -> None:
+        """The counts; but when quiet, where everything is, too."""
+        moods = {mood(outcome) for outcome in results.outcomes}
+        worst: Mood = max(moods, key=_MOODS.index, default="error")
+        fast = f" ({overall_speed(results)})" if overall_speed(results) else ""
+        self._line("", (counts(results), _STYLES[worst]), (f" in {results.wall_time:.1f} s{fast}", ""))
+        if self._verbosity != "quiet":
+            for name, path in _files(results, self._options):
+                self._line("", (f"{name:<7} {path}", "dim"))
+
+    def _expectation(self, expected: ExpectationOutcome) -> None:
+        verdict = expected.verdict
+        look: Mood = "passed" if verdict.passed else "warned" if expected.warned else "failed"
+        self._line("  ", (f"{self._symbols[look]} ", _STYLES[look]), (expected.name, ""), (f": {verdict.message}", ""))
+        if not verdict.passed or self._verbosity == "verbose":
+            self._line("      ", (measurements(verdict), "dim"))
+        if not verdict.passed:
+            self._line("      ", (str(expected.location), "cyan"))
+
+    def _failure(self, failure: Failure) -> None:
+        self._line("  ", (failure.title, "bold red"), (f": {failure.message}", ""))
+        if failure.location is not None:
+            self._line("      ", (str(failure.location), "cyan"))
+        if failure.details:
+            self._block("last words", failure.details)
+
+    def _run_details(self, outcome: Outcome) -> None:
+        ran = {
+            "end": outcome.end,
+            "speed": factor(outcome.real_time_factor),
+            "engine": outcome.engine,
+            "digest": outcome.digest,
+            "trace": stored_trace(outcome, self._options.folder),
+        }
+        for name, value in ran.items():
+            if value:
+                self._line("  ", (f"{name:<7} {value}", "dim"))
+        for note in outcome.notes:
+            self._line("  ", (f"note    {note}", "dim"))
+        for diagnostic in outcome.diagnostics:
+            self._line("  ", (f"{diagnostic.level:<7} {diagnostic.message}", "dim"))
+        if output := own_output(outcome):
+            self._block("output", output)
+
+    def _block(self, title: str, text: str) -> None:
+        """Text of many lines, behind a bar: none of them begins where a log looks for commands."""
+        self._line("    ", (f"{title}:", "dim"))
+        for line in plain_text(text).strip("\n").split("\n"):
+            self._line("    ", (f"{self._bar} {line}", "dim"))
+
+    def _line(self, indent: str = "", *parts: tuple[str, str]) -> None:
+        """One line, made of parts with their styles."""
+        shown = ((log_text(text, self._encoding).replace("\n", " "), style) for text, style in parts)
+        # Wrapped by the terminal, not by us: paths stay whole for those who click or copy them.
+        self._console.print(Text.assemble(indent, *shown), soft_wrap=True)
+
+
+def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path]]:
+    """What is where, for those who want more."""
+    yield "results", options.folder / RESULTS_FILE
+    yield "junit", options.junit
+    traces = (stored_trace(outcome, options.folder) for outcome in results.outcomes)
+    for folder in dict.fromkeys(trace.parent for trace in traces if trace is not None):
+        yield "traces", folder

@@ -1,0 +1,107 @@
+"""A robot model as data: links, joints, shapes. No file format and no engine in sight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+from sim_action.geometry import Pose, Vector3
+
+JointType = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A collision shape of a link.
+
+    Attributes:
+        kind: "box", "cylinder", "sphere", "mesh", ...
+        pose: in the link's frame.
+        radius: m, for cylinders, capsules and spheres.
+    """
+
+    kind: str
+    pose: Pose
+    radius: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A rigid part; `mass` in kg is None where the model does not say."""
+
+    name: str
+    mass: float | None
+    collisions: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """What holds two links together.
+
+    Attributes:
+        origin: the child link's frame in the parent link's, at joint position zero.
+        axis_xyz: unit vector in the child link's frame.
+        lower, upper: limits in rad (m if prismatic); None without limits.
+        max_effort: N m (N); None without a limit.
+        max_velocity: rad/s (m/s); None without a limit.
+    """
+
+    name: str
+    type: JointType
+    parent: str
+    child: str
+    origin: Pose
+    axis_xyz: Vector3
+    lower: float | None = None
+    upper: float | None = None
+    max_effort: float | None = None
+    max_velocity: float | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether a motor could turn or slide it."""
+        return self.type in ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A loaded robot.
+
+    Attributes:
+        name: what the model calls itself.
+        source: the file it came from, absolute.
+        urdf: clean, absolute, pretty-printed URDF text for the engine.
+    """
+
+    name: str
+    source: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    urdf: str
+
+    @cached_property
+    def moving_joints(self) -> tuple[Joint, ...]:
+        """The joints that have a position, in the order of the file."""
+        return tuple(joint for joint in self.joints if joint.moves)
+
+    @cached_property
+    def joints_by_name(self) -> dict[str, Joint]:
+        """Joint name -> joint."""
+        return {joint.name: joint for joint in self.joints}
+
+    @cached_property
+    def links_by_name(self) -> dict[str, Link]:
+        """Link name -> link."""
+        return {link.name: link for link in self.links}
+
+    @cached_property
+    def root(self) -> str:
+        """Name of the base link: the one that is no joint's child."""
+        children = {joint.child for joint in self.joints}
+        return next(link.name for link in self.links if link.name not in children)
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg of the links that state one."""
+        return sum(link.mass or 0.0 for link in self.links)

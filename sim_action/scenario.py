@@ -1,0 +1,115 @@
+"""A scenario: a world, what drives the robot in it, what must come true, and how long it may take."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from sim_action.assertions import Assertion
+from sim_action.commands import CommandSource
+from sim_action.drives import Drive
+from sim_action.errors import Location
+from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveHertz, PositiveSeconds
+from sim_action.workspace import Workspace
+from sim_action.world import Physics, Robot, World
+
+FORMAT_VERSION = 1
+_STEP_ROUNDING = 1e-6
+
+Severity = Literal["error", "warning"]
+
+
+class ExpectationOptions(FrozenModel):
+    """What can be said of any assertion, beside its own key."""
+
+    name: Annotated[Name | None, Field(description="how reports call it; left out: what it asks")] = None
+    after: Annotated[NonNegativeSeconds, Field(description="sim time from which it counts")] = 0.0
+    before: Annotated[PositiveSeconds | None, Field(description="sim time by which a goal must have come true")] = None
+    severity: Annotated[Severity, Field(description="warning: reported, does not fail")] = "error"
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """An assertion with its place in the file, its name, its time window and its severity."""
+
+    assertion: Assertion
+    location: Location
+    name: str
+    after: float = 0.0
+    before: float = math.inf
+    severity: Severity = "error"
+
+
+class DrivenRobot(Robot):
+    """The robot under test, and how twists turn its wheels."""
+
+    drive: Annotated[Drive | None, Field(description="left out: recognised from the model")] = None
+
+
+class TraceSettings(FrozenModel):
+    """What is kept of the run."""
+
+    rate: Annotated[
+        PositiveHertz | None, Field(description="rows in a second; left out: the fastest rate of a command")
+    ] = None
+
+
+class Scenario(FrozenModel):
+    """One scenario file; the fields are its keys."""
+
+    name: Name
+    version: Annotated[Literal[1], Field(description="of the format")] = 1
+    robot: DrivenRobot
+    world: World = World()
+    physics: Physics = Physics()
+    commands: Annotated[tuple[CommandSource, ...], Field(description="what drives the robot")] = ()
+    expect: Annotated[tuple[Expectation, ...], Field(min_length=1, description="what must come true")]
+    duration: Annotated[
+        PositiveSeconds | None, Field(description="sim time that the run lasts even if all goals are met")
+    ] = None
+    time_limit: Annotated[PositiveSeconds, Field(le=86_400, description="sim time at which a pending goal has failed")]
+    wall_limit: Annotated[
+        PositiveSeconds | None, Field(description="guards against a stuck run; left out: max(60 s, 10 x time_limit)")
+    ] = None
+    trace: TraceSettings = TraceSettings()
+
+    @property
+    def wall_seconds(self) -> float:
+        """After how many seconds of wall time a run is given up."""
+        return self.wall_limit or max(60.0, 10 * self.time_limit)
+
+    @property
+    def trace_rate(self) -> float:
+        """Rows of the stored trace in a second of sim time."""
+        return self.trace.rate or max((source.rate for source in self.commands), default=10.0)
+
+    @property
+    def runs_user_code(self) -> bool:
+        """Whether it needs an interpreter of its own."""
+        return any(source.runs_user_code for source in self.commands)
+
+    def steps(self, seconds: float) -> int:
+        """The first physics step at or after a sim time."""
+        return math.ceil(seconds * self.physics.rate - _STEP_ROUNDING)
+
+    def steps_between_ticks(self, rate: float) -> int:
+        """Physics steps from one tick to the next; loading has checked that they are whole."""
+        return round(self.physics.rate / rate)
+
+
+def rate_divides(physics_rate: float, rate: float) -> bool:
+    """Whether ticks at `rate` fall on physics steps."""
+    steps = physics_rate / rate
+    return math.isfinite(steps) and round(steps) >= 1 and abs(steps - round(steps)) < _STEP_ROUNDING
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedScenario:
+    """A valid scenario, the file that it came from as reports show it, and where its own files are found."""
+
+    scenario: Scenario
+    file: str
+    workspace: Workspace

@@ -1,0 +1,78 @@
+"""pydantic's findings, as sentences for the person who wrote the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from sim_action.errors import did_you_mean, shown
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+_EXPECTED = {
+    "model_type": "a map of keys",
+    "model_attributes_type": "a map of keys",
+    "dict_type": "a map of keys",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "is_instance_of": "a map of keys",
+}
+
+_SENTENCES = {
+    "literal_error": "expected {expected}, found {found}",
+    "greater_than": "must be greater than {gt:g}, found {found}",
+    "greater_than_equal": "must be at least {ge:g}, found {found}",
+    "less_than_equal": "must be at most {le:g}, found {found}",
+    "too_long": "expected a list of {max_length}, found {found}",
+    "too_short": "must not be empty",
+    "string_too_short": "must not be empty",
+    "string_too_long": "must have at most {max_length} characters",
+}
+
+
+def spec_errors(model: type[BaseModel], error: ValidationError) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Each finding, with the path of the key that it is about."""
+    for details in error.errors(include_url=False):
+        yield details["loc"], _sentence(model, details)
+
+
+def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
+    kind, value = details["type"], details["input"]
+    key = details["loc"][-1] if details["loc"] else ""
+    if kind == "missing":
+        # A list of a fixed length reports its entries as pydantic's models report their keys.
+        return f"the list ends before entry {key + 1}" if isinstance(key, int) else f"the key '{key}' is missing"
+    if kind == "extra_forbidden":
+        return f"unknown key{did_you_mean(str(key), _keys_at(model, details['loc'][:-1]))}"
+    if kind in _SENTENCES:
+        return _SENTENCES[kind].format(found=shown(value), **details.get("ctx", {}))
+    if kind in _EXPECTED:
+        return f"expected {_EXPECTED[kind]}, found {shown(value)}{_hint(kind, value)}"
+    return details["msg"].removeprefix("Value error, ")
+
+
+def _hint(kind: str, value: object) -> str:
+    if kind == "string_type" and isinstance(value, (bool, int, float)):
+        return "; put it in quotes"
+    return "; begin each entry of a list with '- '" if kind == "tuple_type" and isinstance(value, dict) else ""
+
+
+def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
+    """The keys that are allowed at a path."""
+    at: Any = model
+    for step in path:
+        names = {field.alias or name: field.annotation for name, field in _fields(at).items()}
+        at = names.get(step, at) if isinstance(step, str) else at
+    return [field.alias or name for name, field in _fields(at).items()]
+
+
+def _fields(annotation: Any) -> dict[str, Any]:
+    """The fields of the first model in an annotation such as `tuple[Body, ...] | None`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return dict(annotation.model_fields)
+    return next((found for part in get_args(annotation) if (found := _fields(part))), {})

@@ -1,0 +1,208 @@
+"""A trace: the robot's state as columns over sim time, and the contacts it had.
+
+The simulation loop hands monitors short traces at full rate; what is stored is decimated, but for the contacts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.geometry import Pose, Twist, Vector3
+from sim_action.observation import Contact, JointState, Observation
+
+FloatArray = NDArray[np.float64]
+
+
+class TraceError(ValueError):
+    """A file that is no trace."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """State over T moments for J joints; SI units, world frame.
+
+    Attributes:
+        joint_names: J names, the order of the joint columns.
+        time: (T,) s since the first command, rising.
+        base_position_xyz: (T, 3) m, origin of the base link.
+        base_orientation_xyzw: (T, 4) unit quaternions.
+        base_linear_xyz: (T, 3) m/s, velocity of the base link's origin.
+        base_angular_xyz: (T, 3) rad/s.
+        joint_position: (T, J) rad, or m if prismatic.
+        joint_velocity: (T, J) rad/s, or m/s.
+        joint_effort: (T, J) N m, or N, of the motors.
+        contacts: of the robot with bodies other than the ground, from every step between the first and last moment.
+    """
+
+    joint_names: tuple[str, ...]
+    time: FloatArray
+    base_position_xyz: FloatArray
+    base_orientation_xyzw: FloatArray
+    base_linear_xyz: FloatArray
+    base_angular_xyz: FloatArray
+    joint_position: FloatArray
+    joint_velocity: FloatArray
+    joint_effort: FloatArray
+    contacts: tuple[Contact, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def concatenate(cls, traces: Sequence[Self]) -> Self:
+        """Traces of the same robot, one after the other."""
+        columns = {name: np.concatenate([getattr(trace, name) for trace in traces]) for name in _COLUMNS}
+        return cls(
+            joint_names=traces[0].joint_names,
+            contacts=tuple(contact for trace in traces for contact in trace.contacts),
+            **columns,
+        )
+
+    def first(self, count: int) -> Self:
+        """The first moments, at least one, with the contacts up to the last of them."""
+        end = self.time[count - 1]
+        return replace(self.rows(slice(count)), contacts=tuple(c for c in self.contacts if c.time <= end))
+
+    def rows(self, wanted: slice | NDArray[np.bool_]) -> Self:
+        """Some of the moments, with all contacts."""
+        return replace(self, **{name: getattr(self, name)[wanted] for name in _COLUMNS})
+
+    def between(self, start: float, end: float) -> Self:
+        """The moments and contacts with start <= time <= end."""
+        if len(self) and not self.contacts and start <= self.time[0] and self.time[-1] <= end:
+            return self
+        start, end = start - _TIME_EPSILON, end + _TIME_EPSILON
+        first, last = np.searchsorted(self.time, (start, end))
+        contacts = tuple(contact for contact in self.contacts if start <= contact.time <= end)
+        return replace(self.rows(slice(int(first), int(last))), contacts=contacts)
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """(T,) m/s of the base link's origin."""
+        return _norm(self.base_linear_xyz)
+
+    @cached_property
+    def turn_rate(self) -> FloatArray:
+        """(T,) rad/s, magnitude of the base's angular velocity."""
+        return _norm(self.base_angular_xyz)
+
+    @cached_property
+    def yaw(self) -> FloatArray:
+        """(T,) rad in (-pi, pi], heading of the base about the world's z axis."""
+        x, y, z, w = self.base_orientation_xyzw.T
+        return _array(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+
+    @cached_property
+    def tilt(self) -> FloatArray:
+        """(T,) rad in [0, pi] between the base's z axis and the world's."""
+        x, y, _, _ = self.base_orientation_xyzw.T
+        return _array(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
+
+    def distance_to(self, point_xyz: Vector3) -> FloatArray:
+        """(T,) m from a point, in space."""
+        return _norm(self.base_position_xyz - np.asarray(point_xyz))
+
+    def planar_distance_to(self, x: float, y: float) -> FloatArray:
+        """(T,) m from a point, on the ground plane."""
+        return _norm(self.base_position_xyz[:, :2] - np.asarray((x, y)))
+
+    def yaw_error_to(self, yaw: float) -> FloatArray:
+        """(T,) rad in [0, pi] between the heading and `yaw`."""
+        return np.abs(np.remainder(self.yaw - yaw + np.pi, 2 * np.pi) - np.pi)
+
+    def arc_length_from(self, point_xyz: Vector3, length: float = 0.0) -> FloatArray:
+        """(T,) m of path behind the robot, if it was at `point_xyz`, after `length` m, before the first moment."""
+        path = np.vstack((np.asarray(point_xyz), self.base_position_xyz))
+        # The sum begins with `length`: added afterwards, it would round differently for every way to cut a trace.
+        return np.cumsum(np.concatenate(([length], _norm(np.diff(path, axis=0)))))[1:]
+
+    def observation(self, index: int) -> Observation:
+        """One moment, as a controller sees it, without contacts."""
+        joints = zip(self.joint_position[index], self.joint_velocity[index], self.joint_effort[index], strict=True)
+        return Observation(
+            time=float(self.time[index]),
+            pose=Pose(tuple(self.base_position_xyz[index].tolist()), tuple(self.base_orientation_xyzw[index].tolist())),
+            twist=Twist(tuple(self.base_linear_xyz[index].tolist()), tuple(self.base_angular_xyz[index].tolist())),
+            joints={name: JointState(*map(float, state)) for name, state in zip(self.joint_names, joints, strict=True)},
+        )
+
+    def state(self) -> FloatArray:
+        """(T, 14 + 2 J): time, pose, twist, joint positions and velocities: what a digest is taken of."""
+        return np.column_stack([getattr(self, name) for name in _STATE])
+
+    def save(self, path: Path) -> None:
+        """Writes the trace as .npz: one array a field, contacts as `contact_*` arrays."""
+        columns = {name: getattr(self, name) for name in _COLUMNS}
+        contacts = {
+            "contact_time": np.array([c.time for c in self.contacts], dtype=np.float64),
+            "contact_link": np.array([c.link for c in self.contacts], dtype=np.str_),
+            "contact_body": np.array([c.body for c in self.contacts], dtype=np.str_),
+            "contact_position_xyz": np.array([c.position_xyz for c in self.contacts], dtype=np.float64).reshape(-1, 3),
+            "contact_force": np.array([c.force for c in self.contacts], dtype=np.float64),
+        }
+        arrays: dict[str, Any] = {"joint_names": np.array(self.joint_names, dtype=np.str_), **columns, **contacts}
+        np.savez(path, **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads what `save` wrote. Raises TraceError; never unpickles."""
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                names = tuple(stored["joint_names"].tolist())
+                columns = {name: stored[name] for name in _COLUMNS}
+                _check_shapes(columns, joints=len(names))
+                contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
+                return cls(joint_names=names, contacts=tuple(_contact(*row) for row in contacts), **columns)
+        except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
+            raise TraceError(f"{path}: not a trace: {error}") from None
+
+
+class Digest:
+    """SHA-256 over the state at every step, however the steps are cut into traces."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def add(self, trace: Trace) -> None:
+        """Takes in the steps that follow."""
+        self._hash.update(np.ascontiguousarray(trace.state(), dtype="<f8").tobytes())
+
+    def hexdigest(self) -> str:
+        """64 hexadecimal digits."""
+        return self._hash.hexdigest()
+
+
+# Sim time is step / rate: two ways to the same moment differ by rounding alone.
+_TIME_EPSILON = 1e-9
+_COLUMNS = tuple(f.name for f in fields(Trace) if f.name not in ("joint_names", "contacts"))
+_STATE = tuple(name for name in _COLUMNS if name != "joint_effort")
+
+
+def _array(values: Any) -> FloatArray:
+    """Numpy's stubs lose the element type in arithmetic on columns."""
+    return np.asarray(values, dtype=np.float64)
+
+
+def _norm(vectors: FloatArray) -> FloatArray:
+    return _array(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
+def _check_shapes(columns: Mapping[str, Any], joints: int) -> None:
+    """What a file says of itself is not believed."""
+    for name, column in columns.items():
+        width = {"time": (), "base_orientation_xyzw": (4,)}.get(name, (joints,) if name.startswith("joint") else (3,))
+        if column.shape != (len(columns["time"]), *width) or column.dtype != np.float64:
+            raise ValueError(f"'{name}' has the shape {column.shape} of {column.dtype}")
+
+
+def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:
+    x, y, z = position_xyz
+    return Contact(time, link, body, (x, y, z), force)

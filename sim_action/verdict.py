@@ -1,0 +1,28 @@
+"""The judgement on one assertion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What was measured against what was asked.
+
+    Attributes:
+        passed: whether the assertion held.
+        measured: the value that decided it, in `unit`; None if nothing was there to measure.
+        limit: what it was held against, in `unit`.
+        margin: distance to the limit, in `unit`; positive on the good side.
+        unit: SI symbol, empty for a count.
+        time: sim time in s at which it was decided, or at which an invariant came nearest to its limit.
+        message: one sentence for people.
+    """
+
+    passed: bool
+    measured: float | None
+    limit: float | None
+    margin: float | None
+    unit: str
+    time: float | None
+    message: str

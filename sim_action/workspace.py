@@ -1,0 +1,47 @@
+"""Where a scenario's files may be: relative to the scenario, inside the workspace root, symlinks resolved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class PathError(ValueError):
+    """A path that names no file, or one that is out of bounds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """The folders that paths in one scenario are seen from.
+
+    Attributes:
+        directory: of the scenario file; what relative paths start from.
+        root: nothing outside it is read, unless `allow_outside`.
+    """
+
+    directory: Path
+    root: Path
+    allow_outside: bool = False
+
+    @classmethod
+    def around(cls, scenario_file: Path, *, allow_outside: bool = False) -> Workspace:
+        """The workspace of a scenario: its repository, else the current directory, else its own folder."""
+        directory = scenario_file.resolve().parent
+        here = Path.cwd().resolve()
+        repository = next((folder for folder in (directory, *directory.parents) if (folder / ".git").exists()), None)
+        root = repository or (here if directory.is_relative_to(here) else directory)
+        return cls(directory, root, allow_outside)
+
+    def file(self, path: str) -> Path:
+        """The absolute path of a file that a scenario names. Raises PathError."""
+        try:
+            found = (self.directory / path).resolve()
+            is_file, is_folder = found.is_file(), found.is_dir()
+        except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
+            raise PathError(f"{path!r} cannot be a file: {error}") from None
+        if not self.allow_outside and not found.is_relative_to(self.root):
+            raise PathError(f"'{path}' is outside the workspace {self.root}; --allow-outside lifts this")
+        if not is_file:
+            reason = "is a folder" if is_folder else "does not exist"
+            raise PathError(f"'{path}' {reason} (looked for {found})")
+        return found

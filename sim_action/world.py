@@ -1,0 +1,108 @@
+"""What is simulated: the robot, the ground, the objects, the physics rate. No engine in sight.
+
+The fields are the keys of a scenario file; the docstrings and descriptions are what `sim-action schema` prints.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from sim_action import geometry
+from sim_action.quantities import (
+    FrozenModel,
+    JointPosition,
+    Metres,
+    Name,
+    NonNegativeRatio,
+    NonNegativeSeconds,
+    PositiveHertz,
+    PositiveKilograms,
+    PositiveMetres,
+    Radians,
+)
+
+GROUND = "ground"
+
+
+class Placement(FrozenModel):
+    """Where something begins, in the world frame."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Annotated[Metres | None, Field(description="left out: it stands on the ground")] = None
+    roll: Radians = 0.0
+    pitch: Radians = 0.0
+    yaw: Radians = 0.0
+
+    @property
+    def orientation_xyzw(self) -> geometry.Quaternion:
+        """The rotation by roll, pitch and yaw."""
+        return geometry.quaternion_from_rpy(self.roll, self.pitch, self.yaw)
+
+
+class Robot(FrozenModel):
+    """The robot under test."""
+
+    model: Annotated[str, Field(min_length=1, description="the name of a built-in model, or the path of a URDF file")]
+    base: Annotated[Literal["free", "fixed"], Field(description="fixed: bolted to the world")] = "free"
+    pose: Annotated[Placement, Field(description="of the base link")] = Placement()
+    joints: Annotated[dict[str, JointPosition], Field(description="where joints begin, by name")] = Field(
+        default_factory=dict
+    )
+
+
+class Ground(FrozenModel):
+    """The plane z = 0."""
+
+    friction: Annotated[NonNegativeRatio, Field(description="multiplies with the friction of what touches it")] = 1.0
+
+
+class Cylinder(FrozenModel):
+    """An upright cylinder."""
+
+    radius: PositiveMetres
+    height: PositiveMetres
+
+
+class Sphere(FrozenModel):
+    """A ball."""
+
+    radius: PositiveMetres
+
+
+class Body(FrozenModel):
+    """A box, a cylinder or a sphere."""
+
+    name: Name
+    box: Annotated[tuple[PositiveMetres, PositiveMetres, PositiveMetres] | None, Field(description="full x, y, z")] = (
+        None
+    )
+    cylinder: Annotated[Cylinder | None, Field(description="upright, about its own z axis")] = None
+    sphere: Sphere | None = None
+    pose: Annotated[Placement, Field(description="of the centre")] = Placement()
+    mass: Annotated[PositiveKilograms | None, Field(description="left out: it is fixed")] = None
+    friction: NonNegativeRatio = 0.5
+
+    @model_validator(mode="after")
+    def _has_one_shape(self) -> Self:
+        if sum(shape is not None for shape in (self.box, self.cylinder, self.sphere)) != 1:
+            raise ValueError("an object has exactly one of 'box', 'cylinder' and 'sphere'")
+        return self
+
+
+class World(FrozenModel):
+    """What surrounds the robot."""
+
+    ground: Ground = Ground()
+    objects: tuple[Body, ...] = ()
+
+
+class Physics(FrozenModel):
+    """How the engine steps."""
+
+    rate: Annotated[PositiveHertz, Field(ge=1, le=100_000, description="steps in a second of sim time")] = 240.0
+    settle: Annotated[
+        NonNegativeSeconds, Field(le=60, description="longest time to come to rest before t = 0; 0: do not wait")
+    ] = 2.0

@@ -1,0 +1,70 @@
+"""The examples pass, and the tutorial's fails as it should when its robot does not move."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("**/*.sim.yml"))
+
+
+def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    return subprocess.run(
+        [sys.executable, "-m", "sim_action", *arguments],
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(ROOT), "COLUMNS": "120"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def outcomes(folder: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    return found
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_passes(example: Path, tmp_path: Path) -> None:
+    shutil.copytree(example.parent, tmp_path / "copy")
+    ran = sim_action(tmp_path, "run", f"copy/{example.name}")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    (outcome,) = outcomes(tmp_path)
+    assert outcome["status"] == "passed"
+    assert outcome["diagnostics"] == []
+
+
+def test_the_tutorials_robot_that_stands_still_fails_with_how_far_it_got(tmp_path: Path) -> None:
+    text = (ROOT / "examples/turtlebot3/straight_line.sim.yml").read_text()
+    (tmp_path / "still.sim.yml").write_text(text.replace("linear: 1.0", "linear: 0.0"))
+    ran = sim_action(tmp_path, "run", "still.sim.yml")
+    assert ran.returncode == 1
+    assert "of 1.5 m in 30.0 s" in ran.stdout
+    assert "still.sim.yml:9:5" in ran.stdout
+
+
+def test_the_five_minutes_of_the_readme(tmp_path: Path) -> None:
+    assert sim_action(tmp_path, "init", "hello").returncode == 0
+    passing = sim_action(tmp_path, "run", "hello")
+    assert passing.returncode == 0, passing.stdout + passing.stderr
+    scenario = tmp_path / "hello/simulation/drive_straight.sim.yml"
+    text = scenario.read_text()
+    for commented, real in (("# world: ", "world: "), ("#   objects:", "  objects:"), ("#     - {name", "    - {name")):
+        assert commented in text
+        text = text.replace(commented, real)
+    scenario.write_text(text.replace("x: 3.0", "x: 1.0"))
+    failing = sim_action(tmp_path, "run", "hello")
+    assert failing.returncode == 1
+    assert "touched wall" in failing.stdout
+    line = next(n for n, line in enumerate(scenario.read_text().splitlines(), start=1) if "- no_collision" in line)
+    assert f"hello/simulation/drive_straight.sim.yml:{line}:5" in failing.stdout
+    assert sim_action(tmp_path, "validate", "hello").returncode == 0

@@ -1,0 +1,217 @@
+"""Real children that die, hang, hog and fork: each an error with its cause, and nobody else is touched."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from sim_action.execution import execute
+from sim_action.loading import load_scenario
+from sim_action.outcome import Outcome
+from sim_action.trace import Trace
+
+SCENARIO = """
+name: {name}
+robot: {{model: turtlebot3_burger}}
+commands: {commands}
+expect: [{{travel: {{at_least: 0.1 m}}}}, no_collision]
+time_limit: 5 s
+wall_limit: {wall_limit} s
+"""
+
+GOOD = "{twist: [{linear: 0.5}]}"
+
+
+class Silent:
+    def progress(self, name: str, sim_time: float, real_time_factor: float) -> None: ...
+
+    def finished(self, outcome: Outcome) -> None: ...
+
+
+def scenario(folder: Path, name: str, commands: str = GOOD, wall_limit: float = 60) -> Path:
+    path = folder / f"{name}.sim.yml"
+    path.write_text(SCENARIO.format(name=name, commands=commands, wall_limit=wall_limit))
+    return path
+
+
+def script(folder: Path, name: str, body: str, wall_limit: float = 60, before: str = "") -> Path:
+    lines = "\n".join(f"    {line}" for line in body.splitlines())
+    (folder / f"{name}.py").write_text(
+        f"from sim_action import JointTargets, Twist\n{before}\ndef control(observation):\n{lines}\n"
+    )
+    return scenario(folder, name, f"{{script: {name}.py}}", wall_limit)
+
+
+def run(paths: list[Path], folder: Path, jobs: int = 2) -> list[Outcome]:
+    return execute([load_scenario(path) for path in paths], folder / "results", jobs, Silent())
+
+
+def processes_of(marker: Path) -> list[int]:
+    """Processes whose environment or working directory points below a test's own folder."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit() and int(entry.name) != os.getpid():
+            try:
+                if str(marker) in str((entry / "cwd").readlink()):
+                    found.append(int(entry.name))
+            except OSError:
+                continue
+    return found
+
+
+DEATHS: Mapping[str, tuple[str, str, str, float]] = {
+    "segfault": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crash", "SIGSEGV", 60),
+    "abort": ("import os; print('last words', flush=True); os.abort()", "crash", "SIGABRT", 60),
+    "exit zero": ("import os; os._exit(0)", "crash", "exit code 0", 60),
+    "hang": ("while True: pass", "wall limit", "after 2 s of wall time", 2),
+    "hog": ("hog = [bytearray(1 << 28) for _ in range(1000)]", "script", "MemoryError", 60),
+    "raise": ("return 1 / 0", "script", "ZeroDivisionError", 60),
+    "sys exit": ("import sys; sys.exit(0)", "script", "SystemExit", 60),
+    "nonsense": ("return 'forward'", "script", "returned a str", 60),
+    "not a number": ("return Twist.planar(float('nan'))", "script", "not every value is finite", 60),
+    "unknown joint": ("return JointTargets(velocity={'wheel_lft_joint': 1.0})", "script", "wheel_left_joint", 60),
+}
+
+
+@pytest.mark.parametrize("death", DEATHS)
+def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: Path, death: str) -> None:
+    body, kind, cause, wall_limit = DEATHS[death]
+    paths = [scenario(tmp_path, "before"), script(tmp_path, "killer", body, wall_limit), scenario(tmp_path, "after")]
+    before, killer, after = run(paths, tmp_path)
+    assert (before.status, after.status) == ("passed", "passed")
+    assert killer.status == "error"
+    (failure,) = killer.failures
+    assert failure.kind == kind
+    assert cause in f"{failure.title} {failure.message}"
+
+
+def test_last_words_and_sim_time_are_kept(tmp_path: Path) -> None:
+    body = "if observation.time > 1:\n    print('wheel came off', flush=True)\n    import os; os.abort()"
+    (outcome,) = run([script(tmp_path, "killer", body)], tmp_path)
+    assert "wheel came off" in outcome.failures[0].details
+    assert "wheel came off" in outcome.output
+
+
+def test_a_script_error_names_the_users_file_and_line(tmp_path: Path) -> None:
+    (outcome,) = run([script(tmp_path, "killer", "x = 1\nreturn x / 0")], tmp_path)
+    location = outcome.failures[0].location
+    assert location is not None
+    assert (Path(location.file).name, location.line) == ("killer.py", 5)
+
+
+def test_an_error_at_import_names_the_users_line(tmp_path: Path) -> None:
+    (outcome,) = run([script(tmp_path, "killer", "return None", before="import nowhere_to_be_found")], tmp_path)
+    location = outcome.failures[0].location
+    assert location is not None
+    assert location.line == 2
+    assert "nowhere_to_be_found" in outcome.failures[0].message
+
+
+def test_processes_that_a_script_leaves_behind_are_ended(tmp_path: Path) -> None:
+    body = (
+        "import os, subprocess, sys, pathlib\n"
+        "here = pathlib.Path(__file__).parent\n"
+        "if not (here / 'left').exists():\n"
+        "    (here / 'left').touch()\n"
+        "    subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'], cwd=here)\n"
+        "return Twist.planar(0.5)"
+    )
+    (outcome,) = run([script(tmp_path, "forker", body)], tmp_path)
+    assert outcome.status == "passed"
+    deadline = time.monotonic() + 10
+    while processes_of(tmp_path) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert processes_of(tmp_path) == []
+
+
+def test_a_script_does_not_see_what_it_could_act_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("GITHUB_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "ACTIONS_RUNTIME_TOKEN", "INPUT_SCENARIO"):
+        monkeypatch.setenv(name, "secret")
+    body = "import os\nprint(sorted(n for n, v in os.environ.items() if v == 'secret'))\nreturn Twist.planar(0.5)"
+    (outcome,) = run([script(tmp_path, "nosy", body)], tmp_path)
+    assert outcome.status == "passed"
+    assert set(outcome.output.split("\n")) == {"[]"}
+
+
+def test_a_controller_closes_the_loop(tmp_path: Path) -> None:
+    body = "return Twist.planar(0.0 if observation.pose.position_xyz[0] > 0.3 else 0.4)"
+    path = script(tmp_path, "stopper", body)
+    path.write_text(path.read_text().replace("time_limit: 5 s", "duration: 4 s\ntime_limit: 5 s"))
+    (outcome,) = run([path], tmp_path)
+    assert outcome.status == "passed"
+    # It sees that it is past 0.3 m at a tick, and stops from 0.4 m/s within 0.08 m.
+    assert outcome.travelled is not None
+    assert 0.3 < outcome.travelled < 0.3 + 0.04 + 0.08 + 0.01
+
+
+def test_joint_targets_drive_as_a_twist_does(tmp_path: Path) -> None:
+    body = "return JointTargets(velocity=dict.fromkeys(('wheel_left_joint', 'wheel_right_joint'), 0.2 / 0.033))"
+    (outcome,) = run([script(tmp_path, "wheels", body)], tmp_path)
+    assert outcome.status == "passed"
+
+
+def test_what_the_engine_says_becomes_diagnostics(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bare.urdf").write_text('<robot name="bare"><link name="only"/></robot>')
+    path = tmp_path / "bare.sim.yml"
+    path.write_text("name: bare\nrobot: {model: bare.urdf}\nexpect: [upright]\ntime_limit: 0.1 s\n")
+    (outcome,) = run([path], tmp_path)
+    assert any("No inertial data for link" in diagnostic.message for diagnostic in outcome.diagnostics)
+    assert outcome.output == ""
+    assert capfd.readouterr() == ("", "")
+
+
+def test_traces_are_stored_at_the_rate_that_was_asked_for(tmp_path: Path) -> None:
+    path = scenario(tmp_path, "kept")
+    path.write_text(path.read_text() + "trace: {rate: 60 Hz}\n")
+    (outcome,) = run([path], tmp_path)
+    assert outcome.trace == "traces/kept.npz"
+    trace = Trace.load(tmp_path / "results" / outcome.trace)
+    assert trace.time[1] - trace.time[0] == pytest.approx(1 / 60)
+    assert trace.time[-1] == outcome.sim_time
+
+
+def test_twenty_runs_have_one_digest(tmp_path: Path) -> None:
+    paths = [scenario(tmp_path, f"copy-{index}") for index in range(8)]
+    wall = scenario(tmp_path, "other", "{twist: [{linear: 0.2, angular: 1.0}]}")
+    alone = [run([paths[0]], tmp_path / str(index), jobs=1)[0].digest for index in range(4)]
+    together = run([paths[0], wall, *paths[1:]], tmp_path / "together", jobs=1)
+    parallel = run([*paths[:4], wall, *paths[4:]], tmp_path / "parallel", jobs=2)
+    digests = [o.digest for o in (*together, *parallel) if o.name != "other"]
+    assert len(alone) + len(digests) == 20
+    assert len({*alone, *digests}) == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_reports_what_had_finished(tmp_path: Path, number: signal.Signals) -> None:
+    scenario(tmp_path, "a-quick")
+    script(tmp_path, "b-endless", "while True: pass")
+    scenario(tmp_path, "c-never-started")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "1"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+    )
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert "a-quick" in line
+    # The next child is there by now or soon: it never ends by itself.
+    while not processes_of(tmp_path):
+        time.sleep(0.01)
+    process.send_signal(number)
+    process.communicate(timeout=30)
+    assert process.returncode == 130
+    junit = (tmp_path / "sim-results" / "junit.xml").read_text()
+    assert 'name="a-quick"' in junit
+    assert junit.count("<error") == 2
+    assert processes_of(tmp_path) == []

@@ -1,0 +1,82 @@
+"""The built-in burger against the analytic motion of a diff drive whose wheel speeds ramp at 1 m/s^2."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_action.loading import build_scene, load_scenario
+from sim_action.simulation import SimulationRun, simulate
+
+SEPARATION = 0.160
+ACCELERATION = 1.0
+
+
+def drive(folder: Path, twist: str, seconds: float) -> SimulationRun:
+    path = folder / "drive.sim.yml"
+    path.write_text(
+        f"""
+name: drive
+robot: {{model: turtlebot3_burger}}
+commands: {{rate: 10 Hz, twist: [{twist}]}}
+expect: [upright]
+duration: {seconds} s
+time_limit: {seconds} s
+trace: {{rate: 240 Hz}}
+"""
+    )
+    loaded = load_scenario(path)
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+def rim_distance(speed: float, seconds: float) -> float:
+    """How far a wheel's rim rolls that ramps from rest to `speed`."""
+    return speed * seconds - math.copysign(speed**2 / (2 * ACCELERATION), speed)
+
+
+def turned(run: SimulationRun) -> float:
+    return float(np.unwrap(run.trace.yaw)[-1] - run.trace.yaw[0])
+
+
+def way(run: SimulationRun) -> float:
+    return float(run.trace.arc_length_from(tuple(run.trace.base_position_xyz[0].tolist()))[-1])
+
+
+@pytest.mark.parametrize("seconds", [10, 30])
+def test_a_line_has_the_analytic_length_and_no_turn(tmp_path: Path, seconds: int) -> None:
+    run = drive(tmp_path, "{linear: 0.2}", seconds)
+    assert run.travelled == pytest.approx(rim_distance(0.2, seconds), rel=0.01)
+    assert abs(turned(run)) < 0.01
+
+
+@pytest.mark.parametrize("seconds", [10, 30])
+def test_a_circle_has_the_analytic_length_and_yaw(tmp_path: Path, seconds: int) -> None:
+    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", seconds)
+    left, right = (rim_distance(0.2 + side * 0.5 * SEPARATION / 2, seconds) for side in (-1, 1))
+    assert way(run) == pytest.approx((left + right) / 2, rel=0.01)
+    assert turned(run) == pytest.approx((right - left) / SEPARATION, rel=0.01)
+
+
+@pytest.mark.parametrize("seconds", [10, 30])
+def test_a_spin_has_the_analytic_yaw_and_stays_in_place(tmp_path: Path, seconds: int) -> None:
+    run = drive(tmp_path, "{angular: 1.0}", seconds)
+    assert turned(run) == pytest.approx(2 * rim_distance(SEPARATION / 2, seconds) / SEPARATION, rel=0.01)
+    assert run.travelled < 0.01
+
+
+def test_the_tutorials_scenario_reaches_its_goal_when_the_ramp_says() -> None:
+    # 0.5 m while it ramps to 1 m/s within 1 s, 1 m in the second after that.
+    loaded = load_scenario(Path(__file__).parents[2] / "examples/turtlebot3/straight_line.sim.yml")
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    (verdict,) = run.verdicts
+    assert verdict.passed
+    assert verdict.time == pytest.approx(2.00, abs=0.02)
+
+
+def test_the_burger_stands_still_without_commands(tmp_path: Path) -> None:
+    run = drive(tmp_path, "{linear: 0.0}", 10)
+    assert run.travelled < 0.002
+    assert not any("not at rest" in note for note in run.notes)

@@ -1,0 +1,231 @@
+"""Results of every kind, and golden files of what the reports make of them.
+
+After a wanted change of a report: `pytest tests/reports --update-golden`, then read the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sim_action.errors import Location
+from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.verdict import Verdict
+
+GOLDEN = Path(__file__).parent / "golden"
+
+STRAIGHT = "scenarios/straight.sim.yml"
+WALL = "scenarios/wall.sim.yml"
+
+TRAVEL = ExpectationOutcome(
+    name="travel at least 1.5 m",
+    assertion="travel",
+    severity="error",
+    location=Location(STRAIGHT, 8, 5),
+    verdict=Verdict(True, 1.5012, 1.5, 0.0012, "m", 2.0, "travelled 1.501 m in 2.00 s"),
+)
+SHORT = TRAVEL.model_copy(
+    update={"verdict": Verdict(False, 1.12, 1.5, -0.38, "m", 30.0, "travelled 1.12 m of 1.5 m in 30.0 s")}
+)
+UPRIGHT = ExpectationOutcome(
+    name="stays up",
+    assertion="upright",
+    severity="warning",
+    location=Location(WALL, 14, 5),
+    verdict=Verdict(False, 0.5236, 0.3491, -0.1745, "rad", 1.25, "tilted 30 deg at 1.25 s, more than 20 deg"),
+)
+COLLISION = ExpectationOutcome(
+    name="no_collision",
+    assertion="no_collision",
+    severity="error",
+    location=Location(WALL, 12, 5),
+    verdict=Verdict(
+        False, 1.0, 0.0, -1.0, "", 3.2, "base_link touched wall at 3.20 s, at (2.95, 0.00, 0.10) m, with 4.1 N"
+    ),
+)
+PASSED = Outcome(
+    name="burger drives straight",
+    file=STRAIGHT,
+    status="passed",
+    expectations=(TRAVEL,),
+    end="goals met",
+    sim_time=2.0,
+    wall_time=0.412,
+    real_time_factor=31.4,
+    travelled=1.5012,
+    digest="3f2a9c04d1" + "0" * 54,
+    engine="PyBullet 3.2.7",
+    notes=("recognised: diff drive, wheels 0.033 m, 0.16 m apart",),
+    trace="traces/burger-drives-straight.npz",
+)
+HOSTILE = (
+    'a|b <b>&</b> `x` @octocat #1 [l](http://x.y) *_~$ ]]> "q"\n::error::forged ##[error]x\x1b[31m \x00\u202e\ud800'
+)
+
+SAMPLES: dict[str, tuple[Outcome, ...]] = {
+    "passed": (PASSED,),
+    "failed": (
+        PASSED.model_copy(
+            update={
+                "name": "burger stops before the wall",
+                "file": WALL,
+                "status": "failed",
+                "expectations": (TRAVEL, COLLISION, UPRIGHT, COLLISION),
+                "end": "broken",
+                "sim_time": 3.2,
+                "diagnostics": (Diagnostic(level="warning", message="b3Warning: no inertial data for link, wheel"),),
+                "output": "controller: wall ahead\ncontroller: full speed",
+            }
+        ),
+        PASSED,
+        PASSED.model_copy(
+            update={
+                "status": "failed",
+                "expectations": (SHORT,),
+                "end": "time limit",
+                "sim_time": 30.0,
+                "travelled": 1.12,
+            }
+        ),
+    ),
+    "warning": (PASSED.model_copy(update={"expectations": (TRAVEL, UPRIGHT)}),),
+    "crash": (
+        Outcome(
+            name="burger falls apart",
+            file=WALL,
+            status="error",
+            failures=(
+                Failure(
+                    kind="crash",
+                    title="SIGSEGV",
+                    message="the process of this scenario was ended by SIGSEGV; sim time had come to 1.20 s",
+                    details="controller: wall ahead\n```\nnot the end of the fence",
+                ),
+            ),
+            wall_time=0.71,
+        ),
+    ),
+    "invalid": (
+        Outcome(
+            name="broken.sim.yml",
+            file="scenarios/broken.sim.yml",
+            status="error",
+            failures=tuple(
+                Failure(kind="invalid", title="invalid scenario", message=message, location=location)
+                for message, location in (
+                    (
+                        "'parsec' is not a unit of time; use one of: s, ms, us, min, h",
+                        Location("scenarios/broken.sim.yml", 9, 13),
+                    ),
+                    (
+                        "'travl' is not an assertion; did you mean 'travel'?",
+                        Location("scenarios/broken.sim.yml", 7, 5),
+                    ),
+                )
+            ),
+        ),
+    ),
+    "interrupted": (
+        PASSED,
+        Outcome(
+            name="burger circles",
+            file="scenarios/circle.sim.yml",
+            status="error",
+            failures=(
+                Failure(
+                    kind="interrupted",
+                    title="interrupted",
+                    message="the run was interrupted before this scenario was over",
+                ),
+            ),
+        ),
+    ),
+    "hostile": (
+        PASSED.model_copy(
+            update={
+                "name": HOSTILE,
+                "status": "failed",
+                "expectations": (
+                    SHORT.model_copy(
+                        update={
+                            "name": HOSTILE,
+                            "verdict": Verdict(False, 1.0, 2.0, -1.0, "m", 1.0, HOSTILE),
+                            "location": Location("scenarios/a b|c,d:e%.sim.yml", 3, 1),
+                        }
+                    ),
+                ),
+                "notes": (HOSTILE,),
+                "output": f"[[ATTACHMENT|/etc/passwd]]\n[\x00[ATTACHMENT|/etc/shadow]]\n{HOSTILE}\n````\n</details>",
+            }
+        ),
+        Outcome(
+            name=HOSTILE,
+            file="scenarios/a b|c,d:e%.sim.yml",
+            status="error",
+            failures=(
+                Failure(kind="script", title=HOSTILE, message=HOSTILE, details=f"{HOSTILE}\n````\n# no heading"),
+            ),
+        ),
+    ),
+    "nothing": (),
+}
+
+MakeResults = Callable[..., Results]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-golden", action="store_true", help="write the golden files of the reports anew")
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
+    """Compares a text with a golden file; a missing file is a failure unless the files are being updated."""
+
+    def compare(name: str, text: str) -> None:
+        path = GOLDEN / name
+        if request.config.getoption("--update-golden", default=False):
+            path.write_text(text, encoding="utf-8", newline="\n")
+        assert path.exists(), f"no golden file {name}; see conftest.py"
+        assert text == path.read_text(encoding="utf-8")
+
+    return compare
+
+
+@pytest.fixture
+def make_results() -> MakeResults:
+    """Results of the outcomes given."""
+
+    def make(*outcomes: Outcome) -> Results:
+        return Results(sim_action="0.1.0", python="3.11.7", platform="Linux-x86_64", wall_time=1.25, outcomes=outcomes)
+
+    return make
+
+
+@pytest.fixture
+def samples(make_results: MakeResults) -> dict[str, Results]:
+    """Results of each kind, by its name."""
+    return {kind: make_results(*outcomes) for kind, outcomes in SAMPLES.items()}
+
+
+@pytest.fixture(params=sorted(SAMPLES))
+def kind(request: pytest.FixtureRequest) -> str:
+    """Each kind of results in turn."""
+    name: str = request.param
+    return name
+
+
+@pytest.fixture
+def hostile() -> str:
+    """A text with everything in it that acts somewhere."""
+    return HOSTILE
+
+
+@pytest.fixture
+def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ReportOptions:
+    """Reports of a run in an empty workspace, which is the current folder."""
+    monkeypatch.chdir(tmp_path)
+    folder = Path("sim-results")
+    return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=tmp_path)

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sim_action.errors import Location
+from sim_action.outcome import Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.annotations import write_annotations
+
+Samples = dict[str, Results]
+MakeResults = Callable[..., Results]
+
+ON_GITHUB = {"GITHUB_ACTIONS": "true"}
+COMMAND = re.compile(r"::(error|warning) (?:[a-z]+=[^:,\r\n]*,)*title=[^:,\r\n]*::[^\r\n]*")
+
+
+def lines(results: Results, options: ReportOptions) -> list[str]:
+    with contextlib.redirect_stdout(io.StringIO()) as stream:
+        write_annotations(results, replace(options, environment=ON_GITHUB))
+    text = stream.getvalue()
+    assert text == "" or text.endswith("\n")
+    return text.split("\n")[:-1]
+
+
+def test_a_failure_stands_on_the_line_of_its_assertion(samples: Samples, options: ReportOptions) -> None:
+    error, warning = lines(samples["failed"], options)[-2:]
+    assert error == (
+        "::error file=scenarios/straight.sim.yml,line=8,col=5,title=burger drives straight%3A travel at least 1.5 m"
+        "::travelled 1.12 m of 1.5 m in 30.0 s"
+    )
+    assert warning == (
+        "::warning file=scenarios/wall.sim.yml,line=14,col=5,title=burger stops before the wall%3A stays up"
+        "::tilted 30 deg at 1.25 s, more than 20 deg"
+    )
+
+
+def test_each_problem_of_an_invalid_scenario(samples: Samples, options: ReportOptions) -> None:
+    found = lines(samples["invalid"], options)
+    assert [line.split(",")[1] for line in found] == ["line=9", "line=7"]
+
+
+def test_without_a_place_it_is_the_file(samples: Samples, options: ReportOptions) -> None:
+    (line,) = lines(samples["crash"], options)
+    assert line.startswith("::error file=scenarios/wall.sim.yml,title=burger falls apart%3A SIGSEGV::the process")
+
+
+def test_nothing_outside_of_github(
+    samples: Samples, options: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_annotations(samples["failed"], options)
+    assert capsys.readouterr().out == ""
+
+
+def test_nothing_of_what_passed(samples: Samples, options: ReportOptions) -> None:
+    assert lines(samples["passed"], options) == []
+
+
+@pytest.mark.parametrize(("count", "shown", "last"), [(10, 10, None), (11, 10, "2 more"), (40, 10, "31 more")])
+def test_at_most_ten_of_each(
+    *, count: int, shown: int, last: str | None, samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    failed, warned = samples["failed"].outcomes[2], samples["warning"].outcomes[0]
+    found = lines(make_results(*[warned] * count, *[failed] * count), options)
+    for level in ("error", "warning"):
+        chosen = [line for line in found if line.startswith(f"::{level} ")]
+        assert len(chosen) == shown
+        if last:
+            assert chosen[-1] == f"::{level} title=sim-action::{last}, see the summary"
+        else:
+            assert "more" not in chosen[-1].rsplit("::", 1)[0]
+
+
+def test_at_most_4096_characters(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+    (failure,) = samples["crash"].outcomes[0].failures
+    long = failure.model_copy(update={"message": "%" * 5000})
+    crashed = samples["crash"].outcomes[0].model_copy(update={"failures": (long,)})
+    (line,) = lines(make_results(crashed), options)
+    assert 4090 < len(line) <= 4096
+    assert re.search(r"(%25)+…$", line)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(name=st.text(), message=st.text(), file=st.text())
+def test_one_line_and_one_command_each(
+    *, name: str, message: str, file: str, samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    (failure,) = samples["crash"].outcomes[0].failures
+    hostile = failure.model_copy(update={"title": name, "message": message, "location": Location(file, 1)})
+    outcome = Outcome(name=name, file=file, status="error", failures=(hostile,))
+    (line,) = lines(make_results(outcome), options)
+    assert COMMAND.fullmatch(line)
+    assert len(line.splitlines()) == 1

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from hypothesis import given
+from hypothesis import strategies as st
+from markdown_it import MarkdownIt
+
+from sim_action.reports.escaping import (
+    command_data,
+    command_property,
+    log_text,
+    markdown_block,
+    markdown_text,
+    one_line,
+    plain_text,
+    shortened,
+    shortened_command,
+)
+
+# What text strategies seldom find by themselves.
+NASTY = (
+    "|",
+    "`",
+    "```",
+    "\r",
+    "\n",
+    "\x00",
+    "\x1b[31m",
+    "::",
+    "%0A",
+    "]]>",
+    "@a",
+    "#1",
+    "<b>",
+    "\u2028",
+    "##[",
+    "\\",
+    "_",
+)
+texts = st.lists(st.one_of(st.text(max_size=6), st.sampled_from(NASTY)), max_size=12).map("".join)
+commonmark = MarkdownIt("commonmark").enable("table")
+
+
+@given(texts)
+def test_plain_text_is_well_formed_in_xml(text: str) -> None:
+    element = ET.Element("a")
+    element.text = plain_text(text)
+    assert (ET.fromstring(ET.tostring(element)).text or "") == plain_text(text)
+
+
+def test_plain_text_drops_what_xml_forbids() -> None:
+    assert plain_text("a\x00\x08\x1f\ud800\udfff\ufffe\uffffb\tc\nd") == "ab\tc\nd"
+
+
+def test_plain_text_drops_terminal_sequences_and_reordering() -> None:
+    assert plain_text("\x1b[1;31mred\x1b[0m \x1b]0;title\x07\u202egnp.exe") == "red gnp.exe"
+
+
+def test_plain_text_knows_every_line_end() -> None:
+    assert plain_text("a\r\nb\rc\u2028d\x85e") == "a\nb\nc\nd\ne"
+
+
+@given(texts)
+def test_markdown_text_stays_in_its_cell_and_is_text(text: str) -> None:
+    tokens = commonmark.parse(f"| a | b |\n| --- | --- |\n| {markdown_text(text)} | end |\n")
+    cells = [token for token in tokens if token.type == "td_open"]
+    inlines = [token for token in tokens if token.type == "inline"]
+    assert len(cells) == 2
+    assert {child.type for token in inlines for child in token.children or ()} <= {"text", "text_special"}
+    assert inlines[-1].content == "end"
+
+
+@given(texts)
+def test_markdown_text_reads_as_it_was_written(text: str) -> None:
+    tokens = commonmark.parseInline(markdown_text(text))
+    read = "".join(child.content for child in tokens[0].children or ())
+    assert read.replace("\u200b", "") == one_line(text).replace("\u200b", "")
+
+
+def test_markdown_text_leaves_names_readable() -> None:
+    assert markdown_text("base_link has _one_ tail_") == "base_link has &#95;one&#95; tail&#95;"
+
+
+def test_markdown_text_notifies_nobody() -> None:
+    assert markdown_text("@octocat #12 http://a www.b") == ("@&#8203;octocat &#35;&#8203;12 http&#58;//a www&#46;b")
+
+
+@given(texts)
+def test_markdown_block_is_one_block(text: str) -> None:
+    tokens = commonmark.parse(f"{markdown_block(text)}\n\nafter\n")
+    assert [token.type for token in tokens] == ["fence", "paragraph_open", "inline", "paragraph_close"]
+
+
+@given(texts)
+def test_command_data_is_one_line(text: str) -> None:
+    assert len(f"x{command_data(text)}".splitlines()) == 1
+
+
+@given(texts)
+def test_command_property_ends_nowhere(text: str) -> None:
+    assert not set(command_property(text)) & set(":,\r\n")
+
+
+def test_command_data_is_read_back_by_the_runner() -> None:
+    escaped = command_data("50 %\r\nnext%0A")
+    assert escaped == "50 %25%0Anext%250A"
+
+
+@given(texts, st.integers(min_value=1, max_value=30))
+def test_shortened_command_cuts_no_escape(text: str, most: int) -> None:
+    whole = command_data(text)
+    cut = shortened_command(whole, most)
+    assert len(cut) <= most
+    if cut != whole:
+        assert whole.startswith(cut[:-1])
+        assert not cut[:-1].endswith(("%", "%2", "%0"))
+
+
+def test_shortened() -> None:
+    assert shortened("abcdef", 6) == "abcdef"
+    assert shortened("abcdefg", 6) == "abcde…"
+
+
+def test_log_text_shows_what_the_stream_can() -> None:
+    assert log_text("ä ✓", "ascii") == "\\xe4 \\u2713"
+    assert log_text("ä ✓", "utf-8") == "ä ✓"
+
+
+@given(texts)
+def test_log_text_holds_no_legacy_command(text: str) -> None:
+    assert "##[" not in log_text(text, "utf-8")

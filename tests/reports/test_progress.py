@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import io
+import shutil
+import subprocess
+import sys
+
+from sim_action.execution import Listener
+from sim_action.outcome import Results
+from sim_action.reports import Verbosity
+from sim_action.reports.progress import ProgressListener
+
+Samples = dict[str, Results]
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def told(samples: Samples, stream: io.StringIO, verbosity: Verbosity = "normal") -> str:
+    listener = ProgressListener(total=7, verbosity=verbosity, stream=stream)
+    as_execution_sees_it: Listener = listener
+    as_execution_sees_it.progress("burger drives straight", 1.25, 31.4)
+    as_execution_sees_it.finished(samples["passed"].outcomes[0])
+    as_execution_sees_it.finished(samples["crash"].outcomes[0])
+    listener.close()
+    return stream.getvalue()
+
+
+def test_a_line_for_each_that_is_finished(samples: Samples) -> None:
+    assert told(samples, io.StringIO()) == (
+        "[1/7] passed  burger drives straight  2.0 s simulated in 0.4 s\n[2/7] error   burger falls apart  0.7 s\n"
+    )
+
+
+def test_one_rewritten_line_on_a_terminal(samples: Samples) -> None:
+    text = told(samples, Terminal())
+    assert "\n" not in text
+    assert "\r\x1b[K[0/7] burger drives straight 1.2 s (31x real time)" in text
+    assert text.endswith("\r\x1b[K")
+
+
+def test_nothing_when_quiet(samples: Samples) -> None:
+    assert told(samples, io.StringIO(), "quiet") == ""
+    assert told(samples, Terminal(), "quiet") == ""
+
+
+def test_a_name_never_takes_two_lines(samples: Samples) -> None:
+    stream = Terminal()
+    ProgressListener(1, "normal", stream).progress("宽" * 500 + "\nx", 1.0, 1.0)
+    line = stream.getvalue().removeprefix("\r\x1b[K")
+    assert "\n" not in line
+    assert line.count("宽") * 2 < shutil.get_terminal_size().columns
+
+
+def test_hostile_names_command_nothing(samples: Samples, hostile: str) -> None:
+    stream = io.StringIO()
+    listener = ProgressListener(1, "normal", stream)
+    listener.finished(samples["hostile"].outcomes[0])
+    (line,) = stream.getvalue().splitlines()
+    assert line.startswith("[1/1] failed  a|b")
+    assert "##[" not in line
+
+
+def test_children_are_forked_from_a_light_process() -> None:
+    code = """
+import sys, threading
+from sim_action.reports.progress import ProgressListener
+ProgressListener(1, "normal").progress("a", 1.0, 1.0)
+assert "rich" not in sys.modules
+assert threading.active_count() == 1
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from markdown_it import MarkdownIt
+
+from sim_action.outcome import Failure, Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.summary import MOST_BYTES, summary, write_summary
+
+Samples = dict[str, Results]
+MakeResults = Callable[..., Results]
+
+ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/b", "GITHUB_SHA": "c0ffee"}
+
+
+def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"{kind}.md", summary(samples[kind], replace(options, environment=ON_GITHUB)))
+
+
+def test_appends_to_the_file(samples: Samples, options: ReportOptions, tmp_path: Path) -> None:
+    file = tmp_path / "summary.md"
+    file.write_text("before\n")
+    write_summary(samples["passed"], replace(options, environment={"GITHUB_STEP_SUMMARY": str(file)}))
+    assert file.read_text(encoding="utf-8").startswith("before\n## ✅ The scenario passed\n")
+
+
+def test_nothing_without_a_file(samples: Samples, options: ReportOptions, tmp_path: Path) -> None:
+    write_summary(samples["passed"], options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_worst_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+    kinds = ("passed", "warning", "failed", "crash")
+    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in kinds]
+    headings = [line for line in summary(make_results(*outcomes), options).splitlines() if line.startswith("### ")]
+    assert headings == ["### 💥 crash", "### ❌ failed", "### ⚠️ warning", "### ✅ passed"]
+
+
+def test_what_passed_is_folded_and_warnings_are_not(samples: Samples, options: ReportOptions) -> None:
+    assert "<summary>Measurements of what passed (1)</summary>" in summary(samples["passed"], options)
+    assert "what passed" not in summary(samples["warning"], options)
+
+
+def test_details_are_closed(kind: str, samples: Samples, options: ReportOptions) -> None:
+    tokens = MarkdownIt("commonmark").enable("table").parse(summary(samples[kind], options))
+    html = "".join(token.content for token in tokens if token.type == "html_block")
+    assert html.count("<details>") == html.count("</details>")
+
+
+def test_lines_link_to_their_commit(samples: Samples, options: ReportOptions) -> None:
+    text = summary(samples["failed"], replace(options, environment=ON_GITHUB))
+    assert "(https://github.com/a/b/blob/c0ffee/scenarios/straight.sim.yml#L8)" in text
+
+
+def test_500_scenarios_fit_failures_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+    passed = samples["passed"].outcomes[0].model_copy(update={"output": "x" * 10_000})
+    failed = samples["failed"].outcomes[0]
+    failing = [failed.model_copy(update={"name": f"failing {number}"}) for number in range(100)]
+    text = summary(make_results(*[passed] * 400, *failing), options)
+    assert len(text.encode()) < MOST_BYTES
+    assert all(f"### ❌ failing {number}\n" in text for number in range(100))
+    assert text.index("### ❌ failing 99") < text.index("### ✅")
+    assert "more scenarios are left out here" in text
+    assert "<summary>400 scenarios passed</summary>" in text
+
+
+@pytest.mark.parametrize("count", [1, 3, 20_000])
+def test_what_is_huge_fits(count: int, make_results: MakeResults, options: ReportOptions, tmp_path: Path) -> None:
+    file = tmp_path / "summary.md"
+    file.write_text("x" * 500_000)
+    failures = tuple(Failure(kind="script", title="t", message="|" * 9_000, details="`" * 90_000) for _ in range(30))
+    outcome = Outcome(name="n" * 120, file="f", status="error", failures=failures, output="#" * 64_000)
+    write_summary(make_results(*[outcome] * count), replace(options, environment={"GITHUB_STEP_SUMMARY": str(file)}))
+    assert 500_000 < file.stat().st_size <= MOST_BYTES
+
+
+def test_no_room_is_no_error(samples: Samples, options: ReportOptions) -> None:
+    assert summary(samples["failed"], options, most_bytes=100) == ""
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=50)
+@given(text=st.one_of(st.text(), st.text(alphabet="|`<>@#[]()\n\r\\_* ")))
+def test_hostile_text_changes_no_structure(
+    text: str, samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    def structure(hostile: str) -> list[str]:
+        outcome = samples["failed"].outcomes[0]
+        expectations = tuple(
+            expected.model_copy(update={"name": hostile, "verdict": replace(expected.verdict, message=hostile)})
+            for expected in outcome.expectations
+        )
+        changed = {"name": hostile, "expectations": expectations, "notes": (hostile,), "output": f"a{hostile}"}
+        tokens = (
+            MarkdownIt("commonmark")
+            .enable("table")
+            .parse(summary(make_results(outcome.model_copy(update=changed)), options))
+        )
+        return [token.type for token in tokens]
+
+    assert structure(f"a{text}") == structure("a")

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from sim_action.outcome import Results
+from sim_action.reports import ReportOptions, Verbosity
+from sim_action.reports.terminal import print_results
+
+Samples = dict[str, Results]
+
+
+@pytest.fixture(autouse=True)
+def plain_surroundings(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def printed(
+    results: Results, options: ReportOptions, verbosity: Verbosity = "normal", *, encoding: str = "utf-8"
+) -> str:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding, newline="\n")
+    print_results(results, replace(options, verbosity=verbosity), stream)
+    stream.seek(0)
+    return stream.read()
+
+
+@pytest.mark.parametrize("verbosity", ["quiet", "verbose"])
+def test_verbosity(
+    verbosity: Verbosity, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]
+) -> None:
+    golden(f"failed-{verbosity}.txt", printed(samples["failed"], options, verbosity))
+
+
+def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"{kind}.txt", printed(samples[kind], options))
+
+
+def test_worst_stands_last(samples: Samples, options: ReportOptions) -> None:
+    lines = printed(samples["failed"], options).splitlines()
+    titles = [line[0] for line in lines if line[:2] in {"✓ ", "✗ "}]
+    assert titles == ["✓", "✗", "✗"]
+
+
+def test_quiet_is_one_line_if_all_passed(samples: Samples, options: ReportOptions) -> None:
+    assert printed(samples["passed"], options, "quiet") == "1 passed in 1.2 s (1.6x real time)\n"
+
+
+def test_ascii_stream(samples: Samples, options: ReportOptions) -> None:
+    text = printed(samples["failed"], options, encoding="ascii")
+    assert "x no_collision: base_link touched wall" in text
+    assert text.isascii()
+
+
+def test_stream_of_another_encoding_takes_any_text(samples: Samples, options: ReportOptions) -> None:
+    changed = samples["passed"].outcomes[0].model_copy(update={"name": "größer [bold]✓[/bold] :smile:"})
+    text = printed(samples["passed"].model_copy(update={"outcomes": (changed,)}), options, encoding="latin-1")
+    assert "größer [bold]\\u2713[/bold] :smile:" in text
+
+
+def test_colours_only_on_github_and_terminals(samples: Samples, options: ReportOptions) -> None:
+    on_github = {"GITHUB_ACTIONS": "true"}
+    assert "\x1b[" not in printed(samples["failed"], options)
+    assert "\x1b[32m✓" in printed(samples["failed"], replace(options, environment=on_github))
+    no_color = replace(options, environment={**on_github, "NO_COLOR": "1"})
+    assert "\x1b[" not in printed(samples["failed"], no_color)
+
+
+def test_github_obeys_no_command_of_a_stranger(samples: Samples, options: ReportOptions) -> None:
+    on_github = replace(options, environment={"GITHUB_ACTIONS": "true"})
+    text = printed(samples["hostile"], on_github, "verbose")
+    stopped = re.fullmatch(r"::stop-commands::([0-9a-f]{32})\n(.*)\n::\1::\n", text, re.DOTALL)
+    assert stopped
+    inside = stopped.group(2)
+    assert not [line for line in inside.splitlines() if line.lstrip().startswith("::")]
+    assert "##[" not in inside
+    assert stopped.group(1) not in inside
+
+
+def test_control_characters_do_not_reach_the_terminal(samples: Samples, options: ReportOptions) -> None:
+    text = printed(samples["hostile"], options, "verbose")
+    assert not set(text) & {"\x1b", "\x00", "\r", "\u202e"}
+
+
+def test_long_lines_are_left_to_the_terminal(samples: Samples, options: ReportOptions) -> None:
+    changed = samples["passed"].outcomes[0].model_copy(update={"file": "folder/" * 50})
+    text = printed(samples["passed"].model_copy(update={"outcomes": (changed,)}), options)
+    assert "folder/" * 50 in text
