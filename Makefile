@@ -3,7 +3,7 @@ PYTHON ?= $(shell for name in python3.11 python3 python; do "$$name" -c 'import 
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint format docs bench lock clean
+.PHONY: demo test lint format docs picture bench lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -23,6 +23,9 @@ format: $(VENV)/.dev
 
 docs: $(VENV)/.dev ## what is generated from the code: the README's tables, the schema
 	$(BIN)/python docs/generate.py
+
+picture: $(VENV)/.dev ## the README's picture
+	$(BIN)/python docs/picture.py
 
 bench: $(VENV)/.dev ## ratios against the raw engine
 	$(BIN)/python bench/run.py

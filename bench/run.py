@@ -61,12 +61,13 @@ class Ratio:
         )
 
 
-def python(*arguments: str, cwd: Path | None = None) -> Callable[[], object]:
-    """A call of this interpreter, to be timed."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
+def command(*arguments: str, cwd: Path | None = None) -> Callable[[], object]:
+    """A call of a program that lies beside this interpreter, to be timed."""
+    program = Path(sys.executable).parent / arguments[0]
+    environment = {**os.environ, "GITHUB_ACTIONS": ""}
 
     def call() -> object:
-        return subprocess.run([sys.executable, *arguments], cwd=cwd, env=environment, check=True, capture_output=True)
+        return subprocess.run([program, *arguments[1:]], cwd=cwd, env=environment, check=True, capture_output=True)
 
     return call
 
@@ -95,7 +96,7 @@ def write_suite(folder: Path, count: int) -> Path:
 def whole_process(folder: Path) -> Ratio:
     """`sim-action run` of one scenario against a script that does the same by hand."""
     one = write_suite(folder / "one", 1)
-    ours, theirs = python("-m", "sim_action", "run", str(one), cwd=folder), python(str(RAW))
+    ours, theirs = command("sim-action", "run", str(one), cwd=folder), command("python", str(RAW))
     return Ratio(
         "whole process, against a raw script", alternating(lambda: seconds(ours), lambda: seconds(theirs), 7), 1.6
     )
@@ -106,11 +107,13 @@ def further_scenario(folder: Path) -> Ratio:
     few, many = write_suite(folder / "few", FEW), write_suite(folder / "many", MANY)
 
     def ours() -> float:
-        runs = [python("-m", "sim_action", "run", "--jobs", "1", str(suite), cwd=folder) for suite in (many, few)]
+        runs = [command("sim-action", "run", "--jobs", "1", str(suite), cwd=folder) for suite in (many, few)]
         return (seconds(runs[0]) - seconds(runs[1])) / (MANY - FEW)
 
     def theirs() -> float:
-        return (seconds(python(str(RAW), str(MANY))) - seconds(python(str(RAW), str(FEW)))) / (MANY - FEW)
+        return (seconds(command("python", str(RAW), str(MANY))) - seconds(command("python", str(RAW), str(FEW)))) / (
+            MANY - FEW
+        )
 
     return Ratio("each further scenario, against the raw loop", alternating(ours, theirs, 5), 1.2)
 
@@ -118,19 +121,19 @@ def further_scenario(folder: Path) -> Ratio:
 def parallel(folder: Path) -> Ratio:
     """A suite with one job against the same with two."""
     suite = str(write_suite(folder / "suite", SUITE))
-    one, two = (python("-m", "sim_action", "run", "--jobs", jobs, suite, cwd=folder) for jobs in "12")
+    one, two = (command("sim-action", "run", "--jobs", jobs, suite, cwd=folder) for jobs in "12")
     pairs = alternating(lambda: seconds(one), lambda: seconds(two), 3)
     return Ratio(f"{SUITE} scenarios, one job against two", pairs, 1.6, at_most=False)
 
 
 def start_up(folder: Path) -> list[Ratio]:
     """Commands that need no engine against an interpreter that does nothing."""
-    bare = python("-c", "pass")
+    bare = command("python", "-c", "pass")
     scenario = str(write_suite(folder / "start-up", 1))
     calls = (("--help", ["--help"], 6.0), ("validate of one file", ["validate", scenario], 20.0))
     ratios = []
     for name, arguments, target in calls:
-        ours = partial(seconds, python("-m", "sim_action", *arguments))
+        ours = partial(seconds, command("sim-action", *arguments))
         pairs = alternating(ours, partial(seconds, bare), 15)
         ratios.append(Ratio(f"{name}, against python -c pass", pairs, target))
     return ratios

@@ -1,13 +1,35 @@
 """YAML text -> Scenario -> Simulation(Backend, Commands, Monitors) -> Trace + Verdicts -> Outcome -> Reports.
 
 The names exported here are what a controller script needs: what it is given (`Observation`) and what it may
-return (`Twist`, `JointTargets`).
+return (`Twist`, `JointTargets`). They are imported at first use, so that `sim-action --help` does not wait for them.
 """
 
-from sim_action.command import Command, JointTargets
-from sim_action.geometry import Pose, Twist
-from sim_action.observation import Contact, JointState, Observation
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim_action.command import Command, JointTargets
+    from sim_action.geometry import Pose, Twist
+    from sim_action.observation import Contact, JointState, Observation
 
 __version__ = "0.1.0"
 
 __all__ = ["Command", "Contact", "JointState", "JointTargets", "Observation", "Pose", "Twist", "__version__"]
+
+_HOMES = {
+    "Command": "sim_action.command",
+    "Contact": "sim_action.observation",
+    "JointState": "sim_action.observation",
+    "JointTargets": "sim_action.command",
+    "Observation": "sim_action.observation",
+    "Pose": "sim_action.geometry",
+    "Twist": "sim_action.geometry",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOMES[name]), name)

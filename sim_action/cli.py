@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +25,8 @@ _ALLOW_OUTSIDE = click.option(
 
 def main() -> None:
     """The entry point, and the one place that catches errors."""
+    # Looking for pydantic's plugins takes longer than reading a scenario, and nobody's plugin belongs in it.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         code = commands.main(standalone_mode=False, prog_name="sim-action")
     except click.ClickException as error:
@@ -41,7 +42,7 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.FAILED
     except Exception:  # noqa: BLE001 - the last stop: whatever it is, it is a fault of ours
-        traceback.print_exc()
+        sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]  # inside an except clause there is one
         click.echo("sim-action: this is a fault of sim-action; please report it with the lines above", err=True)
         code = ExitCode.INTERNAL
     sys.exit(code)

@@ -22,7 +22,7 @@ from sim_action.scene import Scene, SpecProblems
 from sim_action.spec_errors import spec_errors
 from sim_action.workspace import Workspace
 from sim_action.world import GROUND
-from sim_action.yaml_document import MAX_BYTES, Document, KeyPath, read_document
+from sim_action.yaml_document import MAX_BYTES, Document, KeyPath, location_after, read_document
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -72,8 +72,7 @@ def _read_text(path: Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
-        before = data[: error.start].decode("utf-8").split("\n")
-        where = replace(where, line=len(before), column=len(before[-1]) + 1)
+        where = location_after(str(path), data[: error.start].decode("utf-8"))
         message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
         raise InvalidScenario([Problem(where, message)]) from None
 
@@ -188,7 +187,7 @@ class _Loader:
         try:
             return model.model_validate(data)
         except ValidationError as error:
-            for location, message in spec_errors(model, error):
+            for location, message in spec_errors(model, data, error):
                 # A part that was refused is missing from the whole: that is not a second problem.
                 if not self._has_problem_below((*path, *location)):
                     self._note((*path, *location), message)

@@ -35,14 +35,26 @@ _SENTENCES = {
 }
 
 
-def spec_errors(model: type[BaseModel], error: ValidationError) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Each finding, with the path of the key that it is about."""
+def spec_errors(
+    model: type[BaseModel], data: object, error: ValidationError
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Each finding about `data`, with the path of the key that it is about."""
     for details in error.errors(include_url=False):
-        yield details["loc"], _sentence(model, details)
+        yield details["loc"], _sentence(model, details, _written(data, details))
 
 
-def _sentence(model: type[BaseModel], details: ErrorDetails) -> str:
-    kind, value = details["type"], details["input"]
+def _written(data: Any, details: ErrorDetails) -> object:
+    """The value as it was written: pydantic knows it in SI only."""
+    try:
+        for step in details["loc"]:
+            data = data[step]
+    except (LookupError, TypeError):
+        return details["input"]
+    return data
+
+
+def _sentence(model: type[BaseModel], details: ErrorDetails, value: object) -> str:
+    kind = details["type"]
     key = details["loc"][-1] if details["loc"] else ""
     if kind == "missing":
         # A list of a fixed length reports its entries as pydantic's models report their keys.

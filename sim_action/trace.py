@@ -6,11 +6,11 @@ The simulation loop hands monitors short traces at full rate; what is stored is 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,26 @@ from sim_action.geometry import Pose, Twist, Vector3
 from sim_action.observation import Contact, JointState, Observation
 
 FloatArray = NDArray[np.float64]
+
+COLUMNS: Final = (
+    "time",
+    "base_position_xyz",
+    "base_orientation_xyzw",
+    "base_linear_xyz",
+    "base_angular_xyz",
+    "joint_position",
+    "joint_velocity",
+    "joint_effort",
+)
+"""The columns of a state, and the arrays of a stored trace."""
+
+_WIDTHS: Final = {
+    "time": 1,
+    "base_position_xyz": 3,
+    "base_orientation_xyzw": 4,
+    "base_linear_xyz": 3,
+    "base_angular_xyz": 3,
+}
 
 
 class TraceError(ValueError):
@@ -31,49 +51,87 @@ class Trace:
 
     Attributes:
         joint_names: J names, the order of the joint columns.
-        time: (T,) s since the first command, rising.
-        base_position_xyz: (T, 3) m, origin of the base link.
-        base_orientation_xyzw: (T, 4) unit quaternions.
-        base_linear_xyz: (T, 3) m/s, velocity of the base link's origin.
-        base_angular_xyz: (T, 3) rad/s.
-        joint_position: (T, J) rad, or m if prismatic.
-        joint_velocity: (T, J) rad/s, or m/s.
-        joint_effort: (T, J) N m, or N, of the motors.
+        state: (T, 14 + 3 J), a row a moment; the properties below are its columns, in this order.
         contacts: of the robot with bodies other than the ground, from every step between the first and last moment.
     """
 
     joint_names: tuple[str, ...]
-    time: FloatArray
-    base_position_xyz: FloatArray
-    base_orientation_xyzw: FloatArray
-    base_linear_xyz: FloatArray
-    base_angular_xyz: FloatArray
-    joint_position: FloatArray
-    joint_velocity: FloatArray
-    joint_effort: FloatArray
+    state: FloatArray
     contacts: tuple[Contact, ...] = ()
 
     def __len__(self) -> int:
-        return len(self.time)
+        return len(self.state)
+
+    @classmethod
+    def of_columns(
+        cls, joint_names: tuple[str, ...], contacts: tuple[Contact, ...] = (), **columns: FloatArray
+    ) -> Self:
+        """A trace from its columns; raises ValueError if one is missing or of another length or width."""
+        rows, joints = len(columns["time"]), len(joint_names)
+        for name, column in columns.items():
+            width = _WIDTHS.get(name, joints)
+            if column.shape != ((rows,) if name == "time" else (rows, width)) or column.dtype != np.float64:
+                raise ValueError(f"'{name}' has the shape {column.shape} of {column.dtype}")
+        return cls(joint_names, np.column_stack([columns[name] for name in COLUMNS]), contacts)
 
     @classmethod
     def concatenate(cls, traces: Sequence[Self]) -> Self:
         """Traces of the same robot, one after the other."""
-        columns = {name: np.concatenate([getattr(trace, name) for trace in traces]) for name in _COLUMNS}
-        return cls(
-            joint_names=traces[0].joint_names,
-            contacts=tuple(contact for trace in traces for contact in trace.contacts),
-            **columns,
-        )
+        contacts = tuple(contact for trace in traces for contact in trace.contacts)
+        return cls(traces[0].joint_names, np.concatenate([trace.state for trace in traces]), contacts)
+
+    @property
+    def time(self) -> FloatArray:
+        """(T,) s since the first command, rising."""
+        return self.state[:, 0]
+
+    @property
+    def base_position_xyz(self) -> FloatArray:
+        """(T, 3) m, origin of the base link."""
+        return self.state[:, 1:4]
+
+    @property
+    def base_orientation_xyzw(self) -> FloatArray:
+        """(T, 4) unit quaternions of the base link."""
+        return self.state[:, 4:8]
+
+    @property
+    def base_linear_xyz(self) -> FloatArray:
+        """(T, 3) m/s, velocity of the base link's origin."""
+        return self.state[:, 8:11]
+
+    @property
+    def base_angular_xyz(self) -> FloatArray:
+        """(T, 3) rad/s of the base link."""
+        return self.state[:, 11:14]
+
+    @property
+    def joint_position(self) -> FloatArray:
+        """(T, J) rad, or m if prismatic."""
+        return self._joint_columns(0)
+
+    @property
+    def joint_velocity(self) -> FloatArray:
+        """(T, J) rad/s, or m/s if prismatic."""
+        return self._joint_columns(1)
+
+    @property
+    def joint_effort(self) -> FloatArray:
+        """(T, J) N m, or N if prismatic, of the motors."""
+        return self._joint_columns(2)
+
+    def _joint_columns(self, group: int) -> FloatArray:
+        joints = len(self.joint_names)
+        return self.state[:, 14 + group * joints : 14 + (group + 1) * joints]
 
     def first(self, count: int) -> Self:
         """The first moments, at least one, with the contacts up to the last of them."""
         end = self.time[count - 1]
         return replace(self.rows(slice(count)), contacts=tuple(c for c in self.contacts if c.time <= end))
 
-    def rows(self, wanted: slice | NDArray[np.bool_]) -> Self:
+    def rows(self, wanted: slice) -> Self:
         """Some of the moments, with all contacts."""
-        return replace(self, **{name: getattr(self, name)[wanted] for name in _COLUMNS})
+        return replace(self, state=self.state[wanted])
 
     def between(self, start: float, end: float) -> Self:
         """The moments and contacts with start <= time <= end."""
@@ -126,21 +184,20 @@ class Trace:
 
     def observation(self, index: int) -> Observation:
         """One moment, as a controller sees it, without contacts."""
-        joints = zip(self.joint_position[index], self.joint_velocity[index], self.joint_effort[index], strict=True)
+        time, *base_and_joints = self.state[index].tolist()
+        x, y, z, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz, *joints = base_and_joints
+        count = len(self.joint_names)
+        states = zip(joints[:count], joints[count : 2 * count], joints[2 * count :], strict=True)
         return Observation(
-            time=float(self.time[index]),
-            pose=Pose(tuple(self.base_position_xyz[index].tolist()), tuple(self.base_orientation_xyzw[index].tolist())),
-            twist=Twist(tuple(self.base_linear_xyz[index].tolist()), tuple(self.base_angular_xyz[index].tolist())),
-            joints={name: JointState(*map(float, state)) for name, state in zip(self.joint_names, joints, strict=True)},
+            time=time,
+            pose=Pose((x, y, z), (qx, qy, qz, qw)),
+            twist=Twist((vx, vy, vz), (wx, wy, wz)),
+            joints={name: JointState(*state) for name, state in zip(self.joint_names, states, strict=True)},
         )
-
-    def state(self) -> FloatArray:
-        """(T, 14 + 2 J): time, pose, twist, joint positions and velocities: what a digest is taken of."""
-        return np.column_stack([getattr(self, name) for name in _STATE])
 
     def save(self, path: Path) -> None:
         """Writes the trace as .npz: one array a field, contacts as `contact_*` arrays."""
-        columns = {name: getattr(self, name) for name in _COLUMNS}
+        columns = {name: getattr(self, name) for name in COLUMNS}
         contacts = {
             "contact_time": np.array([c.time for c in self.contacts], dtype=np.float64),
             "contact_link": np.array([c.link for c in self.contacts], dtype=np.str_),
@@ -157,10 +214,9 @@ class Trace:
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 names = tuple(stored["joint_names"].tolist())
-                columns = {name: stored[name] for name in _COLUMNS}
-                _check_shapes(columns, joints=len(names))
+                columns = {name: stored[name] for name in COLUMNS}
                 contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
-                return cls(joint_names=names, contacts=tuple(_contact(*row) for row in contacts), **columns)
+                return cls.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
         except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
             raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -173,7 +229,7 @@ class Digest:
 
     def add(self, trace: Trace) -> None:
         """Takes in the steps that follow."""
-        self._hash.update(np.ascontiguousarray(trace.state(), dtype="<f8").tobytes())
+        self._hash.update(trace.state.astype("<f8", order="C", copy=False).tobytes())
 
     def hexdigest(self) -> str:
         """64 hexadecimal digits."""
@@ -182,8 +238,6 @@ class Digest:
 
 # Sim time is step / rate: two ways to the same moment differ by rounding alone.
 _TIME_EPSILON = 1e-9
-_COLUMNS = tuple(f.name for f in fields(Trace) if f.name not in ("joint_names", "contacts"))
-_STATE = tuple(name for name in _COLUMNS if name != "joint_effort")
 
 
 def _array(values: Any) -> FloatArray:
@@ -193,14 +247,6 @@ def _array(values: Any) -> FloatArray:
 
 def _norm(vectors: FloatArray) -> FloatArray:
     return _array(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
-
-
-def _check_shapes(columns: Mapping[str, Any], joints: int) -> None:
-    """What a file says of itself is not believed."""
-    for name, column in columns.items():
-        width = {"time": (), "base_orientation_xyzw": (4,)}.get(name, (joints,) if name.startswith("joint") else (3,))
-        if column.shape != (len(columns["time"]), *width) or column.dtype != np.float64:
-            raise ValueError(f"'{name}' has the shape {column.shape} of {column.dtype}")
 
 
 def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:

@@ -27,6 +27,7 @@ KeyPath = tuple[str | int, ...]
 
 _INT: Final = re.compile(r"[-+]?[0-9]+")
 _OCTAL_OR_HEX: Final = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
+_LINE_END: Final = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 _SURROGATE: Final = re.compile("[\ud800-\udfff]")
 _FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _CONSTANTS: Final[dict[str, object]] = (
@@ -59,6 +60,12 @@ def read_document(file: str, text: str) -> Document:
     return _Reader(file).read(text)
 
 
+def location_after(file: str, text: str) -> Location:
+    """The place that follows the beginning `text` of a file, lines counted as YAML counts them."""
+    lines = _LINE_END.split(text)
+    return Location(file, len(lines), len(lines[-1]) + 1)
+
+
 class _Refused(Exception):
     """Ends the reading; its problem has been noted."""
 
@@ -82,8 +89,7 @@ class _Reader:
             mark = error.problem_mark or error.context_mark
             self._note(mark, f"not valid YAML: {' '.join(filter(None, (error.context, error.problem)))}")
         except yaml.reader.ReaderError as error:
-            before = text[: error.position].split("\n")
-            where = Location(self._file, len(before), len(before[-1]) + 1)
+            where = location_after(self._file, text[: error.position])
             message = f"the control character U+{ord(text[error.position]):04X} is not allowed; take it out"
             self._problems.append(Problem(where, message))
         if self._problems:

@@ -72,9 +72,7 @@ class NoCollisionMonitor:
     def verdict(self) -> Verdict:
         """Measured: contacts that were not allowed, up to the moment that decided."""
         if self.first is None:
-            return Verdict(
-                True, 0.0, 0.0, 0.0, "", self.end, "touched nothing" + (" else" if len(self.allowed) > 1 else "")
-            )
+            return Verdict(True, 0.0, 0.0, 0.0, "", self.end, "touched nothing" + (" else" if self.allowed else ""))
         x, y, z = self.first.position_xyz
         message = (
             f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "

@@ -19,10 +19,10 @@ import pybullet
 from sim_action import geometry
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
-from sim_action.geometry import Pose, Vector3
+from sim_action.geometry import Pose
 from sim_action.observation import Contact
 from sim_action.scene import Scene
-from sim_action.trace import FloatArray, Trace
+from sim_action.trace import Trace
 from sim_action.world import GROUND, Body, Placement
 
 GRAVITY: Final = 9.80665
@@ -227,50 +227,34 @@ class PyBulletBackend:
         return (*position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
 
     def _trace(self, first_step: int, rows: list[tuple[float, ...]], contacts: tuple[Contact, ...] = ()) -> Trace:
-        state = np.array(rows, dtype=np.float64)
-        position, orientation, linear, angular = state[:, 0:3], state[:, 3:7], state[:, 7:10], state[:, 10:13]
-        position, orientation, linear = _link_frame(position, orientation, linear, angular, self._com_in_link)
-        joint_position, joint_velocity, joint_effort = state[:, 13:].reshape(len(rows), 3, -1).swapaxes(0, 1)
-        return Trace(
-            joint_names=self._joint_names,
-            time=np.arange(first_step, first_step + len(rows)) / self._rate,
-            base_position_xyz=position,
-            base_orientation_xyzw=orientation,
-            base_linear_xyz=linear,
-            base_angular_xyz=angular,
-            joint_position=joint_position,
-            joint_velocity=joint_velocity,
-            joint_effort=joint_effort,
-            contacts=contacts,
-        )
+        times = [step / self._rate for step in range(first_step, first_step + len(rows))]
+        state = np.column_stack((times, np.array(rows, dtype=np.float64)))
+        trace = Trace(self._joint_names, state, contacts)
+        if self._com_in_link != Pose():
+            _move_to_link_frame(trace, self._com_in_link)
+        return trace
 
 
-def _link_frame(
-    com_xyz: FloatArray, com_xyzw: FloatArray, com_linear: FloatArray, angular: FloatArray, com_in_link: Pose
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Positions, orientations and velocities of the link frame from those of the centre of mass."""
-    if com_in_link == Pose():
-        return com_xyz, com_xyzw, com_linear
-    orientation = com_xyzw
+def _move_to_link_frame(trace: Trace, com_in_link: Pose) -> None:
+    """Makes poses and velocities of the centre of mass those of the link frame, in place.
+
+    Column by column: what is computed for a moment must not depend on how many moments a block has, which products of
+    matrices do not promise.
+    """
+    orientation = trace.base_orientation_xyzw
     if com_in_link.orientation_xyzw != geometry.IDENTITY:
         turned_back = geometry.conjugate(com_in_link.orientation_xyzw)
-        orientation = np.stack(geometry.multiply(tuple(com_xyzw.T), turned_back), axis=1)
-    offset = _rotate(orientation, com_in_link.position_xyz)
-    return com_xyz - offset, orientation, com_linear - _cross(angular, offset)
-
-
-def _rotate(rotations: FloatArray, vector: Vector3) -> FloatArray:
-    """One vector, after each of the rotations."""
-    axes, w = rotations[:, :3], rotations[:, 3:]
-    turned = _cross(axes, np.array([vector]))
-    turned_twice: FloatArray = np.array(vector) + 2 * (w * turned + _cross(axes, turned))
-    return turned_twice
-
-
-def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    """numpy.cross row by row; that one takes four times as long for the few rows of a block."""
-    (ax, ay, az), (bx, by, bz) = first.T, second.T
-    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=1)
+        orientation[:] = np.stack(geometry.multiply(tuple(orientation.T), turned_back), axis=1)
+    x, y, z, w = orientation.T
+    wx, wy, wz = trace.base_angular_xyz.T
+    # The offset after the rotation: c + w t + axis x t, where t = 2 axis x c.
+    cx, cy, cz = com_in_link.position_xyz
+    tx, ty, tz = 2 * (y * cz - z * cy), 2 * (z * cx - x * cz), 2 * (x * cy - y * cx)
+    ox, oy, oz = cx + w * tx + y * tz - z * ty, cy + w * ty + z * tx - x * tz, cz + w * tz + x * ty - y * tx
+    for column, offset in enumerate((ox, oy, oz)):
+        trace.base_position_xyz[:, column] -= offset
+    for column, speed in enumerate((wy * oz - wz * oy, wz * ox - wx * oz, wx * oy - wy * ox)):
+        trace.base_linear_xyz[:, column] -= speed
 
 
 def _shape(body: Body) -> dict[str, Any]:

@@ -44,7 +44,8 @@ class ScriptCommands(CommandSource):
         except OSError as error:
             yield ("script",), f"{self.script}: cannot be read: {error.strerror}"
         except SyntaxError as error:
-            yield ("script",), f"{self.script}:{error.lineno}: not valid Python: {error.msg}"
+            line = "" if error.lineno is None else f":{error.lineno}"
+            yield ("script",), f"{self.script}{line}: not valid Python: {error.msg}"
         except (ValueError, RecursionError, MemoryError) as error:
             yield ("script",), f"{self.script}: not valid Python: {error}"
         else:

@@ -184,7 +184,7 @@ def test_the_same_steps_in_other_blocks_are_the_same_to_the_last_bit(tmp_path: P
         with scene(tmp_path, LOPSIDED, at(z=1)) as backend:
             done, parts = 0, []
             for steps in blocks:
-                parts.append(backend.advance(done, steps, []).state())
+                parts.append(backend.advance(done, steps, []).state)
                 done += steps
         return np.concatenate(parts).tobytes()
 

@@ -87,7 +87,7 @@ def test_at_most_4096_characters(samples: Samples, make_results: MakeResults, op
     assert re.search(r"(%25)+…$", line)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(name=st.text(), message=st.text(), file=st.text())
 def test_one_line_and_one_command_each(
     *, name: str, message: str, file: str, samples: Samples, make_results: MakeResults, options: ReportOptions

@@ -171,7 +171,7 @@ def test_strict_mode_drops_nothing_else(kind: str, samples: Samples, options: Re
     assert ET.tostring(full) == ET.tostring(strict)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=50)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(text=st.text())
 def test_any_text_survives_as_text(
     text: str, samples: Samples, make_results: Callable[..., Results], options: ReportOptions

@@ -59,7 +59,7 @@ def test_nothing_without_a_file(samples: dict[str, Results], options: ReportOpti
     assert list(tmp_path.iterdir()) == []
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=50)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(folder=st.text(st.characters(exclude_characters="\0\r", exclude_categories=["Cs"]), min_size=1))
 def test_no_path_forges_an_output(
     folder: str, samples: dict[str, Results], options: ReportOptions, tmp_path: Path

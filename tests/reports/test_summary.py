@@ -84,7 +84,7 @@ def test_no_room_is_no_error(samples: Samples, options: ReportOptions) -> None:
     assert summary(samples["failed"], options, most_bytes=100) == ""
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=50)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(text=st.one_of(st.text(), st.text(alphabet="|`<>@#[]()\n\r\\_* ")))
 def test_hostile_text_changes_no_structure(
     text: str, samples: Samples, make_results: MakeResults, options: ReportOptions

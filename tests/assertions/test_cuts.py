@@ -1,0 +1,125 @@
+"""The invariant of the whole design: a monitor that sees a trace in pieces says what it says of the whole."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_action.assertions import ASSERTIONS, Assertion, Monitor
+from sim_action.assertions.joint import JointReading
+from sim_action.assertions.max_speed import MaxSpeed
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.path_length import PathLength
+from sim_action.assertions.reach import Reach
+from sim_action.assertions.stay_within import StayWithin
+from sim_action.assertions.travel import Travel
+from sim_action.assertions.upright import Upright
+from sim_action.assertions.window import Window
+from sim_action.observation import Contact
+from sim_action.trace import Trace
+from tests.traces import WHEELS, contact, monitor, piece
+
+STEPS = 60
+RATE = 240
+
+SPECS: list[Assertion] = [
+    Travel(at_least=0.5),
+    Travel(at_least=0.25, at_most=0.75),
+    Travel(at_most=0.5),
+    PathLength(at_least=2.0),
+    PathLength(at_least=1.0, at_most=3.0),
+    PathLength(at_most=2.0),
+    Reach(x=0.3, y=0.3, tolerance=0.2),
+    Reach(x=0.0, y=0.3, z=0.1, tolerance=0.3),
+    Reach(x=0.0, y=0.3, yaw=1.0, tolerance=0.5, yaw_tolerance=0.5),
+    NoCollision(),
+    NoCollision(allow=("wall", "base_scan")),
+    Upright(max_tilt=0.6),
+    MaxSpeed(linear=2.0),
+    MaxSpeed(linear=2.0, angular=2.0),
+    StayWithin(x=(-0.5, 0.5), y=(-0.4, 0.4)),
+    StayWithin(z=(-0.3, 0.5)),
+    JointReading(name=WHEELS[0], at_least=0.5),
+    JointReading(name=WHEELS[1], reading="velocity", at_most=2.0, at_least=1.0),
+    JointReading(name=WHEELS[0], reading="effort", near=1.0, tolerance=0.1),
+]
+
+
+def random_trace(seed: int, steps: int = STEPS) -> Trace:
+    """A random walk, turning and swaying, with a contact now and then."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(1, steps + 1) / RATE
+    turn = rng.normal(size=(steps, 4)) + np.array((0.0, 0.0, 0.0, 3.0))
+    touches: list[Contact] = [
+        contact(
+            float(at), body=str(rng.choice(["wall", "ball"])), link=str(rng.choice(["base_scan", "base_footprint"]))
+        )
+        for at in time
+        if rng.random() < rng.random() * 0.05
+    ]
+    return Trace.of_columns(
+        joint_names=WHEELS,
+        time=time,
+        base_position_xyz=np.cumsum(rng.normal(scale=0.05, size=(steps, 3)), axis=0),
+        base_orientation_xyzw=turn / np.linalg.norm(turn, axis=1)[:, None],
+        base_linear_xyz=rng.normal(size=(steps, 3)),
+        base_angular_xyz=rng.normal(size=(steps, 3)),
+        joint_position=np.cumsum(rng.normal(scale=0.1, size=(steps, 2)), axis=0),
+        joint_velocity=rng.normal(size=(steps, 2)),
+        joint_effort=rng.normal(size=(steps, 2)),
+        contacts=tuple(touches),
+    )
+
+
+cuts = st.lists(st.integers(0, STEPS), max_size=12)
+seeds = st.integers(0, 2**32 - 1)
+moments = st.integers(0, STEPS + 5).map(lambda step: step / RATE)
+
+
+def in_pieces(opened: Monitor, seen: Trace, at: list[int]) -> Monitor:
+    for start, end in pairwise(sorted([0, *at, len(seen)])):  # equal neighbours make empty blocks
+        opened = opened.observe(piece(seen, start, end))
+    return opened
+
+
+def test_every_assertion_is_among_those_that_are_cut() -> None:
+    assert {spec.key for spec in SPECS} == set(ASSERTIONS)
+
+
+@pytest.mark.parametrize("spec", SPECS, ids=lambda spec: f"{spec.title}")
+@settings(max_examples=40)
+@given(seed=seeds, at=cuts)
+def test_a_monitor_says_the_same_of_the_pieces_as_of_the_whole(spec: Assertion, seed: int, at: list[int]) -> None:
+    seen, opened = random_trace(seed), monitor(spec)
+    whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
+    assert pieces.state is whole.state
+    assert pieces.verdict() == whole.verdict()
+
+
+@pytest.mark.parametrize("spec", SPECS, ids=lambda spec: f"{spec.title}")
+def test_a_monitor_says_the_same_of_single_steps_as_of_the_whole(spec: Assertion) -> None:
+    seen, opened = random_trace(1), monitor(spec)
+    assert in_pieces(opened, seen, list(range(STEPS))).verdict() == opened.observe(seen).verdict()
+
+
+@settings(max_examples=150)
+@given(st.sampled_from(SPECS), seeds, cuts, moments, moments | st.just(math.inf))
+def test_windows_do_not_change_that(spec: Assertion, seed: int, at: list[int], after: float, before: float) -> None:
+    seen, opened = random_trace(seed), Window(monitor(spec), after, before)
+    whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
+    assert pieces.state is whole.state
+    assert pieces.verdict() == whole.verdict()
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(SPECS), seeds)
+def test_observing_leaves_the_earlier_monitor_as_it_was(spec: Assertion, seed: int) -> None:
+    opened = monitor(spec)
+    before = opened.state, opened.verdict()
+    opened.observe(random_trace(seed))
+    assert (opened.state, opened.verdict()) == before

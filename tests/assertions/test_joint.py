@@ -1,0 +1,114 @@
+"""What a joint must do."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from sim_action.assertions.joint import JointReading
+from sim_action.verdict import Verdict
+from tests.traces import burger, judged, monitor, scene, trace
+
+WHEEL = "wheel_left_joint"
+SEEN = trace([1.0, 2.0, 3.0], position=[0.5, 1.25, 1.0], velocity=[0.5, -1.0, 0.0], effort=[3.0, 4.0, 2.0])
+
+
+def test_a_bound_that_is_reached() -> None:
+    verdict = judged(JointReading(name=WHEEL, at_least=1.0), SEEN)
+    assert verdict == Verdict(True, 1.25, 1.0, 0.25, "rad", 2.0, "wheel_left_joint had position 71.62 deg in 2.00 s")
+
+
+def test_a_bound_that_is_not_reached() -> None:
+    verdict = judged(JointReading(name=WHEEL, reading="velocity", at_least=1.0), SEEN)
+    assert (verdict.passed, verdict.measured, verdict.margin, verdict.time) == (False, 0.5, -0.5, 1.0)
+    assert verdict.message == "wheel_left_joint had velocity 28.65 deg/s of 57.3 deg/s in 3.0 s"
+
+
+def test_a_bound_that_is_exceeded() -> None:
+    assert judged(JointReading(name=WHEEL, reading="effort", at_most=3.5), SEEN) == Verdict(
+        False, 4.0, 3.5, -0.5, "N m", 2.0, "wheel_left_joint had effort 4 N m at 2.00 s, more than 3.5 N m"
+    )
+
+
+def test_a_value_that_is_come_near_to() -> None:
+    verdict = judged(JointReading(name=WHEEL, near=1.5, tolerance=0.5), SEEN)
+    assert verdict == Verdict(
+        True, 0.25, 0.5, 0.25, "rad", 2.0, "wheel_left_joint came within 14.32 deg of 85.94 deg in 2.00 s"
+    )
+
+
+def test_a_value_that_is_not_come_near_to() -> None:
+    verdict = judged(JointReading(name=WHEEL, near=1.5, tolerance=0.125), SEEN)
+    assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin) == (False, 0.25, 0.125, -0.125)
+    assert verdict.message == (
+        "wheel_left_joint came no nearer than 14.32 deg to 85.94 deg in 3.0 s; nearest at 2.00 s"
+    )
+
+
+def test_near_needs_a_moment() -> None:
+    verdict = judged(JointReading(name=WHEEL, near=1.0, tolerance=0.1), trace([]))
+    assert (verdict.passed, verdict.message) == (False, "no moment to measure")
+
+
+def test_a_joint_that_slides_is_measured_in_metres() -> None:
+    model = burger()
+    joints = tuple(dataclasses.replace(joint, type="prismatic") for joint in model.joints)
+    slider = scene(dataclasses.replace(model, joints=joints))
+    seen = monitor(JointReading(name=WHEEL, at_most=2.0), where=slider).observe(SEEN)
+    assert seen.verdict().message == "wheel_left_joint had position at most 1.25 m, limit 2 m"
+
+
+def test_a_joint_that_is_not_there_is_a_problem() -> None:
+    ((path, message),) = JointReading(name="wheel_left", at_most=1).problems(scene())
+    assert path == ("name",)
+    assert message == (
+        "the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'? "
+        "(allowed: wheel_left_joint, wheel_right_joint)"
+    )
+
+
+def test_a_fixed_joint_cannot_be_read() -> None:
+    assert list(JointReading(name="scan_joint", at_most=1).problems(scene()))
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ({}, "give 'at_least' or 'at_most', or else 'near' with 'tolerance'"),
+        ({"near": 1, "tolerance": 1, "at_most": 1}, "give 'at_least' or 'at_most', or else"),
+        ({"near": 1}, "'near' and 'tolerance' go together"),
+        ({"at_most": 1, "tolerance": 1}, "'near' and 'tolerance' go together"),
+        ({"near": 1, "tolerance": 0}, "greater than 0"),
+        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 and at most 1"),
+        ({"at_least": "1 N m"}, "'N m' is not a unit of angle or length"),
+        ({"reading": "velocity", "at_least": "1 rad"}, "'rad' is not a unit of angular speed or speed"),
+        ({"reading": "effort", "at_least": "1 m/s"}, "'m/s' is not a unit of torque or force"),
+        ({"reading": "temperature", "at_least": "1 K"}, "'position', 'velocity' or 'effort'"),
+    ],
+)
+def test_what_cannot_be_asked_of_a_joint_is_refused(spec: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        JointReading.model_validate({"name": WHEEL, **spec})
+
+
+@pytest.mark.parametrize(
+    ("spec", "value"),
+    [
+        ({"at_least": "90 deg"}, math.pi / 2),
+        ({"at_least": "5 cm"}, 0.05),
+        ({"reading": "velocity", "at_least": "60 rpm"}, 2 * math.pi),
+        ({"reading": "effort", "at_least": "2 Nm"}, 2.0),
+        ({"reading": "effort", "at_least": -2}, -2.0),
+    ],
+)
+def test_each_reading_has_its_units(spec: dict[str, Any], value: float) -> None:
+    assert JointReading.model_validate({"name": WHEEL, **spec}).at_least == pytest.approx(value)
+
+
+def test_the_title_says_what_is_asked() -> None:
+    spec = JointReading(name="elbow", reading="velocity", at_least=1, at_most=2)
+    assert spec.title == "joint elbow velocity at least 1, at most 2"

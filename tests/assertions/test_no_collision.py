@@ -1,0 +1,76 @@
+"""The robot touches nothing but the ground."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.assertions import State
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.verdict import Verdict
+from tests.traces import contact, judged, monitor, scene, trace
+
+TOUCHED = trace([1.0, 2.0, 3.0], contacts=[contact(2.0), contact(2.0, link="base_scan"), contact(3.0)])
+
+
+def test_a_robot_that_touches_nothing_passes() -> None:
+    assert judged(NoCollision(), trace([1.0, 2.0])) == Verdict(True, 0.0, 0.0, 0.0, "", 2.0, "touched nothing")
+
+
+def test_the_first_contact_is_named() -> None:
+    assert judged(NoCollision(), TOUCHED) == Verdict(
+        False,
+        1.0,
+        0.0,
+        -1.0,
+        "",
+        2.0,
+        "base_footprint touched wall at 2.00 s, at (1.00, 0.25, 0.10) m, with 12.5 N",
+    )
+
+
+def test_the_ground_never_counts() -> None:
+    grounded = trace([1.0], contacts=[contact(1.0, body="ground")])
+    assert judged(NoCollision(), grounded).passed
+    assert judged(NoCollision(allow=("ground",)), grounded).passed
+
+
+def test_a_link_called_ground_is_no_ground() -> None:
+    assert not judged(NoCollision(), trace([1.0], contacts=[contact(1.0, link="ground")])).passed
+
+
+@pytest.mark.parametrize(
+    ("allow", "first"),
+    [
+        ((), "base_footprint"),
+        (("base_footprint",), "base_scan"),
+        (("base_footprint", "base_scan"), None),
+        (("wall",), None),
+        (("ball",), "base_footprint"),
+    ],
+)
+def test_what_is_allowed_does_not_count(allow: tuple[str, ...], first: str | None) -> None:
+    verdict = judged(NoCollision(allow=allow), TOUCHED)
+    assert verdict.passed is (first is None)
+    assert verdict.message.startswith(f"{first} touched" if first else "touched nothing")
+
+
+def test_the_first_contact_of_all_blocks_is_kept() -> None:
+    seen = monitor(NoCollision()).observe(TOUCHED).observe(trace([4.0], contacts=[contact(4.0, body="ball")]))
+    assert seen.state is State.BROKEN
+    assert seen.verdict().time == 2.0
+
+
+def test_names_that_are_not_there_are_problems() -> None:
+    spec = NoCollision(allow=("wall", "wal", "base_scan", "ground"))
+    assert [(path, message.partition(" (")[0]) for path, message in spec.problems(scene())] == [
+        (("allow", 1), "'wal' is neither an object nor a link; did you mean 'wall'?")
+    ]
+
+
+def test_the_title_says_what_may_be_touched() -> None:
+    assert NoCollision().title == "no_collision"
+    assert NoCollision(allow=("wall", "ball")).title == "no_collision but wall, ball"
+
+
+def test_it_asks_for_contacts() -> None:
+    assert NoCollision.watches_contacts

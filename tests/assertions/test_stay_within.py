@@ -1,0 +1,63 @@
+"""The robot does not leave a box."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from sim_action.assertions.stay_within import StayWithin
+from sim_action.verdict import Verdict
+from tests.traces import judged, trace
+
+CURVE = trace([1.0, 2.0, 3.0], x=[0.5, 1.0, 1.5], y=[0.0, -0.5, -2.0])
+
+
+def test_the_nearest_face_speaks_if_all_hold() -> None:
+    assert judged(StayWithin(x=(-1.0, 2.0), y=(-3.0, 3.0)), CURVE) == Verdict(
+        True, 1.5, 2.0, 0.5, "m", 3.0, "stayed within; nearest to x = 2 m with x = 1.5 m at 3.00 s"
+    )
+
+
+def test_a_lower_face_is_left_downwards() -> None:
+    assert judged(StayWithin(y=(-0.25, 1.0)), CURVE) == Verdict(
+        False, -0.5, -0.25, -0.25, "m", 2.0, "left past y = -0.25 m: y = -0.5 m at 2.00 s"
+    )
+
+
+def test_the_face_that_was_passed_first_speaks_though_another_was_passed_by_more() -> None:
+    verdict = judged(StayWithin(x=(0.0, 0.75), y=(-1.0, 1.0)), CURVE)
+    assert (verdict.time, verdict.limit) == (2.0, 0.75)
+
+
+def test_a_face_belongs_to_the_box() -> None:
+    assert judged(StayWithin(x=(0.5, 1.5)), CURVE).margin == 0.0
+
+
+def test_an_axis_left_out_is_free() -> None:
+    assert judged(StayWithin(z=(-0.1, 0.1)), CURVE).passed
+
+
+def test_without_a_moment_there_is_nothing_to_say() -> None:
+    assert judged(StayWithin(x=(0.0, 1.0)), trace([])).message == "no moment to measure"
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ({}, "give at least one of 'x', 'y' and 'z'"),
+        ({"x": (1, -1)}, "the bounds of 'x' are the wrong way round: 1 is not below -1"),
+        ({"x": (1, 1)}, "the bounds of 'x' are the wrong way round: 1 is not below 1"),
+        ({"x": ("1 s", 2)}, "'s' is not a unit of length"),
+        ({"x": (1,)}, "Field required"),
+    ],
+)
+def test_boxes_that_are_none_are_refused(spec: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        StayWithin.model_validate(spec)
+
+
+def test_the_title_says_what_is_asked() -> None:
+    spec = StayWithin.model_validate({"x": ("-1 m", "2 m"), "z": (0, "50 cm")})
+    assert spec.title == "stay_within x -1 m to 2 m, z 0 m to 0.5 m"

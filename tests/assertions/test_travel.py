@@ -1,0 +1,70 @@
+"""How far the robot is from where it stood."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.assertions import State
+from sim_action.assertions.travel import Travel
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import Observation
+from sim_action.verdict import Verdict
+from tests.traces import judged, monitor, trace
+
+THERE_AND_BACK = trace([1.0, 2.0, 3.0], x=[0.5, 1.25, 0.25])
+
+
+def test_a_goal_that_is_met_says_when() -> None:
+    assert judged(Travel(at_least=1.0), THERE_AND_BACK) == Verdict(
+        True, 1.25, 1.0, 0.25, "m", 2.0, "travelled 1.25 m in 2.00 s"
+    )
+
+
+def test_a_goal_is_met_at_its_limit() -> None:
+    assert judged(Travel(at_least=1.25), THERE_AND_BACK).margin == 0.0
+
+
+def test_a_shortfall_says_how_far_it_got() -> None:
+    assert judged(Travel(at_least=1.5), THERE_AND_BACK) == Verdict(
+        False, 1.25, 1.5, -0.25, "m", 2.0, "travelled 1.25 m of 1.5 m in 3.0 s"
+    )
+
+
+def test_an_upper_bound_that_holds_says_how_near_it_came() -> None:
+    assert judged(Travel(at_most=1.5), THERE_AND_BACK) == Verdict(
+        True, 1.25, 1.5, 0.25, "m", 2.0, "travelled at most 1.25 m, limit 1.5 m"
+    )
+
+
+def test_an_upper_bound_is_broken_at_the_first_moment_beyond() -> None:
+    assert judged(Travel(at_most=1.0), THERE_AND_BACK) == Verdict(
+        False, 1.25, 1.0, -0.25, "m", 2.0, "travelled 1.25 m at 2.00 s, more than 1 m"
+    )
+
+
+@pytest.mark.parametrize(
+    ("at_least", "at_most", "state", "passed"),
+    [
+        (1.0, 1.5, State.HOLDS, True),
+        (1.5, 2.0, State.PENDING, False),
+        (0.5, 1.0, State.BROKEN, False),
+    ],
+)
+def test_with_both_bounds_a_broken_one_decides_else_the_goal(
+    at_least: float, at_most: float, state: State, passed: bool
+) -> None:
+    seen = monitor(Travel(at_least=at_least, at_most=at_most)).observe(THERE_AND_BACK)
+    assert seen.state is state
+    assert seen.verdict().passed is passed
+
+
+def test_travel_is_measured_on_the_ground_from_the_start() -> None:
+    start = Observation(0.0, Pose((1.0, 1.0, 5.0)), Twist(), {})
+    seen = trace([1.0], x=[4.0], y=[5.0], z=[100.0])
+    assert judged(Travel(at_least=5.0), seen, start).measured == 5.0
+
+
+def test_without_a_moment_a_goal_fails_and_says_so() -> None:
+    assert judged(Travel(at_least=1.0), trace([])) == Verdict(
+        False, None, 1.0, None, "m", None, "travelled nothing: no moment to measure"
+    )

@@ -1,0 +1,88 @@
+"""Time windows around monitors."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from sim_action.assertions import State
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.travel import Travel
+from sim_action.assertions.window import Window
+from sim_action.trace import Trace
+from tests.traces import contact, monitor, trace
+
+FAR = Travel(at_least=2.0)
+NEAR = Travel(at_most=2.0)
+
+
+def window(assertion: Travel | NoCollision, after: float = 0.0, before: float = math.inf) -> Window:
+    return Window(monitor(assertion), after, before)
+
+
+def ride() -> Trace:
+    return trace([1.0, 2.0, 3.0, 4.0], x=[1.0, 2.0, 3.0, 1.0])
+
+
+def test_an_open_window_lets_everything_through() -> None:
+    assert window(FAR).observe(ride()).verdict() == monitor(FAR).observe(ride()).verdict()
+
+
+def test_a_goal_counts_from_after_on() -> None:
+    assert window(FAR, after=2.5).observe(ride()).verdict().time == 3.0
+
+
+def test_both_ends_belong_to_the_window() -> None:
+    assert window(FAR, after=2.0, before=2.0).observe(ride()).verdict().time == 2.0
+
+
+def test_a_goal_that_comes_true_late_is_lost() -> None:
+    late = window(FAR, before=1.5).observe(ride())
+    assert late.state is State.BROKEN
+    assert late.verdict().message == "travelled 1 m of 2 m in 1.0 s"
+
+
+def test_a_goal_is_pending_until_its_window_closes() -> None:
+    early = window(FAR, before=2.5).observe(ride().first(1))
+    assert early.state is State.PENDING
+    assert not early.over
+
+
+def test_a_window_closes_with_the_moment_it_ends_at() -> None:
+    slow = window(Travel(at_least=5.0), before=2.0)
+    assert slow.observe(ride().first(1)).state is State.PENDING
+    assert slow.observe(ride().first(2)).state is State.BROKEN
+
+
+def test_a_goal_met_in_time_stays_met_after_its_window() -> None:
+    assert window(FAR, before=2.0).observe(ride()).state is State.HOLDS
+
+
+def test_an_invariant_may_be_broken_outside_its_window() -> None:
+    assert window(NEAR, before=2.0).observe(ride()).state is State.HOLDS
+    assert window(NEAR, after=3.5).observe(ride()).state is State.HOLDS
+    assert window(NEAR, after=2.5).observe(ride()).state is State.BROKEN
+
+
+def test_contacts_count_inside_the_window_only() -> None:
+    touched = trace([1.0, 2.0, 3.0], contacts=[contact(1.0), contact(3.0)])
+    assert window(NoCollision(), after=2.0, before=2.5).observe(touched).verdict().passed
+    assert window(NoCollision(), after=2.0).observe(touched).verdict().time == 3.0
+
+
+def test_a_contact_between_two_stored_moments_is_seen() -> None:
+    touched = trace([1.0, 2.0], contacts=[contact(1.5)])
+    assert window(NoCollision(), after=1.25, before=1.75).observe(touched).verdict().time == 1.5
+
+
+def test_an_over_window_sees_nothing_more() -> None:
+    over = window(NEAR, before=1.0).observe(ride().first(1))
+    assert over.over
+    assert over.observe(ride()) is over
+
+
+@pytest.mark.parametrize("moments", [trace([]), trace([0.5])])
+def test_before_its_window_a_monitor_has_seen_nothing(moments: Trace) -> None:
+    waiting = window(NEAR, after=1.0).observe(moments)
+    assert waiting.verdict().time is None

@@ -1,0 +1,227 @@
+"""Controllers in Python: what is read of them, and what they may answer."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from sim_action import JointTargets, Twist
+from sim_action.commands import Controller
+from sim_action.commands.script import ScriptCommands
+from sim_action.errors import ScriptError
+from sim_action.scene import Scene
+from sim_action.workspace import Workspace
+from tests.traces import START, scene
+
+GOOD = "from sim_action import Twist\ndef control(observation):\n    return Twist.planar(observation.time + 1)\n"
+
+
+@pytest.fixture(autouse=True)
+def search_path() -> Iterator[None]:
+    """Scripts may import their neighbours: in a process of their own. Here it must not last."""
+    before, modules = list(sys.path), set(sys.modules)
+    yield
+    sys.path[:] = before
+    for name in set(sys.modules) - modules:
+        if name.startswith("neighbour"):
+            del sys.modules[name]
+
+
+def problems(folder: Path, spec: ScriptCommands) -> list[tuple[tuple[str | int, ...], str]]:
+    return list(spec.problems(Workspace(folder, folder)))
+
+
+def written(folder: Path, text: str) -> ScriptCommands:
+    (folder / "controller.py").write_text(text, encoding="utf-8")
+    return ScriptCommands(script="controller.py")
+
+
+def opened(folder: Path, text: str) -> Controller:
+    there = scene()
+    spec = written(folder, text)
+    return spec.open(Scene(there.robot, there.model, there.world, there.physics, Workspace(folder, folder)))
+
+
+def answer(folder: Path, body: str) -> object:
+    return opened(folder, f"import sim_action as sim\ndef control(seen):\n    {body}\n")(START)
+
+
+def refusal(folder: Path, body: str) -> ScriptError:
+    with pytest.raises(ScriptError) as raised:
+        answer(folder, body)
+    return raised.value
+
+
+def test_a_good_script_has_no_problems_and_is_not_run(tmp_path: Path) -> None:
+    spec = written(tmp_path, GOOD + "\nopen('ran', 'w')\nraise SystemExit\n")
+    assert problems(tmp_path, spec) == []
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "control = lambda seen: None",
+        "control: object = print",
+        "a, control = 1, print",
+        "from neighbour import control",
+        "from neighbour import drive as control",
+        "from neighbour import *",
+        "import neighbour as control",
+        "class control: pass",
+        "if True:\n    def control(seen): ...",
+        "try:\n    import fast\n    control = fast.control\nexcept ImportError:\n    def control(seen): ...",
+        "with open('x') as control: pass",
+        "(control := print)",
+    ],
+)
+def test_a_name_may_be_bound_in_any_way(text: str, tmp_path: Path) -> None:
+    assert problems(tmp_path, written(tmp_path, text)) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("def contrl(seen): ...", "controller.py defines no function 'control'; did you mean 'contrl'?"),
+        ("", "controller.py defines no function 'control' (allowed: none)"),
+        ("def outer():\n    def control(seen): ...", "controller.py defines no function 'control' (allowed: outer)"),
+        ("class A:\n    def control(self): ...", "controller.py defines no function 'control' (allowed: A)"),
+        ("print(control)", "controller.py defines no function 'control' (allowed: none)"),
+        ("x = 1\ndef control(:\n", "controller.py:2: not valid Python: "),
+        ("def control(seen):\nreturn 1", "controller.py:2: not valid Python: expected an indented block"),
+        ("a = '\0'", "controller.py: not valid Python: "),
+        ("(" * 5000, "not valid Python: "),
+    ],
+)
+def test_a_script_that_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
+    ((path, found),) = problems(tmp_path, written(tmp_path, text))
+    assert path == ("script",)
+    assert message in found
+
+
+def test_a_file_that_is_no_text_is_a_problem(tmp_path: Path) -> None:
+    (tmp_path / "controller.py").write_bytes(b"\xff\xfe\x00garbage")
+    ((_, message),) = problems(tmp_path, ScriptCommands(script="controller.py"))
+    assert "not valid Python" in message
+
+
+def test_a_wrong_function_is_told_where_it_is_named(tmp_path: Path) -> None:
+    written(tmp_path, GOOD)
+    ((path, message),) = problems(tmp_path, ScriptCommands(script="controller.py", function="drive"))
+    assert path == ("function",)
+    assert message.startswith("controller.py defines no function 'drive'")
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("absent.py", "does not exist"),
+        (".", "is a folder"),
+        ("../out.py", "outside the workspace"),
+        ("a\0b", "NUL|null"),
+    ],
+)
+def test_a_script_that_is_not_there_is_a_problem(script: str, message: str, tmp_path: Path) -> None:
+    ((path, found),) = problems(tmp_path, ScriptCommands(script=script))
+    assert path == ("script",)
+    assert any(part in found for part in message.split("|"))
+
+
+def test_a_controller_sees_and_answers(tmp_path: Path) -> None:
+    assert opened(tmp_path, GOOD)(START) == Twist.planar(1.0)
+
+
+@pytest.mark.parametrize(
+    ("body", "command"),
+    [
+        ("return None", None),
+        ("pass", None),
+        ("return sim.Twist.planar(1, 2)", Twist.planar(1, 2)),
+        ("return sim.Twist([1, 0, 0], (0, 0, 2))", Twist([1, 0, 0], (0, 0, 2))),  # type: ignore[arg-type]
+        ("return sim.JointTargets(velocity={'wheel_left_joint': 1})", JointTargets(velocity={"wheel_left_joint": 1})),
+        ("return sim.JointTargets()", JointTargets()),
+    ],
+)
+def test_a_command_is_a_twist_joint_targets_or_none(body: str, command: object, tmp_path: Path) -> None:
+    assert answer(tmp_path, body) == command
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("return 1.0", "control() returned a float; it may return a Twist, JointTargets or None"),
+        ("return (1.0, 0.0)", "control() returned a tuple; it may return"),
+        ("return sim.Twist", "control() returned a type; it may return"),
+        ("return sim.Twist(1.0, 0.5)", "Twist.planar(linear, angular) makes one"),
+        ("return sim.Twist((1.0, 0.0), (0.0, 0.0, 0.0))", "Twist.planar(linear, angular) makes one"),
+        ("return sim.Twist((1.0, 0.0, 0.0), (0.5,))", "Twist.planar(linear, angular) makes one"),
+        ("return sim.Twist(('a', 'b', 'c'))", "whose values are not numbers"),
+        ("return sim.Twist.planar(float('nan'))", "in which not every value is finite"),
+        ("return sim.JointTargets(velocity={'wheel_left_joint': None})", "whose values are not numbers"),
+        ("return sim.JointTargets(velocity=[1, 2])", "whose values are not numbers"),
+        ("return sim.JointTargets(effort={'wheel_left_joint': 1e999})", "in which not every value is finite"),
+        (
+            "return sim.JointTargets(velocity={'wheel_left': 1})",
+            "a target for the unknown joint 'wheel_left'; did you mean 'wheel_left_joint'?",
+        ),
+        ("return sim.JointTargets(position={1: 1.0})", "a target for the unknown joint '1'"),
+        ("return sim.JointTargets(position={None: 1.0})", "a target for the unknown joint 'None'"),
+        ("return sim.JointTargets(max_effort={'arm': 1.0})", "a target for the unknown joint 'arm'"),
+        ("return sim.JointTargets(position={'scan_joint': 1.0})", "a target for the unknown joint 'scan_joint'"),
+    ],
+)
+def test_any_other_answer_is_an_error_at_the_script(body: str, message: str, tmp_path: Path) -> None:
+    error = refusal(tmp_path, body)
+    assert message in str(error)
+    assert error.location is not None
+    assert error.location.file == str(tmp_path / "controller.py")
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("return 1 / 0", "the controller raised ZeroDivisionError: division by zero"),
+        ("return seen.speed", "the controller raised AttributeError: 'Observation' object has no attribute 'speed'"),
+        ("raise SystemExit(0)", "the controller raised SystemExit: 0"),
+        ("seen.time = 3", "the controller raised dataclasses.FrozenInstanceError: cannot assign to field 'time'"),
+    ],
+)
+def test_a_controller_that_raises_is_told_with_its_line(body: str, message: str, tmp_path: Path) -> None:
+    error = refusal(tmp_path, body)
+    assert str(error) == message
+    assert error.location is not None
+    assert error.location.line == 3
+
+
+def test_an_error_in_a_neighbour_is_told_with_the_line_that_called_it(tmp_path: Path) -> None:
+    (tmp_path / "neighbour_a.py").write_text("def helps():\n\n\n\n    return {}['x']\n")
+    with pytest.raises(ScriptError, match="KeyError: 'x'") as raised:
+        opened(tmp_path, "import neighbour_a\ndef control(seen):\n    return neighbour_a.helps()\n")(START)
+    assert raised.value.location is not None
+    assert raised.value.location.line == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "line"),
+    [
+        ("\nimport absent_module\n", "ModuleNotFoundError: No module named 'absent_module'", 2),
+        ("import sys\nsys.exit(3)\n", "SystemExit: 3", 2),
+        ("x = 1\ndef control(:\n", "SyntaxError: ", 2),
+        ("control = 5\n", "controller.py defines no function 'control'", None),
+        ("", "controller.py defines no function 'control'", None),
+    ],
+)
+def test_a_script_that_does_not_load_is_an_error(text: str, message: str, line: int | None, tmp_path: Path) -> None:
+    with pytest.raises(ScriptError) as raised:
+        opened(tmp_path, text)
+    assert message in str(raised.value)
+    assert raised.value.location is not None
+    assert raised.value.location.line == line
+
+
+def test_it_runs_code_of_the_users() -> None:
+    assert ScriptCommands.runs_user_code
+    assert not ScriptCommands.needs_drive

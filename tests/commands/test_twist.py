@@ -1,0 +1,74 @@
+"""Twists over time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from sim_action.commands.twist import TwistCommands
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import Observation
+from tests.traces import scene
+
+
+def spec(*segments: dict[str, Any], **others: Any) -> TwistCommands:
+    return TwistCommands.model_validate({"twist": segments, **others})
+
+
+def at(commands: TwistCommands, time: float) -> object:
+    return commands.open(scene())(Observation(time, Pose(), Twist(), {}))
+
+
+@pytest.mark.parametrize(
+    ("time", "twist"),
+    [
+        (0.0, Twist.planar(1.0)),
+        (1.9, Twist.planar(1.0)),
+        (2.0, Twist.planar(0.2, 1.0)),
+        (2.9, Twist.planar(0.2, 1.0)),
+        (3.0, Twist()),
+        (99.0, Twist()),
+    ],
+)
+def test_segments_follow_one_another_and_then_it_stops(time: float, twist: Twist) -> None:
+    commands = spec({"linear": 1.0, "for": "2 s"}, {"linear": 0.2, "angular": "1 rad/s", "for": 1})
+    assert at(commands, time) == twist
+
+
+def test_an_open_segment_lasts_to_the_end() -> None:
+    assert at(spec({"linear": 1.0, "for": 1}, {"linear": 0.5}), 1e6) == Twist.planar(0.5)
+
+
+def test_a_tick_on_a_segments_end_belongs_to_the_next_whatever_the_rounding() -> None:
+    commands = spec(*[{"linear": float(n), "for": 0.1} for n in range(10)])
+    assert [at(commands, n / 10) for n in range(10)] == [Twist.planar(float(n)) for n in range(10)]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        ({"twist": ()}, "at least 1 item"),
+        ({"twist": ({"linear": 1}, {"linear": 2})}, "only the last segment may leave out 'for'"),
+        ({"twist": ({"for": 0},)}, "greater than 0"),
+        ({"twist": ({"for": "-1 s"},)}, "greater than 0"),
+        ({"twist": ({"duration": 1},)}, "Extra inputs"),
+        ({"twist": ({"linear": "1 rad/s"},)}, "'rad/s' is not a unit of speed"),
+        ({"twist": ({"angular": "1 m/s"},)}, "'m/s' is not a unit of angular speed"),
+        ({"twist": ({},), "rate": 0}, "greater than 0"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused(data: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        TwistCommands.model_validate(data)
+
+
+def test_it_needs_a_drive_and_runs_no_code() -> None:
+    assert TwistCommands.needs_drive
+    assert not TwistCommands.runs_user_code
+
+
+def test_it_ticks_at_10_hertz_unless_told_otherwise() -> None:
+    assert spec({}).rate == 10.0
+    assert spec({}, rate="20 Hz").rate == 20.0

@@ -1,0 +1,216 @@
+"""Differential drive: recognition, problems, and the ramps of its wheels."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from sim_action.command import JointTargets
+from sim_action.drives import recognise
+from sim_action.drives.diff import DiffDrive
+from sim_action.geometry import Twist
+from sim_action.robot_model import RobotModel, Shape
+from tests.traces import WHEELS, burger
+
+LEFT, RIGHT = WHEELS
+BURGER = DiffDrive(left=(LEFT,), right=(RIGHT,))
+RADIUS, SEPARATION = 0.033, 0.160
+
+
+def rims(targets: JointTargets) -> tuple[float, float]:
+    """Rim speeds in m/s."""
+    return targets.velocity[LEFT] * RADIUS, targets.velocity[RIGHT] * RADIUS
+
+
+def changed(model: RobotModel, **joints: dict[str, Any]) -> RobotModel:
+    """The model with fields of some joints replaced."""
+    return dataclasses.replace(
+        model, joints=tuple(dataclasses.replace(joint, **joints.get(joint.name, {})) for joint in model.joints)
+    )
+
+
+def without_radii(model: RobotModel) -> RobotModel:
+    links = tuple(
+        dataclasses.replace(
+            link, collisions=tuple(dataclasses.replace(shape, kind="mesh", radius=None) for shape in link.collisions)
+        )
+        for link in model.links
+    )
+    return dataclasses.replace(model, links=links)
+
+
+def problems(drive: DiffDrive, model: RobotModel) -> Sequence[tuple[tuple[str | int, ...], str]]:
+    return list(drive.problems(model))
+
+
+def test_the_burger_is_recognised() -> None:
+    assert recognise(burger()) == BURGER
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        changed(burger(), wheel_left_joint={"name": "wheel_l"}),
+        changed(burger(), wheel_left_joint={"type": "revolute"}),
+        changed(burger(), scan_joint={"type": "continuous", "name": "left_lidar"}),
+        without_radii(burger()),
+        dataclasses.replace(burger(), joints=()),
+    ],
+    ids=["a name that tells nothing", "a joint with limits", "three wheels", "wheels that are meshes", "no joints"],
+)
+def test_what_is_not_plain_is_not_recognised(model: RobotModel) -> None:
+    assert recognise(model) is None
+
+
+def test_the_burger_has_no_problems() -> None:
+    assert problems(BURGER, burger()) == []
+
+
+def test_every_joint_that_is_not_there_is_a_problem_at_its_place() -> None:
+    found = problems(DiffDrive(left=(LEFT, "wheel_left"), right=("scan_joint",)), burger())
+    allowed = "(allowed: wheel_left_joint, wheel_right_joint)"
+    assert found == [
+        (
+            ("left", 1),
+            f"the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'? {allowed}",
+        ),
+        (("right", 0), f"the model has no moving joint 'scan_joint' {allowed}"),
+    ]
+
+
+def test_a_wheel_is_on_one_side() -> None:
+    assert problems(DiffDrive(left=(LEFT,), right=(LEFT, RIGHT)), burger()) == [
+        (("right",), "a wheel cannot be on both sides")
+    ]
+
+
+def test_wheels_at_the_same_place_need_a_separation() -> None:
+    origin = burger().joints_by_name[LEFT].origin
+    stacked = changed(burger(), wheel_right_joint={"origin": origin})
+    ((path, message),) = problems(BURGER, stacked)
+    assert path == ()
+    assert message.endswith("give 'separation'")
+    assert problems(BURGER.model_copy(update={"separation": 0.16}), stacked) == []
+
+
+def test_wheels_without_a_radius_need_one() -> None:
+    ((path, message),) = problems(BURGER, without_radii(burger()))
+    assert path == ()
+    assert message == f"the model does not tell the radius of the wheel at '{LEFT}'; give 'radius'"
+    assert problems(BURGER.model_copy(update={"radius": 0.033}), without_radii(burger())) == []
+
+
+def test_a_description_has_every_figure() -> None:
+    assert BURGER.describe(burger()) == (
+        "diff drive: left wheel_left_joint; right wheel_right_joint; wheel radius 0.033 m, separation 0.16 m, "
+        "acceleration 1 m/s^2"
+    )
+
+
+def test_stated_figures_win_over_the_models() -> None:
+    stated = DiffDrive(left=(LEFT,), right=(RIGHT,), radius=0.5, separation=2.0)
+    assert "wheel radius 0.5 m, separation 2 m" in stated.describe(burger())
+    (targets,) = stated.open(burger(), 1.0).targets(Twist.planar(0.5, 0.25), 1)
+    assert targets.velocity == {LEFT: pytest.approx(0.5), RIGHT: pytest.approx(1.5)}
+
+
+def test_wheels_ramp_at_the_acceleration_and_then_the_plan_ends() -> None:
+    planned = BURGER.open(burger(), 10.0).targets(Twist.planar(0.25), 10)
+    for side in (0, 1):
+        assert [rims(targets)[side] for targets in planned] == pytest.approx([0.1, 0.2, 0.25, 0.25])
+
+
+def test_a_plan_has_no_more_steps_than_asked_for_and_goes_on_from_there() -> None:
+    motion = BURGER.open(burger(), 10.0)
+    first, second = motion.targets(Twist.planar(1.0), 2), motion.targets(Twist.planar(1.0), 2)
+    assert [rims(targets)[0] for targets in (*first, *second)] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+
+
+def test_turning_left_is_the_right_wheel_forward() -> None:
+    (targets,) = BURGER.open(burger(), 0.1).targets(Twist.planar(angular=1.0), 1)
+    assert rims(targets) == pytest.approx((-SEPARATION / 2, SEPARATION / 2))
+
+
+def test_the_mean_of_both_sides_is_the_forward_speed() -> None:
+    (targets,) = BURGER.open(burger(), 0.1).targets(Twist.planar(0.5, 2.0), 1)
+    left, right = rims(targets)
+    assert (left + right) / 2 == pytest.approx(0.5)
+    assert (right - left) / SEPARATION == pytest.approx(2.0)
+
+
+def test_all_wheels_of_a_side_turn_alike() -> None:
+    four = DiffDrive(left=(LEFT, "a"), right=(RIGHT, "b"), radius=0.033, separation=0.16)
+    (targets,) = four.open(burger(), 0.1).targets(Twist.planar(1.0), 1)
+    assert targets.velocity[LEFT] == targets.velocity["a"]
+    assert list(targets.velocity) == [LEFT, "a", RIGHT, "b"]
+
+
+@pytest.mark.parametrize(("torque", "max_effort"), [(None, {}), (2.0, {LEFT: 2.0, RIGHT: 2.0})])
+def test_a_torque_limits_every_wheel(torque: float | None, max_effort: dict[str, float]) -> None:
+    drive = BURGER.model_copy(update={"torque": torque})
+    (targets,) = drive.open(burger(), 0.1).targets(Twist(), 1)
+    assert targets.max_effort == max_effort
+
+
+@given(
+    st.lists(st.tuples(st.floats(-2, 2), st.floats(-5, 5), st.integers(1, 20)), min_size=1, max_size=5),
+    st.floats(0.1, 5),
+)
+def test_no_step_changes_a_rim_by_more_than_the_acceleration(
+    twists: list[tuple[float, float, int]], acceleration: float
+) -> None:
+    motion = BURGER.model_copy(update={"acceleration": acceleration}).open(burger(), 240.0)
+    before = (0.0, 0.0)
+    for linear, angular, steps in twists:
+        for targets in motion.targets(Twist.planar(linear, angular), steps):
+            now = rims(targets)
+            change = max(abs(a - b) for a, b in zip(now, before, strict=True))
+            assert change <= acceleration / 240 * (1 + 1e-9)
+            before = now
+
+
+@given(st.integers(1, 60), st.floats(-1, 1), st.floats(-3, 3))
+def test_a_twist_planned_at_once_is_the_twist_planned_step_by_step(steps: int, linear: float, angular: float) -> None:
+    twist = Twist.planar(linear, angular)
+    whole = BURGER.open(burger(), 60.0).targets(twist, steps)
+    single = BURGER.open(burger(), 60.0)
+    one_by_one = [single.targets(twist, 1)[0] for _ in range(steps)]
+    assert [*whole, *[whole[-1]] * (steps - len(whole))] == one_by_one
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        {"left": [], "right": ["a"]},
+        {"left": ["a"]},
+        {"left": "a", "right": "b"},
+        {"radius": 0},
+        {"separation": "-1 m"},
+        {"acceleration": "1 m/s"},
+        {"acceleration": math.inf},
+        {"torque": 0},
+        {"wheels": 4},
+    ],
+)
+def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
+    full = {"left": ("a",), "right": ("b",), **spec}
+    with pytest.raises(ValidationError):
+        DiffDrive.model_validate(full if "right" in spec or len(spec) == 1 else spec)
+
+
+def test_a_shape_that_is_round_makes_a_wheel() -> None:
+    model = without_radii(burger())
+    links = tuple(
+        dataclasses.replace(link, collisions=(Shape("sphere", link.collisions[0].pose, 0.05),))
+        if "wheel" in link.name
+        else link
+        for link in model.links
+    )
+    assert recognise(dataclasses.replace(model, links=links)) == BURGER

@@ -1,0 +1,65 @@
+"""Wheels of a model: radius and place."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sim_action.drives.wheels import link_pose, wheel
+from sim_action.models.urdf import read_urdf
+from sim_action.robot_model import RobotModel
+from tests.traces import burger
+
+# The axle is turned a quarter about z and the wheel hangs on it: 1 m forward of the axle is 1 m to the left.
+NESTED = """
+<robot name="nested">
+  <link name="base"/><link name="axle"/>
+  <link name="wheel">
+    <collision><geometry><box size="1 1 1"/></geometry></collision>
+    <collision><geometry><cylinder radius="0.25" length="0.1"/></geometry></collision>
+  </link>
+  <link name="block"><collision><geometry><box size="1 1 1"/></geometry></collision></link>
+  <joint name="turn" type="fixed">
+    <parent link="base"/><child link="axle"/><origin xyz="2 0 0.5" rpy="0 0 1.5707963267948966"/>
+  </joint>
+  <joint name="spin" type="continuous"><parent link="axle"/><child link="wheel"/><origin xyz="1 0 0"/></joint>
+  <joint name="drag" type="continuous"><parent link="base"/><child link="block"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def nested(tmp_path: Path) -> RobotModel:
+    (tmp_path / "nested.urdf").write_text(NESTED)
+    return read_urdf(tmp_path / "nested.urdf")
+
+
+def test_the_burgers_wheels_are_as_published() -> None:
+    left, right = (wheel(burger(), f"wheel_{side}_joint") for side in ("left", "right"))
+    assert (left.radius, right.radius) == (0.033, 0.033)
+    assert left.position_xyz == pytest.approx((0, 0.08, 0.033))
+    assert right.position_xyz == pytest.approx((0, -0.08, 0.033))
+
+
+def test_a_wheel_is_placed_through_all_the_joints_above_it(nested: RobotModel) -> None:
+    assert wheel(nested, "spin").position_xyz == pytest.approx((2, 1, 0.5))
+
+
+def test_the_first_round_shape_tells_the_radius(nested: RobotModel) -> None:
+    assert wheel(nested, "spin").radius == 0.25
+
+
+def test_a_block_has_no_radius(nested: RobotModel) -> None:
+    assert wheel(nested, "drag").radius is None
+
+
+def test_the_root_is_where_the_base_is(nested: RobotModel) -> None:
+    assert link_pose(nested, "base").position_xyz == (0.0, 0.0, 0.0)
+    assert link_pose(nested, "wheel").yaw == pytest.approx(math.pi / 2)
+
+
+def test_an_unknown_joint_is_a_key_error(nested: RobotModel) -> None:
+    with pytest.raises(KeyError):
+        wheel(nested, "absent")

@@ -1,0 +1,193 @@
+"""The command line as people and workflows call it: real processes, real files."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import junitparser
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+VALID = """\
+name: {name}
+robot: {{model: turtlebot3_burger}}
+commands: {{twist: [{{linear: 1.0}}]}}
+expect: [{{travel: {{at_least: 5 cm}}}}]
+time_limit: 3 s
+"""
+
+
+def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    return subprocess.run(
+        [sys.executable, "-m", "sim_action", *arguments],
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(ROOT), **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def changed(before: str, after: str) -> str:
+    text = VALID.format(name="changed")
+    assert before in text
+    return text.replace(before, after)
+
+
+BAD = {
+    "empty": "",
+    "not-yaml": "name: [",
+    "duplicate-key": changed("time_limit: 3 s", "time_limit: 3 s\ntime_limit: 4 s"),
+    "unknown-key": changed("time_limit", "time_limt"),
+    "wrong-type": changed("robot: {model: turtlebot3_burger}", "robot: [1, 2]"),
+    "negative-time": changed("3 s", "-3 s"),
+    "nan": changed("3 s", ".nan"),
+    "wrong-unit": changed("3 s", "3 kg"),
+    "unknown-robot": changed("turtlebot3_burger", "turtlebot3_burgr"),
+    "no-model-file": changed("turtlebot3_burger", "missing.urdf"),
+    "outside": changed("turtlebot3_burger", "../../../../etc/passwd"),
+    "no-joint": changed(
+        "{model: turtlebot3_burger}", "{model: turtlebot3_burger, drive: {diff: {left: [left], right: [right]}}}"
+    ),
+    "alias-bomb": "a: &a [x, x, x, x, x, x, x, x, x]\n"
+    + "".join(f"{b}: &{b} [*{a}, *{a}, *{a}, *{a}, *{a}, *{a}, *{a}, *{a}, *{a}]\n" for a, b in pairwise("abcdefgh")),
+    "brackets": "[" * 20_000,
+    "newline-in-name": changed("changed", '"one\\ntwo"'),
+    "control-in-name": changed("changed", '"bell \\a"'),
+    "pipe-in-name": changed("changed", "'a | b'"),
+    "tag-in-name": changed("changed", "'<b>bold'"),
+    "command-in-name": changed("changed", "'::error::gotcha'"),
+    "cdata-in-name": changed("changed", "'x]]>y'"),
+}
+
+
+@pytest.fixture(scope="module")
+def bad_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    folder = tmp_path_factory.mktemp("bad")
+    for name, text in BAD.items():
+        (folder / f"{name}.sim.yml").write_text(text)
+    with (folder / "huge.sim.yml").open("wb") as huge:
+        huge.truncate(100_000_000)
+    for name in ("good-1", "good-2"):
+        (folder / f"{name}.sim.yml").write_text(VALID.format(name=name))
+    (folder / "summary.md").touch()
+    return folder, sim_action(
+        folder, "run", ".", "missing.sim.yml", GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(folder / "summary.md")
+    )
+
+
+def test_bad_input_is_exit_code_2_without_a_traceback(bad_run: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    _, ran = bad_run
+    assert ran.returncode == 2
+    assert "Traceback" not in ran.stdout + ran.stderr
+
+
+@pytest.mark.parametrize("name", [*BAD, "huge", "missing"])
+def test_each_bad_file_is_told_with_its_place_in_every_report(
+    bad_run: tuple[Path, subprocess.CompletedProcess[str]], name: str
+) -> None:
+    folder, ran = bad_run
+    results = json.loads((folder / "sim-results/results.json").read_text())
+    (outcome,) = [found for found in results["outcomes"] if found["file"] == f"{name}.sim.yml"]
+    assert outcome["status"] == "error"
+    assert all(failure["message"] for failure in outcome["failures"])
+    assert re.search(rf"{name}\.sim\.yml(:\d+:\d+)?", ran.stdout)
+    assert name in (folder / "sim-results/junit.xml").read_text()
+    assert name in (folder / "summary.md").read_text().replace("\\", "")
+
+
+def test_the_valid_ones_ran_all_the_same(bad_run: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    folder, _ = bad_run
+    junit = junitparser.JUnitXml.fromfile(str(folder / "sim-results/junit.xml"))
+    assert junit.errors >= len(BAD) + 2
+    passed = [case.classname for suite in junit for case in suite if not case.result]
+    assert sorted(passed) == ["good-1", "good-2"]
+
+
+def test_validate_says_the_same_with_lines_and_columns(bad_run: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    folder, _ = bad_run
+    checked = sim_action(folder, "validate", ".")
+    assert checked.returncode == 2
+    assert checked.stderr == f"2 valid, {len(BAD) + 1} invalid\n"
+    lines = checked.stdout.splitlines()
+    assert all(re.match(r"[\w-]+\.sim\.yml(:\d+:\d+)?: .", line) for line in lines)
+    assert "unknown-key.sim.yml:5:1: time_limt: unknown key; did you mean 'time_limit'?" in checked.stdout
+
+
+def test_no_scenario_is_exit_code_5_and_still_a_junit(tmp_path: Path) -> None:
+    ran = sim_action(tmp_path, "run")
+    assert ran.returncode == 5
+    assert "no scenario in or at '.'" in ran.stderr
+    assert junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml")).tests == 0
+
+
+@pytest.mark.parametrize("arguments", [("run", "--jobs", "0"), ("run", "--nope"), ("nope",), ("run", "-v", "-q")])
+def test_a_wrong_call_is_exit_code_2(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    ran = sim_action(tmp_path, *arguments)
+    assert ran.returncode == 2
+    assert "Traceback" not in ran.stderr
+
+
+def test_an_output_folder_that_cannot_be_is_exit_code_2(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    ran = sim_action(tmp_path, "run", "--output-dir", "file/below")
+    assert ran.returncode == 2
+    assert "cannot write to the output folder" in ran.stderr
+
+
+def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
+    (tmp_path / "a b.sim.yml").write_text(VALID.format(name="with spaces"))
+    ran = sim_action(tmp_path, "run", "a b.sim.yml", "--output-dir", "out put", "--junit", "x/y.xml", "--junit-strict")
+    assert ran.returncode == 0, ran.stderr
+    assert {path.name for path in (tmp_path / "out put").iterdir()} == {"results.json", "traces"}
+    assert "<testcase" in (tmp_path / "x/y.xml").read_text()
+
+
+def test_reading_only_the_beginning_of_the_output_loses_no_report(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim_action", "run", "-v"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    process.wait(60)
+    assert (tmp_path / "sim-results/junit.xml").exists()
+
+
+@pytest.mark.parametrize("command", ["models", "assertions", "commands", "schema"])
+def test_lists_are_printed(tmp_path: Path, command: str) -> None:
+    ran = sim_action(tmp_path, command)
+    assert ran.returncode == 0
+    assert {"models": "turtlebot3_burger", "assertions": "at_least", "commands": "rate", "schema": "$defs"}[
+        command
+    ] in ran.stdout
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("validate", "a.sim.yml"), ("schema",)])
+def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    code = (
+        "import sys\nfrom sim_action.cli import main\n"
+        "try:\n    main()\nfinally:\n    print(sorted({'pybullet', 'numpy', 'rich'} & set(sys.modules)))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.stdout.splitlines()[-1] == "[]", ran.stdout + ran.stderr

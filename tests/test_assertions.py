@@ -1,0 +1,72 @@
+"""What all assertions have in common."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from sim_action.assertions import ASSERTIONS, Assertion, State
+from sim_action.assertions.joint import JointReading
+from sim_action.assertions.max_speed import MaxSpeed
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.path_length import PathLength
+from sim_action.assertions.reach import Reach
+from sim_action.assertions.stay_within import StayWithin
+from sim_action.assertions.travel import Travel
+from sim_action.assertions.upright import Upright
+from tests.traces import WHEELS, monitor, scene, trace
+
+GOALS: list[Assertion] = [
+    Travel(at_least=1.0),
+    PathLength(at_least=1.0, at_most=2.0),
+    Reach(x=5.0, y=5.0),
+    JointReading(name=WHEELS[0], at_least=1.0),
+    JointReading(name=WHEELS[0], near=1.0, tolerance=0.1),
+]
+INVARIANTS: list[Assertion] = [
+    Travel(at_most=1.0),
+    PathLength(at_most=1.0),
+    NoCollision(),
+    Upright(),
+    MaxSpeed(linear=1.0, angular=1.0),
+    StayWithin(x=(-1.0, 1.0)),
+    JointReading(name=WHEELS[0], at_most=1.0),
+]
+
+
+def named(spec: Assertion) -> str:
+    return spec.title
+
+
+@pytest.mark.parametrize("spec", GOALS, ids=named)
+def test_a_goal_is_pending_at_first_and_fails_if_nothing_comes(spec: Assertion) -> None:
+    opened = monitor(spec)
+    assert opened.state is State.PENDING
+    assert not opened.verdict().passed
+    assert opened.observe(trace([0.1])).state is State.PENDING
+
+
+@pytest.mark.parametrize("spec", INVARIANTS, ids=named)
+def test_an_invariant_holds_at_first(spec: Assertion) -> None:
+    assert monitor(spec).state is State.HOLDS
+    assert monitor(spec).observe(trace([0.1])).verdict().passed
+
+
+@pytest.mark.parametrize("spec", [*GOALS, *INVARIANTS], ids=named)
+def test_every_spec_pickles_fits_the_burger_and_is_titled_by_its_key(spec: Assertion) -> None:
+    assert pickle.loads(pickle.dumps(spec)) == spec
+    assert list(spec.problems(scene())) == []
+    assert spec.title.startswith(spec.key)
+
+
+def test_every_assertion_of_the_table_is_tested_here() -> None:
+    assert {spec.key for spec in (*GOALS, *INVARIANTS)} == set(ASSERTIONS)
+
+
+@pytest.mark.parametrize("spec", [*GOALS, *INVARIANTS], ids=named)
+def test_every_verdict_is_of_plain_python_types(spec: Assertion) -> None:
+    verdict = monitor(spec).observe(trace([0.1, 0.2], x=[0.5, 3.0], roll=[0.0, 1.0], position=[0.5, 2.0])).verdict()
+    assert type(verdict.passed) is bool
+    assert {type(value) for value in (verdict.measured, verdict.limit, verdict.margin, verdict.time)} <= {float}
+    assert verdict.message.isprintable()

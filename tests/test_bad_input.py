@@ -1,0 +1,267 @@
+"""Whatever is wrong with a scenario: one clear answer, at its place, that says what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.errors import InvalidScenario
+from sim_action.loading import load_scenario
+from tests.scenarios import LEAST, load, told
+
+MODEL = "model: turtlebot3_burger"
+JOINTS = "(allowed: wheel_left_joint, wheel_right_joint)"
+KEYS = "(allowed: commands, duration, expect, name, physics, robot, time_limit, trace, version, wall_limit, world)"
+
+
+def only(folder: Path, text: str | bytes) -> str:
+    """The one problem of a text; its message is one printable line of a length that a report can show."""
+    (problem,) = told(folder, text)
+    assert problem.isprintable()
+    assert len(problem) < 2500
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "1:1: the file is empty; a scenario begins with 'name:', 'robot:', 'expect:', 'time_limit:'"),
+        ("# nothing yet\n", "1:1: the file is empty; a scenario begins with"),
+        ("just words\n", "1:1: the file holds no map of keys; a scenario begins with"),
+        ("- a\n- b\n", "1:1: the file holds no map of keys; a scenario begins with"),
+        ("name: [a\nrobot: b\n", "2:6: not valid YAML: while parsing a flow sequence expected ',' or ']'"),
+        ("name: {{ name }}", "1:8: a key must be text; this is a map, a list or an alias"),
+        ("\x7fELF\x02\x01", "1:1: the control character U+007F is not allowed; take it out"),
+        (LEAST + "name: again\n", "11:1: the key 'name' is there twice"),
+        (LEAST + "---\n" + LEAST, "11:1: a second document; a file holds one scenario"),
+        (LEAST.replace("burger drives", "!!str burger drives"), "1:7: the tag '!!str' is not supported; leave it out"),
+        ("a: !!python/object/apply:os.system [id]", "1:4: the tag '!!python/object/apply:os.system' is not supported"),
+        (LEAST + "1: a\n", "11:1: a key must be text; put it in quotes: '1'"),
+        ("[" * 20_000 + "]" * 20_000, "1:42: more than 40 maps and lists inside each other"),
+        ("[" * 20_000, "1:42: more than 40 maps and lists inside each other"),
+        (LEAST + f"x: {'[' * 20_000}", "11:44: more than 40 maps and lists inside each other"),
+        (
+            LEAST.replace("burger drives", "caf\xe9").encode("latin-1"),
+            "1:10: the byte 0xe9 is not UTF-8 text; save the",
+        ),
+        (LEAST.encode("utf-16"), "1:1: the byte 0xff is not UTF-8 text; save the file as UTF-8"),
+    ],
+)
+def test_a_file_that_is_no_strict_yaml(text: str | bytes, problem: str, tmp_path: Path) -> None:
+    assert only(tmp_path, text).startswith(problem)
+
+
+def test_an_alias_bomb(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 20)]
+    assert only(tmp_path, "\n".join(lines)) == "5:10: more than 20000 values, with aliases written out"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        # Unknown keys
+        ("  rate:", "  rte:", "5:3: commands.rte: unknown key; did you mean 'rate'? (allowed: rate, twist)"),
+        (
+            "1.0}",
+            "1.0, angle: 1}",
+            "7:21: commands.twist.0.angle: unknown key; did you mean 'angular'? (allowed: angular,",
+        ),
+        ("name:", "wall_limt: 1\nname:", f"1:1: wall_limt: unknown key; did you mean 'wall_limit'? {KEYS}"),
+        ("travel:", "travle:", "9:5: expect.0.travle: unknown assertion 'travle'; did you mean 'travel'? (allowed: "),
+        ("twist:", "twists:", "6:3: commands.twists: unknown command 'twists'; did you mean 'twist'? (allowed: "),
+        (MODEL, f"{MODEL}\n  drive: {{dif: {{}}}}", "4:11: robot.drive.dif: unknown drive 'dif'; did you mean 'diff'?"),
+        (
+            MODEL,
+            f"{MODEL}\n  pose: {{yow: 1}}",
+            "4:10: robot.pose.yow: unknown key; did you mean 'yaw'? (allowed: pitch, ",
+        ),
+        # Wrong types
+        ("burger drives straight", "12", "1:1: name: expected text, found 12; put it in quotes"),
+        (MODEL, "model: [a]", "3:3: robot.model: expected text, found a list of 1"),
+        (f"\n  {MODEL}", " turtlebot3_burger", "2:1: robot: expected a map of keys, found 'turtlebot3_burger'"),
+        ("- travel: {at", "  travel: {at", "8:1: expect: expected a list, found a map of keys; begin each entry"),
+        ("- travel: {at_least: 1.5 m}", "", "8:1: expect: expected a list, found nothing"),
+        ("travel: {at_least: 1.5 m}", "travel: 1.5 m", "9:5: expect.0.travel: expected a map of keys, found '1.5 m'"),
+        ("travel: {at_least: 1.5 m}", "5", "9:5: expect.0: expected a map with one assertion (travel, "),
+        ("30 s", "", "10:1: time_limit: expected time such as '1 s', found nothing"),
+        ("30 s", "true", "10:1: time_limit: expected time such as '1 s', found true"),
+        ("30 s", "[30 s]", "10:1: time_limit: expected time such as '1 s', found a list of 1"),
+        ("30 s", "soon", "10:1: time_limit: expected time such as '1 s', found 'soon'"),
+        ("30 s", "1:30", "10:1: time_limit: ':30' is not a unit of time; use one of: s, ms, us, min, h"),
+        # Numbers
+        ("30 s", "-30 s", "10:1: time_limit: must be greater than 0, found '-30 s'"),
+        ("30 s", "0", "10:1: time_limit: must be greater than 0, found 0"),
+        ("30 s", "2 days", "10:1: time_limit: 'days' is not a unit of time; use one of: s, ms, us, min, h"),
+        ("30 s", "48 h", "10:1: time_limit: must be at most 86400, found '48 h'"),
+        ("30 s", ".nan", "10:1: time_limit: expected a finite time such as '1 s', found nan"),
+        ("30 s", "nan", "10:1: time_limit: expected time such as '1 s', found 'nan'"),
+        ("30 s", ".inf", "10:1: time_limit: expected a finite time such as '1 s', found inf"),
+        ("30 s", "1e999 s", "10:1: time_limit: expected a finite time such as '1 s', found '1e999 s'"),
+        ("30 s", "0x" + "f" * 9000, "10:13: a number of 9002 digits; at most 400 are read"),
+        ("30 s", "0x" + "f" * 300, "10:1: time_limit: expected a finite time such as '1 s', found "),
+        ("1.5 m", ".nan", "9:14: expect.0.travel.at_least: expected a finite length such as '1 m', found nan"),
+        ("1.5 m", "-1 cm", "9:14: expect.0.travel.at_least: must be greater than 0, found '-1 cm'"),
+        # Units
+        ("30 s", "30 kg", "10:1: time_limit: 'kg' is not a unit of time; use one of: s, ms, us, min, h"),
+        ("1.5 m", "1.5 s", "9:14: expect.0.travel.at_least: 's' is not a unit of length; use one of: m, mm, cm, km"),
+        ("10 Hz", "10 s", "5:3: commands.rate: 's' is not a unit of frequency; use one of: Hz, kHz"),
+        # Rates, windows, claims
+        ("10 Hz", "7 Hz", "5:3: commands.rate: 7 Hz does not divide physics.rate, 240 Hz; near: 6 Hz and 8 Hz"),
+        ("10 Hz", "1e-323", "5:3: commands.rate: 9.88131e-324 Hz does not divide physics.rate, 240 Hz; near: 1 Hz"),
+        ("1.5 m}", "1.5 m}\n    before: 31 s", "10:5: expect.0.before: must not be later than time_limit (30 s)"),
+        ("  - travel: {at_least: 1.5 m}", "  []", "8:1: expect: must not be empty"),
+        ("travel: {at_least: 1.5 m}", "travel: {}", "9:5: expect.0.travel: give 'at_least', 'at_most' or both"),
+        ("travel: {at_least: 1.5 m}", "{}", "9:5: expect.0: names no assertion; give one of travel, "),
+    ],
+)
+def test_a_key_or_value_that_cannot_be(old: str, new: str, problem: str, tmp_path: Path) -> None:
+    assert old in LEAST
+    assert only(tmp_path, LEAST.replace(old, new, 1)).startswith(problem)
+
+
+def test_a_version_of_the_format_that_is_not_there_yet(tmp_path: Path) -> None:
+    assert only(tmp_path, LEAST + "version: 2\n") == "11:1: version: expected 1, found 2"
+
+
+@pytest.mark.parametrize(
+    ("model", "problem"),
+    [
+        ("turtlebot_burger", "3:3: robot.model: unknown robot 'turtlebot_burger'; did you mean 'turtlebot3_burger'?"),
+        ("robots/a.urdf", "3:3: robot.model: 'robots/a.urdf' does not exist (looked for "),
+        ("../../etc/passwd", "3:3: robot.model: '../../etc/passwd' is outside the workspace "),
+        ("/etc/passwd", "3:3: robot.model: '/etc/passwd' is outside the workspace "),
+        ("./", "3:3: robot.model: './' is a folder (looked for "),
+        ("s.sim.yml", "3:3: robot.model: {file}:1: not well-formed XML: syntax error"),
+        ('"a\\0b.urdf"', "3:3: robot.model: 'a\\x00b.urdf' cannot be a file"),
+        ('"a\\n::error::b.urdf"', "3:3: robot.model: 'a\\n::error::b.urdf' does not exist"),
+        ("a" * 300 + ".urdf", "3:3: robot.model: 'aaaaaaa"),
+        ('"\\ud800.urdf"', "3:10: half of a surrogate pair is no character; write the character itself"),
+    ],
+)
+def test_a_model_that_cannot_be_read(model: str, problem: str, tmp_path: Path) -> None:
+    expected = problem.replace("{file}", str(tmp_path / "s.sim.yml"))
+    assert only(tmp_path, LEAST.replace("turtlebot3_burger", model)).startswith(expected)
+
+
+def test_a_link_that_leads_outside_and_the_option_that_lifts_it(tmp_path: Path) -> None:
+    (tmp_path / "outside.urdf").write_text('<robot name="a"><link name="wheel"/></robot>')
+    root = tmp_path / "workspace"
+    root.mkdir()
+    (root / "link.urdf").symlink_to(tmp_path / "outside.urdf")
+    commands = LEAST[LEAST.index("commands") : LEAST.index("expect")]
+    for model in ("link.urdf", "../outside.urdf"):
+        text = LEAST.replace("turtlebot3_burger", model).replace(commands, "")
+        assert only(root, text) == (
+            f"3:3: robot.model: '{model}' is outside the workspace {root}; --allow-outside lifts this"
+        )
+        assert load_scenario(root / "s.sim.yml", allow_outside=True).scenario.robot.model == model
+
+
+@pytest.mark.parametrize(
+    ("drive", "problem"),
+    [
+        (
+            "{diff: {left: [wheel_l], right: [wheel_right_joint]}}",
+            "4:25: robot.drive.diff.left.0: the model has no moving joint 'wheel_l'; did you mean 'wheel_left_joint'?",
+        ),
+        (
+            "{diff: {left: [wheel_left_joint], right: [scan_joint]}}",
+            f"4:52: robot.drive.diff.right.0: the model has no moving joint 'scan_joint' {JOINTS}",
+        ),
+        ("{diff: {left: wheel_left_joint, right: []}}", "4:18: robot.drive.diff.left: expected a list, found 'wheel"),
+        ("{diff: {left: [a]}}", "4:11: robot.drive.diff.right: the key 'right' is missing"),
+        ("diff", "4:3: robot.drive: expected a map with one drive (diff), found 'diff'"),
+    ],
+)
+def test_a_drive_that_does_not_fit_the_model(drive: str, problem: str, tmp_path: Path) -> None:
+    found = told(tmp_path, LEAST.replace(MODEL, f"{MODEL}\n  drive: {drive}"))
+    assert found[0].startswith(problem)
+    assert len(found) == (2 if "right: []" in drive else 1)
+
+
+def test_joints_to_begin_with_are_those_of_the_model(tmp_path: Path) -> None:
+    text = LEAST.replace(MODEL, f"{MODEL}\n  joints: {{wheel_lft_joint: 1}}")
+    assert only(tmp_path, text) == (
+        "4:12: robot.joints.wheel_lft_joint: the model has no moving joint 'wheel_lft_joint'; "
+        f"did you mean 'wheel_left_joint'? {JOINTS}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ('"a\\nb"', "'a\\nb' has a control character, a line break or a space at its end"),
+        ('"a\\r\\n::error::b"', "contains '::'"),
+        ('"a\\x07b"', "'a\\x07b' has a control character"),
+        ('"\\x1b[31mred"', "'\\x1b[31mred' has a control character"),
+        ('"a\\u202Eb"', "'a\\u202eb' has a control character"),
+        ("|\n  a\n  b", "'a\\nb\\n' has a control character"),
+        ("'a | b'", "'a | b' contains '|'"),
+        ("a <b>", "'a <b>' contains '<'"),
+        ("'::error::a'", "'::error::a' contains '::'"),
+        ("'##[error]a'", "'##[error]a' contains '##['"),
+        ("a]]>b", "'a]]>b' contains '>'"),
+        ("'a`b`'", "'a`b`' contains '`'"),
+        ("' a'", "' a' has a control character, a line break or a space at its end"),
+        ('""', "must not be empty"),
+        ("x" * 121, "must have at most 120 characters"),
+    ],
+)
+def test_a_name_that_would_act_in_a_report(name: str, why: str, tmp_path: Path) -> None:
+    assert why in only(tmp_path, LEAST.replace("burger drives straight", name))
+    named = LEAST.replace("1.5 m}", f"1.5 m}}\n    name: {name}".replace("\n  a\n  b", "\n      a\n      b"))
+    found = only(tmp_path, named)
+    assert found.startswith("10:5: expect.0.name: ")
+    assert why in found
+
+
+def test_a_key_that_would_act_in_a_report(tmp_path: Path) -> None:
+    assert only(tmp_path, LEAST + '"a\\n::error::b\\x1b": c\n') == f"11:1: a\\n::error::b\\x1b: unknown key {KEYS}"
+
+
+def test_a_long_key_is_cut(tmp_path: Path) -> None:
+    assert len(only(tmp_path, LEAST + f"? {'k' * 100_000}\n: 1\n")) < 2100
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(InvalidScenario) as raised:
+        load_scenario(path)
+    (problem,) = raised.value.problems
+    assert problem.location.file == str(path)
+    return problem.message
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    assert refusal(tmp_path / "absent.sim.yml") == "cannot be read: No such file or directory"
+
+
+def test_a_folder(tmp_path: Path) -> None:
+    assert refusal(tmp_path) == "cannot be read: Is a directory"
+
+
+@pytest.mark.parametrize("size", [1_000_001, 100_000_000])
+def test_a_huge_file_is_refused_unread(size: int, tmp_path: Path) -> None:
+    path = tmp_path / "s.sim.yml"
+    with path.open("wb") as file:
+        file.truncate(size)
+    assert refusal(path) == "a scenario of more than 1000 kB is not read; is this the right file?"
+
+
+def test_a_file_without_an_end() -> None:
+    assert "is not read" in refusal(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("script", ["absent.py", "broken.py", "nameless.py", "../../x.py"])
+def test_a_script_that_cannot_run(script: str, tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text("def control(:\n")
+    (tmp_path / "nameless.py").write_text("def contrl(seen): ...\n")
+    text = LEAST.replace("twist:\n    - {linear: 1.0}", f"script: {script}")
+    found = only(tmp_path, text)
+    assert found.startswith("6:3: commands.script: ")
+    assert script in found
+
+
+def test_the_text_that_all_of_these_are_made_from_is_valid(tmp_path: Path) -> None:
+    assert load(tmp_path, LEAST).scenario.name == "burger drives straight"

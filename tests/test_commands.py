@@ -1,0 +1,25 @@
+"""What all command sources have in common."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from sim_action.commands import COMMANDS
+from sim_action.commands.script import ScriptCommands
+from sim_action.commands.twist import TwistCommands, TwistSegment
+from tests.traces import HERE
+
+
+def test_the_table_holds_what_a_scenario_can_say() -> None:
+    assert list(COMMANDS) == ["twist", "script"]
+
+
+@pytest.mark.parametrize("spec", [TwistCommands(twist=(TwistSegment(linear=1.0),)), ScriptCommands(script="a.py")])
+def test_specs_survive_pickling(spec: TwistCommands | ScriptCommands) -> None:
+    assert pickle.loads(pickle.dumps(spec)) == spec
+
+
+def test_a_source_without_files_has_no_problems_with_them() -> None:
+    assert list(TwistCommands(twist=(TwistSegment(),)).problems(HERE)) == []

@@ -1,0 +1,96 @@
+"""Poses and quaternions against rotations that can be done in the head."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.geometry import (
+    IDENTITY,
+    Pose,
+    Quaternion,
+    Twist,
+    Vector3,
+    compose,
+    conjugate,
+    multiply,
+    quaternion_from_rpy,
+    rotate,
+    wrap_angle,
+)
+
+QUARTER = math.pi / 2
+angles = st.floats(-3, 3)
+vectors = st.tuples(*[st.floats(-10, 10)] * 3)
+
+
+@pytest.mark.parametrize(
+    ("rpy", "vector", "turned"),
+    [
+        ((0, 0, QUARTER), (1, 0, 0), (0, 1, 0)),
+        ((0, QUARTER, 0), (1, 0, 0), (0, 0, -1)),
+        ((QUARTER, 0, 0), (0, 1, 0), (0, 0, 1)),
+        # About the fixed axes: first roll lifts y to z, then yaw leaves z alone.
+        ((QUARTER, 0, QUARTER), (0, 1, 0), (0, 0, 1)),
+        ((0, QUARTER, QUARTER), (0, 0, 1), (0, 1, 0)),
+    ],
+)
+def test_roll_pitch_yaw_turn_about_the_fixed_axes_in_this_order(rpy: Vector3, vector: Vector3, turned: Vector3) -> None:
+    assert rotate(quaternion_from_rpy(*rpy), vector) == pytest.approx(turned, abs=1e-15)
+
+
+def test_no_rotation_is_the_identity() -> None:
+    assert quaternion_from_rpy(0, 0, 0) == IDENTITY
+    assert rotate(IDENTITY, (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+
+
+@given(angles, angles, angles, vectors)
+def test_a_rotation_keeps_lengths_and_its_conjugate_undoes_it(r: float, p: float, y: float, vector: Vector3) -> None:
+    rotation = quaternion_from_rpy(r, p, y)
+    turned = rotate(rotation, vector)
+    assert math.hypot(*turned) == pytest.approx(math.hypot(*vector), abs=1e-12)
+    assert rotate(conjugate(rotation), turned) == pytest.approx(vector, abs=1e-12)
+
+
+@given(st.lists(angles, min_size=6, max_size=6), vectors)
+def test_a_product_applies_the_second_factor_first(turns: list[float], vector: Vector3) -> None:
+    first, second = quaternion_from_rpy(*turns[:3]), quaternion_from_rpy(*turns[3:])
+    assert rotate(multiply(first, second), vector) == pytest.approx(rotate(first, rotate(second, vector)), abs=1e-9)
+
+
+@given(st.floats(-3.1, 3.1))
+def test_yaw_is_the_heading_that_was_given(yaw: float) -> None:
+    assert Pose(orientation_xyzw=quaternion_from_rpy(0, 0, yaw)).yaw == pytest.approx(yaw, abs=1e-12)
+
+
+def test_composed_poses_are_seen_from_the_outermost_frame() -> None:
+    outer = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(0, 0, QUARTER))
+    inner = Pose((1.0, 0.0, 0.0), quaternion_from_rpy(0, 0, QUARTER))
+    composed = compose(outer, inner)
+    assert composed.position_xyz == pytest.approx((1.0, 3.0, 3.0))
+    assert abs(composed.yaw) == pytest.approx(math.pi)
+
+
+def test_composing_with_no_pose_changes_nothing() -> None:
+    pose = Pose((1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5))
+    assert compose(pose, Pose()) == compose(Pose(), pose) == pose
+
+
+def test_a_planar_twist_goes_forward_and_turns_left() -> None:
+    assert Twist.planar(1, 2) == Twist((1.0, 0.0, 0.0), (0.0, 0.0, 2.0))
+    assert Twist.planar() == Twist()
+
+
+@pytest.mark.parametrize(
+    ("angle", "wrapped"), [(0, 0), (3 * math.pi / 2, -QUARTER), (-7, 2 * math.pi - 7), (20, 20 - 6 * math.pi)]
+)
+def test_an_angle_wraps_to_the_nearest_turn(angle: float, wrapped: float) -> None:
+    assert wrap_angle(angle) == pytest.approx(wrapped)
+
+
+def test_a_quaternion_of_unit_length_comes_of_every_angle() -> None:
+    rotation: Quaternion = quaternion_from_rpy(0.3, -0.4, 0.5)
+    assert math.hypot(*rotation) == pytest.approx(1.0)

@@ -1,0 +1,109 @@
+"""Small traces, models, scenes and scenarios, made by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim_action.assertions import Assertion, Monitor
+from sim_action.errors import Location
+from sim_action.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.models import load_model
+from sim_action.observation import Contact, Observation
+from sim_action.robot_model import RobotModel
+from sim_action.scenario import DrivenRobot, Expectation, Scenario
+from sim_action.scene import Scene
+from sim_action.trace import FloatArray, Trace
+from sim_action.verdict import Verdict
+from sim_action.workspace import Workspace
+from sim_action.world import Body, Physics, Sphere, World
+
+BURGER = "turtlebot3_burger"
+WHEELS = ("wheel_left_joint", "wheel_right_joint")
+HERE = Workspace(Path("/"), Path("/"))
+
+START = Observation(time=0.0, pose=Pose(), twist=Twist(), joints={})
+
+
+def column(values: Iterable[Any], width: int) -> FloatArray:
+    return np.array(list(values), dtype=np.float64).reshape(-1, width)
+
+
+def trace(
+    time: Sequence[float],
+    *,
+    x: Sequence[float] | None = None,
+    y: Sequence[float] | None = None,
+    z: Sequence[float] | None = None,
+    roll: Sequence[float] | None = None,
+    yaw: Sequence[float] | None = None,
+    speed: Sequence[float] | None = None,
+    turn_rate: Sequence[float] | None = None,
+    position: Sequence[float] | None = None,
+    velocity: Sequence[float] | None = None,
+    effort: Sequence[float] | None = None,
+    contacts: Sequence[Contact] = (),
+) -> Trace:
+    """A trace of the burger; what is left out is zero. Joint columns are the left wheel's."""
+    zeros = [0.0] * len(time)
+    turned = zip(roll or zeros, yaw or zeros, strict=True)
+    return Trace.of_columns(
+        joint_names=WHEELS,
+        time=np.array(time, dtype=np.float64),
+        base_position_xyz=column(zip(x or zeros, y or zeros, z or zeros, strict=True), 3),
+        base_orientation_xyzw=column((quaternion_from_rpy(r, 0.0, w) for r, w in turned), 4),
+        base_linear_xyz=column(((v, 0.0, 0.0) for v in speed or zeros), 3),
+        base_angular_xyz=column(((0.0, 0.0, w) for w in turn_rate or zeros), 3),
+        joint_position=column(((q, 0.0) for q in position or zeros), 2),
+        joint_velocity=column(((v, 0.0) for v in velocity or zeros), 2),
+        joint_effort=column(((e, 0.0) for e in effort or zeros), 2),
+        contacts=tuple(contacts),
+    )
+
+
+def piece(seen: Trace, start: int, end: int) -> Trace:
+    """Rows `start` to `end`, as the loop would hand them over: with the contacts of these steps."""
+    rows = seen.rows(slice(start, end))
+    inside = set(rows.time.tolist())
+    return replace(rows, contacts=tuple(touch for touch in seen.contacts if touch.time in inside))
+
+
+def contact(time: float, body: str = "wall", link: str = "base_footprint", force: float = 12.5) -> Contact:
+    return Contact(time, link, body, (1.0, 0.25, 0.1), force)
+
+
+def burger() -> RobotModel:
+    return load_model(BURGER, HERE)
+
+
+def scene(model: RobotModel | None = None) -> Scene:
+    """The burger, a wall and a ball."""
+    objects = (Body(name="wall", box=(0.1, 2.0, 0.5)), Body(name="ball", sphere=Sphere(radius=0.1)))
+    model = model or burger()
+    return Scene(DrivenRobot(model=BURGER), model, World(objects=objects), Physics(), HERE)
+
+
+def monitor(assertion: Assertion, start: Observation = START, where: Scene | None = None) -> Monitor:
+    return assertion.monitor(where or scene(), start)
+
+
+def judged(assertion: Assertion, seen: Trace, start: Observation = START) -> Verdict:
+    return monitor(assertion, start).observe(seen).verdict()
+
+
+def expectation(assertion: Assertion, **options: Any) -> Expectation:
+    return Expectation(assertion, Location("s.sim.yml", 1, 1), assertion.title, **options)
+
+
+def scenario(*expected: Expectation, time_limit: float = 10.0, duration: float | None = None) -> Scenario:
+    return Scenario(
+        name="made by hand",
+        robot=DrivenRobot(model=BURGER),
+        expect=tuple(expected),
+        time_limit=time_limit,
+        duration=duration,
+    )
