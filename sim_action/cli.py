@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
@@ -14,8 +14,16 @@ from sim_action.errors import ExitCode, SimActionError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from pathlib import Path
 
     from sim_action.catalogue import Entry
+
+_BEFORE_IMPORTS = {
+    # A process that forks must have started no thread, and results must not depend on how many cores there are.
+    "OPENBLAS_NUM_THREADS": "1",
+    # Looking for plugins takes longer than reading a scenario, and nobody's plugin belongs in it.
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",
+}
 
 _PATHS = click.argument("paths", nargs=-1, metavar="[PATHS]...")
 _ALLOW_OUTSIDE = click.option(
@@ -23,41 +31,48 @@ _ALLOW_OUTSIDE = click.option(
 )
 
 
-def main() -> None:
-    """The entry point, and the one place that catches errors."""
-    # Looking for pydantic's plugins takes longer than reading a scenario, and nobody's plugin belongs in it.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+def main() -> NoReturn:
+    """The entry point."""
+    code = call()
+    with suppress(BrokenPipeError):
+        sys.stdout.flush()
+    sys.stderr.flush()
+    # Taking the interpreter apart would take longer than reading a scenario.
+    os._exit(code)
+
+
+def call() -> int:
+    """Does what the command line says and returns the exit code: the one place that catches errors."""
+    os.environ.update(_BEFORE_IMPORTS)
     try:
-        code = commands.main(standalone_mode=False, prog_name="sim-action")
+        return program.main(standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
     except click.ClickException as error:
         error.show()
-        code = error.exit_code
+        return error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        code = ExitCode.INTERRUPTED
+        return ExitCode.INTERRUPTED
     except SimActionError as error:
         click.echo(f"sim-action: {error}", err=True)
-        code = error.exit_code
+        return error.exit_code
     except BrokenPipeError:
         # Whoever read our output has gone; there is nobody left to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = ExitCode.FAILED
+        return ExitCode.FAILED
     except Exception:  # noqa: BLE001 - the last stop: whatever it is, it is a fault of ours
-        sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]  # inside an except clause there is one
+        sys.excepthook(*sys.exc_info())
         click.echo("sim-action: this is a fault of sim-action; please report it with the lines above", err=True)
-        code = ExitCode.INTERNAL
-    sys.exit(code)
+        return ExitCode.INTERNAL
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="sim-action")
-def commands() -> None:
+def program() -> None:
     """Simulation tests for robots: a YAML scenario, a headless physics engine, a verdict.
 
     PATHS are scenario files, folders (every *.sim.yml in and below them) or globs; left out: the current folder.
     """
 
 
-@commands.command()
+@program.command()
 @_PATHS
 @click.option("--output-dir", default="sim-results", show_default=True, help="Where results, JUnit and traces go.")
 @click.option("--junit", metavar="PATH", help="Where the JUnit XML goes.  [default: junit.xml in the output dir]")
@@ -81,6 +96,8 @@ def run(  # noqa: PLR0917 - click passes what was typed
     Exit code: 0 all passed, 1 a scenario failed or has no verdict, 2 a scenario is invalid, 3 a fault of sim-action,
     5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1.
     """
+    from pathlib import Path
+
     from sim_action import running
 
     if verbose and quiet:
@@ -97,7 +114,7 @@ def run(  # noqa: PLR0917 - click passes what was typed
     return running.run(request)
 
 
-@commands.command()
+@program.command()
 @_PATHS
 @_ALLOW_OUTSIDE
 def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
@@ -115,7 +132,7 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     return ExitCode.INVALID if invalid else ExitCode.PASSED
 
 
-@commands.command()
+@program.command()
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors."""
     from sim_action.schema import schema_text
@@ -123,11 +140,13 @@ def schema() -> None:
     click.echo(schema_text(), nl=False)
 
 
-@commands.command()
+@program.command()
 @click.argument("folder", default=".", metavar="[DIR]")
 @click.option("--force", is_flag=True, help="Overwrite files that are there.")
 def init(folder: str, force: bool) -> None:
     """Write a commented scenario that passes, and a workflow that runs it."""
+    from pathlib import Path
+
     from sim_action.scaffold import write_scaffold
     from sim_action.schema import schema_text
 
@@ -136,7 +155,7 @@ def init(folder: str, force: bool) -> None:
     click.echo(f"next: sim-action run {Path(folder) / 'simulation'}")
 
 
-@commands.command()
+@program.command()
 def models() -> None:
     """List the robots that need no path."""
     from sim_action import catalogue
@@ -144,7 +163,7 @@ def models() -> None:
     _print(catalogue.models())
 
 
-@commands.command()
+@program.command()
 def assertions() -> None:
     """List what can stand below `expect:`."""
     from sim_action import catalogue
@@ -152,8 +171,8 @@ def assertions() -> None:
     _print(catalogue.assertions())
 
 
-@commands.command("commands")
-def command_sources() -> None:
+@program.command()
+def commands() -> None:
     """List what can stand below `commands:`, and the drives that turn twists into wheel speeds."""
     from sim_action import catalogue
 

@@ -9,11 +9,10 @@ import signal
 import tempfile
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Final, Protocol
+from typing import Final, Protocol, Self
 
 from pydantic import ValidationError
 
@@ -84,17 +83,9 @@ def _subfolder(scratch: Path, index: int) -> Path:
 
 
 def _warm_up() -> None:
-    """Imports the engine once for all children; BLAS must start no thread in a process that forks."""
-    before = os.environ.get("OPENBLAS_NUM_THREADS")
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    try:
-        with muted():
-            BACKENDS.load(ENGINE)
-    finally:
-        if before is None:
-            del os.environ["OPENBLAS_NUM_THREADS"]
-        else:
-            os.environ["OPENBLAS_NUM_THREADS"] = before
+    """Imports the engine once for all children."""
+    with muted():
+        BACKENDS.load(ENGINE)
 
 
 class _Scheduler:
@@ -109,13 +100,11 @@ class _Scheduler:
 
     def run(self) -> dict[int, Outcome]:
         """Outcomes by index; those of an interrupted call are missing."""
-        try:
-            with _terminated_like_ctrl_c():
-                while self._waiting or self._running:
-                    self._start()
-                    self._wait()
-                    self._collect()
-        except KeyboardInterrupt:
+        with _Interruption() as interruption:
+            while (self._waiting or self._running) and not interruption.happened:
+                self._start()
+                self._wait(interruption)
+                self._collect()
             for child in self._running.values():
                 child.kill()
                 child.close()
@@ -126,10 +115,11 @@ class _Scheduler:
             index, job = self._waiting.popleft()
             self._running[index] = Child.start(job)
 
-    def _wait(self) -> None:
+    def _wait(self, interruption: _Interruption) -> None:
         nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
         descriptors = [child.progress for child in self._running.values() if not child.silent]
         ending = len(descriptors) < len(self._running)
+        descriptors.append(interruption.descriptor)
         select.select(descriptors, [], [], min(_ENDING_WAIT if ending else _LONGEST_WAIT, max(0.0, nearest)))
 
     def _collect(self) -> None:
@@ -152,19 +142,31 @@ def _deadline(child: Child) -> float:
     return child.started + child.job.loaded.scenario.wall_seconds
 
 
-@contextmanager
-def _terminated_like_ctrl_c() -> Iterator[None]:
-    """A cancelled workflow sends SIGINT, then SIGTERM: both end the run in good order."""
+class _Interruption:
+    """Ctrl-C, or the SIGTERM of a cancelled workflow. It is noticed between two steps of the scheduler, not within one.
 
-    def interrupt(_number: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
+    An exception out of a signal handler could come between the birth of a child and its being known.
+    """
 
-    before = [(number, signal.signal(number, interrupt)) for number in (signal.SIGINT, signal.SIGTERM)]
-    try:
-        yield
-    finally:
-        for number, handler in before:
+    def __init__(self) -> None:
+        self.happened = False
+        self.descriptor, self._written_to = os.pipe()
+        os.set_blocking(self._written_to, False)
+
+    def __enter__(self) -> Self:
+        self._wakeup = signal.set_wakeup_fd(self._written_to)
+        self._handlers = {number: signal.signal(number, self._notice) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._handlers.items():
             signal.signal(number, handler)
+        signal.set_wakeup_fd(self._wakeup)
+        os.close(self.descriptor)
+        os.close(self._written_to)
+
+    def _notice(self, _number: int, _frame: FrameType | None) -> None:
+        self.happened = True
 
 
 def _outcome_of(child: Child, status: int | None) -> Outcome:

@@ -71,8 +71,19 @@ def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
 
 def rotate(rotation: Quaternion, vector: Vector3) -> Vector3:
     """The vector after the rotation."""
-    x, y, z, _ = multiply(multiply(rotation, (*vector, 0.0)), conjugate(rotation))
-    return (x, y, z)
+    qx, qy, qz, w = rotation
+    vx, vy, vz = vector
+    # v + w t + axis x t, where t = 2 axis x v.
+    tx, ty, tz = cross((2 * qx, 2 * qy, 2 * qz), vector)
+    ux, uy, uz = cross((qx, qy, qz), (tx, ty, tz))
+    return (vx + w * tx + ux, vy + w * ty + uy, vz + w * tz + uz)
+
+
+def cross(first: Vector3, second: Vector3) -> Vector3:
+    """The vector product."""
+    ax, ay, az = first
+    bx, by, bz = second
+    return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def conjugate(rotation: Quaternion) -> Quaternion:

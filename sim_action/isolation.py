@@ -101,6 +101,7 @@ def _child_main(job: Job, writer: int) -> NoReturn:
     """Never returns into the parent's code, whatever happens."""
     code = 1
     try:
+        signal.set_wakeup_fd(-1)
         os.setsid()
         run_job(job, writer)
         code = 0

@@ -13,7 +13,9 @@ from pydantic import BaseModel, ValidationError
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.drives import DRIVES, Drive, recognise
-from sim_action.errors import InvalidScenario, Location, ModelError, Problem, did_you_mean, one_line, shown
+from sim_action.errors import InvalidScenario, ModelError
+from sim_action.location import Location, Problem
+from sim_action.messages import did_you_mean, one_line, shown
 from sim_action.models import load_model
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel

@@ -8,7 +8,8 @@ from typing import Literal
 
 from pydantic import ValidationError
 
-from sim_action.errors import ExitCode, InvalidScenario, Location, UsageError
+from sim_action.errors import ExitCode, InvalidScenario, UsageError
+from sim_action.location import Location
 from sim_action.quantities import FrozenModel
 from sim_action.scenario import Severity
 from sim_action.verdict import Verdict

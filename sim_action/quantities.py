@@ -21,7 +21,8 @@ from sim_action.units import Dimension
 class FrozenModel(BaseModel):
     """What every part of a scenario is: immutable, strict about types, and closed to unknown keys."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    # A validator is built when it is first needed: most models are only parts of another.
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
 
 _JSON_SCHEMA_WORDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}

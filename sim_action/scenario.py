@@ -11,7 +11,7 @@ from pydantic import Field
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveHertz, PositiveSeconds
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World

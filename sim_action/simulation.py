@@ -29,8 +29,8 @@ Progress = Callable[[float], None]
 # At rest: nothing moves faster than this, in m/s and rad/s, at the end of a period of settling.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD: Final = 0.1
-# Without ticks, how long the panel waits for its next look.
-_LONGEST_BLOCK: Final = 0.25
+# How long the panel waits for its next look, in s: it looks at every step then, but looking costs.
+_PERIOD: Final = 0.5
 # Bullet's speeds saturate near 160 m/s when a simulation explodes.
 _FASTEST: Final = 100.0
 
@@ -102,18 +102,22 @@ class _Loop:
             for source in self._scenario.commands
         ]
         self._settle()
-        self._present = first = self._backend.observe(0)
-        panel = Panel.open(self._scenario, self._scene, first.observation(0))
-        kept, digest = [first], Digest()
+        start = self._backend.observe(0, contacts=False)
+        panel = Panel.open(self._scenario, self._scene, start)
+        kept, digest = [Trace.of_observation(start)], Digest()
         started = time.perf_counter()
         while panel.end is None:
-            panel, seen = panel.observe_until_end(self._advance(tickers))
-            digest.add(seen)
-            kept.append(self._decimated(seen, keep_last=panel.end is not None))
-            progress(panel.time)
+            trace, failure = self._advance(tickers)
+            if len(trace):
+                panel, seen = panel.observe_until_end(trace)
+                digest.add(seen)
+                kept.append(self._decimated(seen, keep_last=panel.end is not None))
+                progress(panel.time)
+            if failure is not None and panel.end is None:
+                raise failure
         wall_time = time.perf_counter() - started
         trace = Trace.concatenate(kept)
-        x, y, _ = first.base_position_xyz[0].tolist()
+        x, y, _ = start.pose.position_xyz
         return SimulationRun(
             trace=trace,
             verdicts=panel.verdicts(),
@@ -142,40 +146,49 @@ class _Loop:
         brake = self._motion.targets(Twist(), 1) if self._motion else []
         speed = 0.0
         for _ in range(round(limit / _SETTLE_PERIOD)):
-            trace = self._stable(self._backend.advance(-steps, steps, brake))
+            self._backend.advance(-steps, _padded(brake, steps))
+            trace, failure = _stable(self._backend.collect())
+            if failure is not None:
+                raise failure
             speed = _fastest(trace)
             if speed < _REST_SPEED:
                 return
         if limit:
             self._notes.append(f"not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0")
 
-    def _advance(self, tickers: list[_Ticker]) -> Trace:
-        """The moments up to the next tick, after asking the controllers whose tick is now."""
-        asked = self._ask([ticker for ticker in tickers if self._step % ticker.period == 0])
-        steps = min(
-            self._last_step - self._step,
-            max(1, self._scenario.steps(_LONGEST_BLOCK)),
-            *(ticker.period - self._step % ticker.period for ticker in tickers),
-        )
-        targets = self._motion.targets(self._twist, steps) if self._motion and self._twist else []
-        targets = [asked.updated_by(targets[0]), *targets[1:]] if targets else [asked]
-        trace = self._stable(self._backend.advance(self._step, steps, targets))
-        self._step += steps
-        self._present = trace
-        return trace
+    def _advance(self, tickers: list[_Ticker]) -> tuple[Trace, RunError | None]:
+        """The moments of the next period, and what ended it early; the run may have been over before that."""
+        end = min(self._last_step, self._step + max(1, self._scenario.steps(_PERIOD)))
+        failure: RunError | None = None
+        try:
+            while self._step < end:
+                self._tick(tickers, end)
+        except RunError as error:
+            failure = error
+        trace, unstable = _stable(self._backend.collect())
+        return trace, unstable or failure
 
-    def _ask(self, tickers: list[_Ticker]) -> JointTargets:
+    def _tick(self, tickers: list[_Ticker], end: int) -> None:
+        """Asks the controllers whose tick is now, and goes on to the next tick, or to `end`."""
+        asked = self._ask([ticker for ticker in tickers if self._step % ticker.period == 0])
+        steps = min([end - self._step, *(ticker.period - self._step % ticker.period for ticker in tickers)])
+        planned = self._motion.targets(self._twist, steps) if self._motion and self._twist else []
+        if asked is not None:
+            planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
+        self._backend.advance(self._step, _padded(planned, steps))
+        self._step += steps
+
+    def _ask(self, tickers: list[_Ticker]) -> JointTargets | None:
         """Takes the commands of this tick; returns the joint targets among them."""
-        targets = JointTargets()
         if not tickers:
-            return targets
-        observation = self._present.observation(-1)
-        if any(ticker.watches_contacts for ticker in tickers):
-            observation = replace(observation, contacts=self._backend.contacts(self._step))
+            return None
+        targets: JointTargets | None = None
+        contacts = any(ticker.watches_contacts for ticker in tickers)
+        observation = self._backend.observe(self._step, contacts=contacts)
         for ticker in tickers:
             command = ticker.controller(observation)
             if isinstance(command, JointTargets):
-                targets = targets.updated_by(command)
+                targets = targets.updated_by(command) if targets else command
                 if self._motion and not self._motion.joints.isdisjoint(command.names()):
                     # Whoever turns the wheels by hand takes them over from the drive.
                     self._twist = None
@@ -197,15 +210,20 @@ class _Loop:
         ended_between = keep_last and (first_step + len(trace) - 1) % self._stride
         return Trace.concatenate((kept, replace(trace.rows(slice(-1, None)), contacts=()))) if ended_between else kept
 
-    def _stable(self, trace: Trace) -> Trace:
-        """The trace, if it is still physics. A NaN would fail no comparison and pass none."""
-        if np.isfinite(trace.state).all() and trace.speed.max() < _FASTEST:
-            return trace
-        ok = np.isfinite(trace.state).all(axis=1) & (trace.speed < _FASTEST)
-        first = int(np.argmin(ok))
-        raise SimulationUnstable(
-            f"simulation unstable at t = {trace.time[first]:.2f} s: the base moves at {trace.speed[first]:.3g} m/s"
-        )
+
+def _padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:
+    """One entry a step: the last target holds."""
+    return [*targets, *[None] * (steps - len(targets))]
+
+
+def _stable(trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
+    """The moments that are still physics, and what is wrong with the next. A NaN would break no comparison."""
+    ok = np.isfinite(trace.state).all(axis=1) & (trace.speed < _FASTEST)
+    if ok.all():
+        return trace, None
+    first = int(np.argmin(ok))
+    message = f"simulation unstable at t = {trace.time[first]:.2f} s: the base moves at {trace.speed[first]:.3g} m/s"
+    return trace.first(first) if first else trace.rows(slice(0)), SimulationUnstable(message)
 
 
 def _fastest(trace: Trace) -> float:

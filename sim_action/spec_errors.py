@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from sim_action.errors import did_you_mean, shown
+from sim_action.messages import did_you_mean, shown
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails

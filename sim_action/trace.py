@@ -15,8 +15,8 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.geometry import Pose, Twist, Vector3
-from sim_action.observation import Contact, JointState, Observation
+from sim_action.geometry import Vector3
+from sim_action.observation import Contact, Observation
 
 FloatArray = NDArray[np.float64]
 
@@ -73,6 +73,15 @@ class Trace:
             if column.shape != ((rows,) if name == "time" else (rows, width)) or column.dtype != np.float64:
                 raise ValueError(f"'{name}' has the shape {column.shape} of {column.dtype}")
         return cls(joint_names, np.column_stack([columns[name] for name in COLUMNS]), contacts)
+
+    @classmethod
+    def of_observation(cls, observation: Observation) -> Self:
+        """A trace of one moment, without contacts."""
+        pose, twist, joints = observation.pose, observation.twist, observation.joints
+        base = (*pose.position_xyz, *pose.orientation_xyzw, *twist.linear_xyz, *twist.angular_xyz)
+        groups = zip(*joints.values(), strict=True)
+        state = [observation.time, *base, *(value for group in groups for value in group)]
+        return cls(tuple(joints), np.array([state], dtype=np.float64))
 
     @classmethod
     def concatenate(cls, traces: Sequence[Self]) -> Self:
@@ -181,19 +190,6 @@ class Trace:
         path = np.vstack((np.asarray(point_xyz), self.base_position_xyz))
         # The sum begins with `length`: added afterwards, it would round differently for every way to cut a trace.
         return np.cumsum(np.concatenate(([length], _norm(np.diff(path, axis=0)))))[1:]
-
-    def observation(self, index: int) -> Observation:
-        """One moment, as a controller sees it, without contacts."""
-        time, *base_and_joints = self.state[index].tolist()
-        x, y, z, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz, *joints = base_and_joints
-        count = len(self.joint_names)
-        states = zip(joints[:count], joints[count : 2 * count], joints[2 * count :], strict=True)
-        return Observation(
-            time=time,
-            pose=Pose((x, y, z), (qx, qy, qz, qw)),
-            twist=Twist((vx, vy, vz), (wx, wy, wz)),
-            joints={name: JointState(*state) for name, state in zip(self.joint_names, states, strict=True)},
-        )
 
     def save(self, path: Path) -> None:
         """Writes the trace as .npz: one array a field, contacts as `contact_*` arrays."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from sim_action.errors import shown
+from sim_action.messages import shown
 
 _DEGREE: Final = math.pi / 180
 

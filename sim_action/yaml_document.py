@@ -13,7 +13,9 @@ from typing import Any, Final
 
 import yaml
 
-from sim_action.errors import InvalidScenario, Location, Problem, one_line
+from sim_action.errors import InvalidScenario
+from sim_action.location import Location, Problem
+from sim_action.messages import one_line
 
 MAX_BYTES: Final = 1_000_000
 MAX_DEPTH: Final = 40

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.errors import InvalidScenario, Problem
+from sim_action.errors import InvalidScenario
 from sim_action.loading import load_scenario
+from sim_action.location import Problem
 from sim_action.scenario import LoadedScenario
 
 LEAST = """\

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from sim_action import errors
-from sim_action.errors import ExitCode, InvalidScenario, Location, ModelError, Problem, did_you_mean, one_line, shown
+from sim_action.errors import ExitCode, InvalidScenario, ModelError
+from sim_action.location import Location, Problem
+from sim_action.messages import did_you_mean, one_line, shown
 
 
 @pytest.mark.parametrize(
@@ -15,7 +17,6 @@ from sim_action.errors import ExitCode, InvalidScenario, Location, ModelError, P
         (errors.UsageError, 2),
         (errors.InvalidScenario, 2),
         (errors.ModelError, 2),
-        (errors.NoScenarioFound, 5),
         (errors.RunError, 1),
         (errors.EngineError, 1),
         (errors.SimulationUnstable, 1),

@@ -13,8 +13,9 @@ from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.commands.twist import TwistCommands
 from sim_action.drives.diff import DiffDrive
-from sim_action.errors import InvalidScenario, Location
+from sim_action.errors import InvalidScenario
 from sim_action.loading import build_scene, load_scenario
+from sim_action.location import Location
 from tests.scenarios import FULL, LEAST, load, told
 
 

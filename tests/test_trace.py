@@ -17,7 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.observation import JointState
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import JointState, Observation
 from sim_action.trace import COLUMNS, Digest, Trace, TraceError
 from tests.traces import contact, trace
 
@@ -122,15 +123,17 @@ def test_arc_length_begins_where_the_robot_was() -> None:
     assert path.arc_length_from((0.0, 0.0, 0.0), 10.0).tolist() == [11.0, 13.0, 14.0]
 
 
-def test_a_moment_is_what_a_controller_sees() -> None:
-    observed = SEEN.observation(2)
-    assert observed.time == 0.3
-    assert observed.pose.position_xyz == (3.0, 4.0, 0.0)
-    assert observed.twist.linear_xyz == (0.0, 0.0, 0.0)
-    assert observed.joints["wheel_left_joint"] == JointState(0.2, 1.0, 0.0)
-    assert list(observed.joints) == list(SEEN.joint_names)
-    assert observed.contacts == ()
-    assert all(type(value) is float for value in observed.pose.orientation_xyzw)
+def test_an_observation_is_a_trace_of_one_moment() -> None:
+    joints = {"a": JointState(1.0, 2.0, 3.0), "b": JointState(4.0, 5.0, 6.0)}
+    seen = Observation(0.5, Pose((1, 2, 3), (0, 0, 1, 0)), Twist((4, 5, 6), (7, 8, 9)), joints, TOUCHES)
+    one = Trace.of_observation(seen)
+    assert (len(one), one.joint_names, one.contacts) == (1, ("a", "b"), ())
+    assert one.state.tolist() == [[0.5, 1, 2, 3, 0, 0, 1, 0, 4, 5, 6, 7, 8, 9, 1, 4, 2, 5, 3, 6]]
+    assert one.joint_velocity.tolist() == [[2, 5]]
+
+
+def test_an_observation_without_joints_is_a_trace_too() -> None:
+    assert Trace.of_observation(Observation(0.0, Pose(), Twist(), {})).state.shape == (1, 14)
 
 
 def columns(seen: Trace) -> dict[str, Any]:

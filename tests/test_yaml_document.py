@@ -10,7 +10,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.errors import InvalidScenario, Problem
+from sim_action.errors import InvalidScenario
+from sim_action.location import Problem
 from sim_action.yaml_document import MAX_DEPTH, MAX_VALUES, Document, KeyPath, read_document
 
 

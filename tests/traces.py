@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from sim_action.assertions import Assertion, Monitor
-from sim_action.errors import Location
 from sim_action.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.location import Location
 from sim_action.models import load_model
 from sim_action.observation import Contact, Observation
 from sim_action.robot_model import RobotModel

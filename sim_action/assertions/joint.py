@@ -11,7 +11,7 @@ from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
 from sim_action.assertions.fold import Goal
-from sim_action.errors import did_you_mean
+from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
 from sim_action.quantities import JointQuantity, PositiveJointQuantity
 from sim_action.scene import Scene, SpecProblems

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion, Monitor, State
-from sim_action.errors import did_you_mean
+from sim_action.messages import did_you_mean
 from sim_action.observation import Contact, Observation
 from sim_action.scene import Scene, SpecProblems
 from sim_action.verdict import Verdict

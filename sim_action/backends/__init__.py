@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.command import JointTargets
-from sim_action.observation import Contact
+from sim_action.observation import Observation
 from sim_action.registry import Table
 from sim_action.scene import Scene
 
@@ -27,18 +27,17 @@ class Backend(Protocol):
     version: str
     """Name and version of the engine, such as "pybullet 3.2.7"."""
 
-    def advance(self, first_step: int, steps: int, targets: Sequence[JointTargets]) -> Trace:
-        """Steps the scene and returns the state after each step.
+    def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
+        """Steps the scene once for each of the targets, which are given to the motors first; None leaves them.
 
-        `targets[i]` is given to the motors before the i-th step; the last holds. `first_step` numbers the state
-        before the first step: sim time is the step's number over `physics.rate`.
+        `first_step` numbers the state before the first step: sim time is a state's number over `physics.rate`.
         """
 
-    def observe(self, step: int) -> Trace:
-        """The present state alone, as that of step number `step`."""
+    def collect(self) -> Trace:
+        """The state after each step since the last call, with the robot's contacts if they are watched."""
 
-    def contacts(self, step: int) -> tuple[Contact, ...]:
-        """The robot's contacts of the present, those with the ground too, as of step number `step`."""
+    def observe(self, step: int, *, contacts: bool) -> Observation:
+        """The present, as that of step number `step`, with or without contacts; the ground is among those."""
 
     def close(self) -> None:
         """Frees the engine."""

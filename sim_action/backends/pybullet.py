@@ -8,7 +8,7 @@ contact points are reported before anything touches.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -19,8 +19,8 @@ import pybullet
 from sim_action import geometry
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
-from sim_action.geometry import Pose
-from sim_action.observation import Contact
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import Contact, JointState, Observation
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.world import GROUND, Body, Placement
@@ -60,29 +60,44 @@ class PyBulletBackend:
         self._read_joints(scene)
         self._place_robot(scene)
         self._held_efforts: dict[int, float] = {}
+        self._rows: list[tuple[float, ...]] = []
+        self._touches: list[Contact] = []
 
-    def advance(self, first_step: int, steps: int, targets: Sequence[JointTargets]) -> Trace:
+    def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """See Backend.advance."""
-        rows: list[tuple[float, ...]] = []
-        contacts: list[Contact] = []
-        for step in range(steps):
-            if step < len(targets):
-                self._apply(targets[step])
+        for step, wanted in enumerate(targets, start=first_step + 1):
+            if wanted is not None:
+                self._apply(wanted)
             if self._held_efforts:
                 self._push(self._held_efforts)
             pybullet.stepSimulation(self._client)
-            rows.append(self._row())
+            self._rows.append((step / self._rate, *self._row()))
             if self._watches_contacts:
-                contacts += self._contacts((first_step + step + 1) / self._rate, ground=False)
-        return self._trace(first_step + 1, rows, tuple(contacts))
+                self._touches += self._contacts(step, ground=False)
 
-    def observe(self, step: int) -> Trace:
+    def collect(self) -> Trace:
+        """See Backend.collect."""
+        columns = 14 + 3 * len(self._indices)
+        state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
+        for column, values in enumerate(_in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
+            state[:, column] = values
+        trace = Trace(self._joint_names, state, tuple(self._touches))
+        self._rows, self._touches = [], []
+        return trace
+
+    def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Backend.observe."""
-        return self._trace(step, [self._row()])
-
-    def contacts(self, step: int) -> tuple[Contact, ...]:
-        """See Backend.contacts."""
-        return tuple(self._contacts(step / self._rate, ground=True))
+        row = self._row()
+        px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = _in_link_frame(row[:13], self._com_in_link)
+        joints = len(self._indices)
+        states = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
+        return Observation(
+            time=step / self._rate,
+            pose=Pose((px, py, pz), (qx, qy, qz, qw)),
+            twist=Twist((vx, vy, vz), (wx, wy, wz)),
+            joints=dict(zip(self._joint_names, states, strict=True)),
+            contacts=tuple(self._contacts(step, ground=True)) if contacts else (),
+        )
 
     def close(self) -> None:
         """See Backend.close."""
@@ -209,12 +224,12 @@ class PyBulletBackend:
             physicsClientId=self._client,
         )
 
-    def _contacts(self, time: float, *, ground: bool) -> Iterable[Contact]:
+    def _contacts(self, step: int, *, ground: bool) -> Iterator[Contact]:
         for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
             body, distance, force = self._body_names.get(point[2]), point[8], point[9]
             # A point is reported from 2 cm on; it is a contact once it carries a force or the shapes overlap.
             if body is not None and (ground or body != GROUND) and (force > 0 or distance <= 0):
-                yield Contact(time, self._link_names[point[3]], body, point[5], force)
+                yield Contact(step / self._rate, self._link_names[point[3]], body, point[5], force)
 
     def _row(self) -> tuple[float, ...]:
         """The state as one flat tuple: it is taken at every step, so it stays as cheap as it can be."""
@@ -226,35 +241,20 @@ class PyBulletBackend:
         positions, velocities, _, efforts = zip(*states, strict=True)
         return (*position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
 
-    def _trace(self, first_step: int, rows: list[tuple[float, ...]], contacts: tuple[Contact, ...] = ()) -> Trace:
-        times = [step / self._rate for step in range(first_step, first_step + len(rows))]
-        state = np.column_stack((times, np.array(rows, dtype=np.float64)))
-        trace = Trace(self._joint_names, state, contacts)
-        if self._com_in_link != Pose():
-            _move_to_link_frame(trace, self._com_in_link)
-        return trace
 
+def _in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
+    """Base pose and twist of the link frame from those of the centre of mass: 13 numbers, or as many columns.
 
-def _move_to_link_frame(trace: Trace, com_in_link: Pose) -> None:
-    """Makes poses and velocities of the centre of mass those of the link frame, in place.
-
-    Column by column: what is computed for a moment must not depend on how many moments a block has, which products of
-    matrices do not promise.
+    Only element by element: what is computed for a moment must not depend on how many moments are computed with it,
+    which products of matrices do not promise.
     """
-    orientation = trace.base_orientation_xyzw
+    px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = com
+    orientation = (qx, qy, qz, qw)
     if com_in_link.orientation_xyzw != geometry.IDENTITY:
-        turned_back = geometry.conjugate(com_in_link.orientation_xyzw)
-        orientation[:] = np.stack(geometry.multiply(tuple(orientation.T), turned_back), axis=1)
-    x, y, z, w = orientation.T
-    wx, wy, wz = trace.base_angular_xyz.T
-    # The offset after the rotation: c + w t + axis x t, where t = 2 axis x c.
-    cx, cy, cz = com_in_link.position_xyz
-    tx, ty, tz = 2 * (y * cz - z * cy), 2 * (z * cx - x * cz), 2 * (x * cy - y * cx)
-    ox, oy, oz = cx + w * tx + y * tz - z * ty, cy + w * ty + z * tx - x * tz, cz + w * tz + x * ty - y * tx
-    for column, offset in enumerate((ox, oy, oz)):
-        trace.base_position_xyz[:, column] -= offset
-    for column, speed in enumerate((wy * oz - wz * oy, wz * ox - wx * oz, wx * oy - wy * ox)):
-        trace.base_linear_xyz[:, column] -= speed
+        orientation = geometry.multiply(orientation, geometry.conjugate(com_in_link.orientation_xyzw))
+    ox, oy, oz = offset = geometry.rotate(orientation, com_in_link.position_xyz)
+    ux, uy, uz = geometry.cross((wx, wy, wz), offset)
+    return (px - ox, py - oy, pz - oz, *orientation, vx - ux, vy - uy, vz - uz, wx, wy, wz)
 
 
 def _shape(body: Body) -> dict[str, Any]:

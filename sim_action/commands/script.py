@@ -17,8 +17,10 @@ from pydantic import Field
 
 from sim_action.command import Command, JointTargets, is_finite
 from sim_action.commands import CommandSource, Controller
-from sim_action.errors import Location, ScriptError, did_you_mean
+from sim_action.errors import ScriptError
 from sim_action.geometry import Twist
+from sim_action.location import Location
+from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems

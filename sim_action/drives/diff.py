@@ -10,8 +10,8 @@ from pydantic import Field
 from sim_action.command import JointTargets
 from sim_action.drives import Drive
 from sim_action.drives.wheels import Wheel, wheel
-from sim_action.errors import did_you_mean
 from sim_action.geometry import Twist
+from sim_action.messages import did_you_mean
 from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtonMetres
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems

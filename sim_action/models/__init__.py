@@ -6,7 +6,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from sim_action.errors import ModelError, did_you_mean
+from sim_action.errors import ModelError
+from sim_action.messages import did_you_mean
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import RobotModel
 from sim_action.workspace import PathError, Workspace

@@ -11,8 +11,9 @@ from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
 from sim_action import geometry
-from sim_action.errors import Location, ModelError
+from sim_action.errors import ModelError
 from sim_action.geometry import Pose, Vector3
+from sim_action.location import Location
 from sim_action.robot_model import Joint, JointType, Link, RobotModel, Shape
 
 _MAX_BYTES: Final = 20_000_000

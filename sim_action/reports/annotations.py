@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import (

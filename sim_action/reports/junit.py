@@ -9,7 +9,7 @@ from __future__ import annotations
 import secrets
 import xml.etree.ElementTree as ET
 
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.outcome import Outcome
 
 

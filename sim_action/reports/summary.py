@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_text

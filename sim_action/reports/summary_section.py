@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text, shortened

@@ -179,8 +179,8 @@ def test_lists_are_printed(tmp_path: Path, command: str) -> None:
 def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
     code = (
-        "import sys\nfrom sim_action.cli import main\n"
-        "try:\n    main()\nfinally:\n    print(sorted({'pybullet', 'numpy', 'rich'} & set(sys.modules)))"
+        "import sys\nfrom sim_action.cli import call\n"
+        "call()\nprint(sorted({'pybullet', 'numpy', 'rich'} & set(sys.modules)))"
     )
     ran = subprocess.run(
         [sys.executable, "-c", code, *arguments],

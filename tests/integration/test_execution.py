@@ -162,6 +162,7 @@ def test_what_the_engine_says_becomes_diagnostics(tmp_path: Path, capfd: pytest.
     path = tmp_path / "bare.sim.yml"
     path.write_text("name: bare\nrobot: {model: bare.urdf}\nexpect: [upright]\ntime_limit: 0.1 s\n")
     (outcome,) = run([path], tmp_path)
+    assert outcome.status == "passed"
     assert any("No inertial data for link" in diagnostic.message for diagnostic in outcome.diagnostics)
     assert outcome.output == ""
     assert capfd.readouterr() == ("", "")

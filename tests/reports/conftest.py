@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.verdict import Verdict

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim_action.errors import Location
+from sim_action.location import Location
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.annotations import write_annotations
