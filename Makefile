@@ -28,7 +28,7 @@ picture: $(VENV)/.dev ## the README's picture
 	$(BIN)/python docs/picture.py
 
 bench: $(VENV)/.dev ## ratios against the raw engine
-	$(BIN)/python bench/run.py
+	$(BIN)/python -m bench.run
 
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv

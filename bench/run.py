@@ -1,26 +1,23 @@
 """What sim-action costs, as ratios measured side by side in one run: `make bench`.
 
-Machines are noisy, so both sides of a ratio alternate, and the median of the pairs counts. Times are printed for
-orientation only.
+Machines are noisy, and noise only ever adds: all sides of a ratio take turns, and the least time of each counts. Times
+are printed for orientation only.
 """
 
 from __future__ import annotations
 
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 RAW = ROOT / "bench/raw_loop.py"
 SUITE = 16
-FEW, MANY = 2, 8
 
 SCENARIO = """\
 name: burger drives on {number}
@@ -34,17 +31,18 @@ time_limit: 30 s
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """One measured ratio against what it may be; `at_most` tells which way is good."""
+    """Two measured times in s, and what the one may be of the other; `at_most` tells which way is good."""
 
     name: str
-    pairs: tuple[tuple[float, float], ...]
+    ours: float
+    theirs: float
     target: float
     at_most: bool = True
 
     @property
     def value(self) -> float:
-        """The median over the pairs."""
-        return statistics.median(ours / theirs for ours, theirs in self.pairs)
+        """Ours over theirs."""
+        return self.ours / self.theirs
 
     @property
     def met(self) -> bool:
@@ -52,13 +50,9 @@ class Ratio:
         return self.value <= self.target if self.at_most else self.value >= self.target
 
     def __str__(self) -> str:
-        ours, theirs = (statistics.median(side) * 1000 for side in zip(*self.pairs, strict=True))
         bound = "at most" if self.at_most else "at least"
-        spread = ", ".join(f"{ours / theirs:.2f}" for ours, theirs in sorted(self.pairs, key=lambda p: p[0] / p[1]))
-        return (
-            f"{'ok  ' if self.met else 'MISS'} {self.name}: {self.value:.2f} ({bound} {self.target:g}; "
-            f"{ours:.0f} ms / {theirs:.0f} ms; pairs {spread})"
-        )
+        times = f"{self.ours * 1000:.0f} ms / {self.theirs * 1000:.0f} ms"
+        return f"{'ok  ' if self.met else 'MISS'} {self.name}: {self.value:.2f} ({bound} {self.target:g}; {times})"
 
 
 def command(*arguments: str, cwd: Path | None = None) -> Callable[[], object]:
@@ -72,17 +66,17 @@ def command(*arguments: str, cwd: Path | None = None) -> Callable[[], object]:
     return call
 
 
-def seconds(call: Callable[[], object]) -> float:
-    """Wall time of one call."""
-    started = time.perf_counter()
-    call()
-    return time.perf_counter() - started
-
-
-def alternating(ours: Callable[[], float], theirs: Callable[[], float], times: int) -> tuple[tuple[float, float], ...]:
-    """Both sides, one after the other, after a first pair that warms caches."""
-    ours(), theirs()
-    return tuple((ours(), theirs()) for _ in range(times))
+def least_seconds(times: int, *calls: Callable[[], object]) -> list[float]:
+    """The least wall time of each call; they take turns, after a first round that warms caches."""
+    rounds = []
+    for _ in range(times + 1):
+        took = []
+        for call in calls:
+            started = time.perf_counter()
+            call()
+            took.append(time.perf_counter() - started)
+        rounds.append(took)
+    return [min(column) for column in zip(*rounds[1:], strict=True)]
 
 
 def write_suite(folder: Path, count: int) -> Path:
@@ -96,47 +90,47 @@ def write_suite(folder: Path, count: int) -> Path:
 def whole_process(folder: Path) -> Ratio:
     """`sim-action run` of one scenario against a script that does the same by hand."""
     one = write_suite(folder / "one", 1)
-    ours, theirs = command("sim-action", "run", str(one), cwd=folder), command("python", str(RAW))
-    return Ratio(
-        "whole process, against a raw script", alternating(lambda: seconds(ours), lambda: seconds(theirs), 7), 1.6
-    )
+    ours, theirs = least_seconds(8, command("sim-action", "run", str(one), cwd=folder), command("python", str(RAW)))
+    return Ratio("whole process, against a raw script", ours, theirs, 1.6)
 
 
 def further_scenario(folder: Path) -> Ratio:
-    """What each further scenario adds, with one job, against what each further raw loop adds."""
-    few, many = write_suite(folder / "few", FEW), write_suite(folder / "many", MANY)
+    """What a scenario costs once everything is imported: read, run in a child of its own, its outcome read back."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
+    from bench.raw_loop import drive
+    from sim_action.execution import execute
+    from sim_action.loading import load_scenario
+    from sim_action.reports.progress import ProgressListener
 
-    def ours() -> float:
-        runs = [command("sim-action", "run", "--jobs", "1", str(suite), cwd=folder) for suite in (many, few)]
-        return (seconds(runs[0]) - seconds(runs[1])) / (MANY - FEW)
+    path = write_suite(folder / "further", 1) / "0.sim.yml"
+    listener = ProgressListener(total=1, verbosity="quiet")
 
-    def theirs() -> float:
-        return (seconds(command("python", str(RAW), str(MANY))) - seconds(command("python", str(RAW), str(FEW)))) / (
-            MANY - FEW
-        )
+    def ours() -> None:
+        (outcome,) = execute([load_scenario(path)], folder, 1, listener)
+        assert outcome.status == "passed"
 
-    return Ratio("each further scenario, against the raw loop", alternating(ours, theirs, 5), 1.2)
+    took, raw = least_seconds(20, ours, drive)
+    return Ratio("each further scenario, against the raw loop", took, raw, 1.2)
 
 
 def parallel(folder: Path) -> Ratio:
     """A suite with one job against the same with two."""
     suite = str(write_suite(folder / "suite", SUITE))
-    one, two = (command("sim-action", "run", "--jobs", jobs, suite, cwd=folder) for jobs in "12")
-    pairs = alternating(lambda: seconds(one), lambda: seconds(two), 3)
-    return Ratio(f"{SUITE} scenarios, one job against two", pairs, 1.6, at_most=False)
+    one, two = least_seconds(3, *(command("sim-action", "run", "--jobs", jobs, suite, cwd=folder) for jobs in "12"))
+    return Ratio(f"{SUITE} scenarios, one job against two", one, two, 1.6, at_most=False)
 
 
-def start_up(folder: Path) -> list[Ratio]:
+def start_up(folder: Path) -> Iterator[Ratio]:
     """Commands that need no engine against an interpreter that does nothing."""
-    bare = command("python", "-c", "pass")
     scenario = str(write_suite(folder / "start-up", 1))
-    calls = (("--help", ["--help"], 6.0), ("validate of one file", ["validate", scenario], 20.0))
-    ratios = []
-    for name, arguments, target in calls:
-        ours = partial(seconds, command("sim-action", *arguments))
-        pairs = alternating(ours, partial(seconds, bare), 15)
-        ratios.append(Ratio(f"{name}, against python -c pass", pairs, target))
-    return ratios
+    help_, validate, bare = least_seconds(
+        20,
+        command("sim-action", "--help"),
+        command("sim-action", "validate", scenario),
+        command("python", "-c", "pass"),
+    )
+    yield Ratio("--help, against python -c pass", help_, bare, 6)
+    yield Ratio("validate of one file, against python -c pass", validate, bare, 20)
 
 
 def main() -> None:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from sim_action.backends import BACKENDS, Backend
-from sim_action.command import JointTargets
-from sim_action.commands import Controller
+from sim_action.command import Command, JointTargets
+from sim_action.commands import Controller, OpenLoop
 from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.errors import RunError, SimulationUnstable
 from sim_action.geometry import Twist
+from sim_action.observation import Observation
 from sim_action.panel import End, Panel
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
@@ -79,7 +80,6 @@ class _Ticker:
 
     controller: Controller
     period: int
-    watches_contacts: bool
 
 
 class _Loop:
@@ -98,7 +98,7 @@ class _Loop:
 
     def run(self, progress: Progress) -> SimulationRun:
         tickers = [
-            _Ticker(source.open(self._scene), self._scenario.steps_between_ticks(source.rate), source.watches_contacts)
+            _Ticker(source.open(self._scene), self._scenario.steps_between_ticks(source.rate))
             for source in self._scenario.commands
         ]
         self._settle()
@@ -170,7 +170,7 @@ class _Loop:
 
     def _tick(self, tickers: list[_Ticker], end: int) -> None:
         """Asks the controllers whose tick is now, and goes on to the next tick, or to `end`."""
-        asked = self._ask([ticker for ticker in tickers if self._step % ticker.period == 0])
+        asked = self._ask([ticker.controller for ticker in tickers if self._step % ticker.period == 0])
         steps = min([end - self._step, *(ticker.period - self._step % ticker.period for ticker in tickers)])
         planned = self._motion.targets(self._twist, steps) if self._motion and self._twist else []
         if asked is not None:
@@ -178,15 +178,10 @@ class _Loop:
         self._backend.advance(self._step, _padded(planned, steps))
         self._step += steps
 
-    def _ask(self, tickers: list[_Ticker]) -> JointTargets | None:
+    def _ask(self, controllers: list[Controller]) -> JointTargets | None:
         """Takes the commands of this tick; returns the joint targets among them."""
-        if not tickers:
-            return None
         targets: JointTargets | None = None
-        contacts = any(ticker.watches_contacts for ticker in tickers)
-        observation = self._backend.observe(self._step, contacts=contacts)
-        for ticker in tickers:
-            command = ticker.controller(observation)
+        for command in self._commands(controllers):
             if isinstance(command, JointTargets):
                 targets = targets.updated_by(command) if targets else command
                 if self._motion and not self._motion.joints.isdisjoint(command.names()):
@@ -195,6 +190,15 @@ class _Loop:
             elif command is not None:
                 self._twist = self._drivable(command)
         return targets
+
+    def _commands(self, controllers: list[Controller]) -> Iterator[Command | None]:
+        observation: Observation | None = None
+        for controller in controllers:
+            if isinstance(controller, OpenLoop):
+                yield controller.command(self._step / self._scenario.physics.rate)
+            else:
+                observation = observation or self._backend.observe(self._step, contacts=True)
+                yield controller.command(observation)
 
     def _drivable(self, twist: Twist) -> Twist:
         if self._motion is None:

@@ -71,7 +71,7 @@ class PyBulletBackend:
             if self._held_efforts:
                 self._push(self._held_efforts)
             pybullet.stepSimulation(self._client)
-            self._rows.append((step / self._rate, *self._row()))
+            self._rows.append(self._row(step))
             if self._watches_contacts:
                 self._touches += self._contacts(step, ground=False)
 
@@ -87,12 +87,12 @@ class PyBulletBackend:
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Backend.observe."""
-        row = self._row()
+        time, *row = self._row(step)
         px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = _in_link_frame(row[:13], self._com_in_link)
         joints = len(self._indices)
         states = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
         return Observation(
-            time=step / self._rate,
+            time=time,
             pose=Pose((px, py, pz), (qx, qy, qz, qw)),
             twist=Twist((vx, vy, vz), (wx, wy, wz)),
             joints=dict(zip(self._joint_names, states, strict=True)),
@@ -231,15 +231,16 @@ class PyBulletBackend:
             if body is not None and (ground or body != GROUND) and (force > 0 or distance <= 0):
                 yield Contact(step / self._rate, self._link_names[point[3]], body, point[5], force)
 
-    def _row(self) -> tuple[float, ...]:
-        """The state as one flat tuple: it is taken at every step, so it stays as cheap as it can be."""
+    def _row(self, step: int) -> tuple[float, ...]:
+        """A row of `Trace.state`, but for its frame: it is taken at every step, so it stays as cheap as it can be."""
         position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
         linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
         if not self._indices:
-            return (*position, *orientation, *linear, *angular)
+            return (step / self._rate, *position, *orientation, *linear, *angular)
         states = pybullet.getJointStates(self._robot, self._indices, self._client)
         positions, velocities, _, efforts = zip(*states, strict=True)
-        return (*position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
+        time = step / self._rate
+        return (time, *position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
 
 
 def _in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:

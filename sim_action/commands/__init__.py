@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
@@ -15,8 +16,23 @@ from sim_action.registry import Table
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import Workspace
 
-Controller = Callable[[Observation], Command | None]
-"""The live half of a command source: asked at every tick; None leaves the last command standing."""
+
+@dataclass(frozen=True, slots=True)
+class OpenLoop:
+    """The live half of a source that looks at the clock alone: from sim time in s to a command."""
+
+    command: Callable[[float], Command | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoop:
+    """The live half of a source that looks at the robot; its contacts are computed for it."""
+
+    command: Callable[[Observation], Command | None]
+
+
+Controller = OpenLoop | ClosedLoop
+"""Asked at every tick; None leaves the last command standing."""
 
 
 class CommandSource(FrozenModel):
@@ -24,9 +40,6 @@ class CommandSource(FrozenModel):
 
     runs_user_code: ClassVar[bool] = False
     """Whether `open` or its controller runs code of the user's: such a scenario gets an interpreter of its own."""
-
-    watches_contacts: ClassVar[bool] = False
-    """Whether its controller reads `Observation.contacts`; they are computed only when asked for."""
 
     needs_drive: ClassVar[bool] = False
     """Whether all its commands are twists."""

@@ -16,7 +16,7 @@ from typing import Annotated, ClassVar, cast
 from pydantic import Field
 
 from sim_action.command import Command, JointTargets, is_finite
-from sim_action.commands import CommandSource, Controller
+from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.errors import ScriptError
 from sim_action.geometry import Twist
 from sim_action.location import Location
@@ -31,7 +31,6 @@ class ScriptCommands(CommandSource):
     """Asks a Python function of the user's for every command."""
 
     runs_user_code: ClassVar[bool] = True
-    watches_contacts: ClassVar[bool] = True
 
     script: Annotated[str, Field(min_length=1, description="path of the Python file")]
     function: Annotated[str, Field(min_length=1, description="which function of the file is asked")] = "control"
@@ -79,7 +78,7 @@ class ScriptCommands(CommandSource):
                 raise ScriptError(f"{self.function}() returned {problem}", where)
             return cast(Command | None, answer)
 
-        return command
+        return ClosedLoop(command)
 
 
 def _names_bound_by(tree: ast.Module) -> set[str]:

@@ -8,9 +8,8 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from sim_action.command import Command
-from sim_action.commands import CommandSource, Controller
+from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.geometry import Twist
-from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, MetresPerSecond, PositiveSeconds, RadiansPerSecond
 from sim_action.scene import Scene
 
@@ -48,12 +47,12 @@ class TwistCommands(CommandSource):
         ends = tuple(accumulate(float("inf") if s.duration is None else s.duration for s in self.twist))
         twists = tuple(segment.twist for segment in self.twist)
 
-        def command(observation: Observation) -> Command:
+        def command(time: float) -> Command:
             # A tick that falls on a segment's end belongs to the next one, whatever the rounding of either.
-            now = observation.time + _ROUNDING
+            now = time + _ROUNDING
             return next((twist for end, twist in zip(ends, twists, strict=True) if now < end), Twist())
 
-        return command
+        return OpenLoop(command)
 
 
 _ROUNDING = 1e-9

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from sim_action import JointTargets, Twist
-from sim_action.commands import Controller
+from sim_action import Command, JointTargets, Observation, Twist
+from sim_action.commands import ClosedLoop
 from sim_action.commands.script import ScriptCommands
 from sim_action.errors import ScriptError
 from sim_action.scene import Scene
@@ -39,10 +39,12 @@ def written(folder: Path, text: str) -> ScriptCommands:
     return ScriptCommands(script="controller.py")
 
 
-def opened(folder: Path, text: str) -> Controller:
+def opened(folder: Path, text: str) -> Callable[[Observation], Command | None]:
     there = scene()
     spec = written(folder, text)
-    return spec.open(Scene(there.robot, there.model, there.world, there.physics, Workspace(folder, folder)))
+    controller = spec.open(Scene(there.robot, there.model, there.world, there.physics, Workspace(folder, folder)))
+    assert isinstance(controller, ClosedLoop)
+    return controller.command
 
 
 def answer(folder: Path, body: str) -> object:

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from sim_action.commands import OpenLoop
 from sim_action.commands.twist import TwistCommands
-from sim_action.geometry import Pose, Twist
-from sim_action.observation import Observation
+from sim_action.geometry import Twist
 from tests.traces import scene
 
 
@@ -18,7 +18,9 @@ def spec(*segments: dict[str, Any], **others: Any) -> TwistCommands:
 
 
 def at(commands: TwistCommands, time: float) -> object:
-    return commands.open(scene())(Observation(time, Pose(), Twist(), {}))
+    controller = commands.open(scene())
+    assert isinstance(controller, OpenLoop)
+    return controller.command(time)
 
 
 @pytest.mark.parametrize(
