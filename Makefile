@@ -3,13 +3,16 @@ PYTHON ?= $(shell for name in python3.11 python3 python; do "$$name" -c 'import 
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint format docs picture bench lock clean
+.PHONY: demo test coverage lint format docs picture bench lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
 
 test: $(VENV)/.dev ## all tests
 	$(BIN)/python -m pytest
+
+coverage: $(VENV)/.dev ## all tests, and which lines none of them reaches
+	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered
 
 lint: $(VENV)/.dev ## style, types, layers
 	$(BIN)/ruff check .

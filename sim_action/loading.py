@@ -10,6 +10,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from sim_action import units
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.drives import DRIVES, Drive, recognise
@@ -245,10 +246,15 @@ class _Loader:
 
     def _check_robot(self, scenario: Scenario, model: RobotModel) -> None:
         moving = [joint.name for joint in model.moving_joints]
-        for name in scenario.robot.joints:
+        for name, written in scenario.robot.joints.items():
+            path: KeyPath = ("robot", "joints", name)
             if name not in moving:
-                hint = did_you_mean(name, moving)
-                self._note(("robot", "joints", name), f"the model has no moving joint '{name}'{hint}")
+                self._note(path, f"the model has no moving joint '{name}'{did_you_mean(name, moving)}")
+                continue
+            try:
+                units.parse(written, model.joints_by_name[name].dimension("position"))
+            except units.UnitError as error:
+                self._note(path, str(error))
         if scenario.robot.drive is not None:
             self._check_drive(scenario.robot.drive, model)
         elif any(source.needs_drive for source in scenario.commands) and recognise(model) is None:

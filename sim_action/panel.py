@@ -80,7 +80,11 @@ class Panel:
 
     def verdicts(self) -> tuple[Verdict, ...]:
         """One for each expectation, if nothing more came."""
-        return tuple(monitor.verdict() for monitor in self.monitors)
+        verdicts = (monitor.verdict() for monitor in self.monitors)
+        if self.end != "broken":
+            return tuple(verdicts)
+        pairs = zip(self.monitors, verdicts, strict=True)
+        return tuple(_undecided(verdict) if monitor.state is State.PENDING else verdict for monitor, verdict in pairs)
 
     def _decisive(self) -> list[Monitor]:
         pairs = zip(self.monitors, self.scenario.expect, strict=True)
@@ -96,3 +100,8 @@ class Panel:
     def _reached(self, time: float) -> bool:
         """Whether the first physics step at or after a sim time has been seen."""
         return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - _ROUNDING
+
+
+def _undecided(verdict: Verdict) -> Verdict:
+    """A goal that was still pending when something else ended the run: not the reason to look for."""
+    return replace(verdict, message=f"{verdict.message}, when the run was over")

@@ -38,20 +38,35 @@ class Quantity:
         return core_schema.no_info_before_validator_function(self._read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return self._with_unit(handler(schema))
+
+    def _with_unit(self, number_schema: dict[str, Any]) -> dict[str, Any]:
         # pydantic leaves bounds that were added outside of this annotation in its own words.
-        number = {_JSON_SCHEMA_WORDS.get(key, key): value for key, value in handler(schema).items()}
+        number = {_JSON_SCHEMA_WORDS.get(key, key): value for key, value in number_schema.items()}
         symbols = [symbol for dimension in self.dimensions for symbol in dimension.factors if symbol]
         if not symbols:
             return number
         pattern = f"^\\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\\s*({'|'.join(re.escape(s) for s in symbols)})?\\s*$"
         return {"anyOf": [number, {"type": "string", "pattern": pattern, "examples": [f"1 {symbols[0]}"]}]}
 
-    def _read(self, value: object) -> float:
+    def _read(self, value: object) -> object:
         try:
             return units.parse(value, *self.dimensions)
         except units.UnitError as error:
             # A brace would be read as a placeholder of pydantic's template.
             raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from None
+
+
+@dataclass(frozen=True)
+class Written(Quantity):
+    """Annotates a quantity that stays as it was written: only the model tells which of the dimensions is right."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return self._with_unit({"type": "number"})
+
+    def _read(self, value: object) -> object:
+        super()._read(value)
+        return value
 
 
 def _plain_name(name: str) -> str:
@@ -83,14 +98,8 @@ NonNegativeRadiansPerSecond = Annotated[float, Ge(0), Quantity((units.ANGULAR_SP
 PositiveMetresPerSecondSquared = Annotated[float, Gt(0), Quantity((units.ACCELERATION,))]
 PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
-JointPosition = Annotated[float, Quantity((units.ANGLE, units.LENGTH))]
-_JOINT_DIMENSIONS: Final = (
-    units.ANGLE,
-    units.LENGTH,
-    units.ANGULAR_SPEED,
-    units.SPEED,
-    units.TORQUE,
-    units.FORCE,
-)
-JointQuantity = Annotated[float, Quantity(_JOINT_DIMENSIONS)]
-PositiveJointQuantity = Annotated[float, Gt(0), Quantity(_JOINT_DIMENSIONS)]
+JointPosition = Annotated[float | str, Written((units.ANGLE, units.LENGTH))]
+JointQuantity = Annotated[
+    float | str,
+    Written((units.ANGLE, units.LENGTH, units.ANGULAR_SPEED, units.SPEED, units.TORQUE, units.FORCE)),
+]

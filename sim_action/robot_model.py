@@ -4,9 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from types import MappingProxyType
+from typing import Final, Literal
 
+from sim_action import units
 from sim_action.geometry import Pose, Vector3
+from sim_action.units import Dimension
+
+Reading = Literal["position", "velocity", "effort"]
+
+READINGS: Final = MappingProxyType(
+    {
+        "position": (units.ANGLE, units.LENGTH),
+        "velocity": (units.ANGULAR_SPEED, units.SPEED),
+        "effort": (units.TORQUE, units.FORCE),
+    }
+)
+"""What joints can be asked for -> its dimension if the joint turns, and if it slides."""
 
 JointType = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 
@@ -57,6 +71,11 @@ class Joint:
     upper: float | None = None
     max_effort: float | None = None
     max_velocity: float | None = None
+
+    def dimension(self, reading: Reading) -> Dimension:
+        """What a reading of it is measured in: it slides or turns."""
+        turning, sliding = READINGS[reading]
+        return sliding if self.type == "prismatic" else turning
 
     @property
     def moves(self) -> bool:

@@ -181,6 +181,13 @@ def test_a_drive_that_does_not_fit_the_model(drive: str, problem: str, tmp_path:
     assert len(found) == (2 if "right: []" in drive else 1)
 
 
+def test_a_joint_that_turns_begins_at_no_length(tmp_path: Path) -> None:
+    text = LEAST.replace(MODEL, f"{MODEL}\n  joints: {{wheel_left_joint: 5 cm}}")
+    assert only(tmp_path, text) == (
+        "4:12: robot.joints.wheel_left_joint: 'cm' is not a unit of angle; use one of: rad, deg"
+    )
+
+
 def test_joints_to_begin_with_are_those_of_the_model(tmp_path: Path) -> None:
     text = LEAST.replace(MODEL, f"{MODEL}\n  joints: {{wheel_lft_joint: 1}}")
     assert only(tmp_path, text) == (

@@ -165,3 +165,15 @@ def test_the_end_is_the_same_however_the_blocks_are_cut(
         if cut.end is None:
             cut, _ = cut.observe_until_end(piece(ridden, start, end))
     assert (cut.end, cut.time, cut.verdicts()) == (panel.end, panel.time, panel.verdicts())
+
+
+def test_a_goal_that_something_else_cut_short_says_so() -> None:
+    panel, _ = seen_by(scenario(FAR_GOAL, BREAKS), ride())
+    undecided, broken = panel.verdicts()
+    assert undecided.message == "travelled 6 m of 100 m in 6.0 s, when the run was over"
+    assert broken.message == "travelled 6 m at 6.00 s, more than 5 m"
+
+
+def test_a_goal_that_the_time_limit_cut_short_is_itself_to_blame() -> None:
+    panel, _ = seen_by(scenario(FAR_GOAL), ride())
+    assert panel.verdicts()[0].message == "travelled 10 m of 100 m in 10.0 s"

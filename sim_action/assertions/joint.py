@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
@@ -13,21 +13,13 @@ from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
 from sim_action.assertions.fold import Goal
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
-from sim_action.quantities import JointQuantity, PositiveJointQuantity
+from sim_action.quantities import JointQuantity
+from sim_action.robot_model import READINGS, Reading
 from sim_action.scene import Scene, SpecProblems
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.trace import FloatArray, Trace
-
-Reading = Literal["position", "velocity", "effort"]
-
-_DIMENSIONS = {
-    "position": (units.ANGLE, units.LENGTH),
-    "velocity": (units.ANGULAR_SPEED, units.SPEED),
-    "effort": (units.TORQUE, units.FORCE),
-}
-_UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}
 
 
 class JointReading(Assertion):
@@ -40,7 +32,7 @@ class JointReading(Assertion):
     at_least: Annotated[JointQuantity | None, Field(description="a goal: must be reached")] = None
     at_most: Annotated[JointQuantity | None, Field(description="an invariant: must not be exceeded")] = None
     near: Annotated[JointQuantity | None, Field(description="a goal: must be reached within 'tolerance'")] = None
-    tolerance: Annotated[PositiveJointQuantity | None, Field(description="goes with 'near'")] = None
+    tolerance: Annotated[JointQuantity | None, Field(description="goes with 'near'")] = None
 
     @model_validator(mode="after")
     def _asks_for_one_thing(self) -> Self:
@@ -49,39 +41,49 @@ class JointReading(Assertion):
             raise ValueError("give 'at_least' or 'at_most', or else 'near' with 'tolerance'")
         if (self.near is None) != (self.tolerance is None):
             raise ValueError("'near' and 'tolerance' go together")
-        check_order(self.at_least, self.at_most)
+        at_least, at_most, _, tolerance = (self._magnitude(value) for value in self._asked().values())
+        check_order(at_least, at_most)
+        if tolerance is not None and tolerance <= 0:
+            raise ValueError("'tolerance' must be greater than 0")
         return self
 
-    @field_validator("at_least", "at_most", "near", "tolerance", mode="before")
-    @classmethod
-    def _has_the_unit_of_its_reading(cls, value: object, info: ValidationInfo) -> object:
-        if not isinstance(value, str) or "reading" not in info.data:
-            return value
-        try:
-            return units.parse(value, *_DIMENSIONS[info.data["reading"]])
-        except units.UnitError as error:
-            raise ValueError(str(error)) from None
+    def _asked(self) -> dict[str, float | str | None]:
+        return {"at_least": self.at_least, "at_most": self.at_most, "near": self.near, "tolerance": self.tolerance}
+
+    def _magnitude(self, written: float | str | None) -> float | None:
+        """In SI units, whether the joint turns or slides."""
+        return None if written is None else units.parse(written, *READINGS[self.reading])
 
     @property
     def title(self) -> str:
-        """See Assertion.title; the spec alone does not know whether the joint turns or slides."""
-        asked = {"at least": self.at_least, "at most": self.at_most, "near": self.near}
-        wanted = ", ".join(f"{word} {value:.4g}" for word, value in asked.items() if value is not None)
+        """See Assertion.title."""
+        wanted = ", ".join(
+            f"{word.replace('_', ' ')} {value if isinstance(value, str) else f'{value:.4g}'}"
+            for word, value in self._asked().items()
+            if value is not None and word != "tolerance"
+        )
         return f"joint {self.name} {self.reading} {wanted}"
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """A joint that is not there."""
+        """A joint that is not there, or units that are not those of a joint that turns, or slides."""
         moving = [joint.name for joint in scene.model.moving_joints]
         if self.name not in moving:
             yield ("name",), f"the model has no moving joint '{self.name}'{did_you_mean(self.name, moving)}"
+            return
+        dimension = scene.model.joints_by_name[self.name].dimension(self.reading)
+        for key, written in self._asked().items():
+            try:
+                units.parse(0.0 if written is None else written, dimension)
+            except units.UnitError as error:
+                yield (key,), str(error)
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        slides = scene.model.joints_by_name[self.name].type == "prismatic"
-        unit = _UNITS[self.reading][slides]
-        if self.near is not None and self.tolerance is not None:
-            return NearMonitor(self, unit, self.near, self.tolerance)
-        return SignalMonitor(self.signal, Bounds(f"{self.name} had {self.reading}", unit, self.at_least, self.at_most))
+        unit = scene.model.joints_by_name[self.name].dimension(self.reading).si
+        at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
+        if near is not None and tolerance is not None:
+            return NearMonitor(self, unit, near, tolerance)
+        return SignalMonitor(self.signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most))
 
     def signal(self, trace: Trace) -> FloatArray:
         """(T,) what is held against the bounds."""

@@ -72,10 +72,12 @@ class NoCollisionMonitor:
     def verdict(self) -> Verdict:
         """Measured: contacts that were not allowed, up to the moment that decided."""
         if self.first is None:
-            return Verdict(True, 0.0, 0.0, 0.0, "", self.end, "touched nothing" + (" else" if self.allowed else ""))
+            return Verdict(
+                True, 0.0, 0.0, 0.0, "contacts", self.end, "touched nothing" + (" else" if self.allowed else "")
+            )
         x, y, z = self.first.position_xyz
         message = (
             f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "
             f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, with {self.first.force:.3g} N"
         )
-        return Verdict(False, 1.0, 0.0, -1.0, "", self.first.time, message)
+        return Verdict(False, 1.0, 0.0, -1.0, "contacts", self.first.time, message)

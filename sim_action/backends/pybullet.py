@@ -152,8 +152,9 @@ class PyBulletBackend:
         self._com_in_link = Pose(com_position, com_orientation)
 
     def _place_robot(self, scene: Scene) -> None:
+        positions = scene.joint_positions
         for joint in scene.model.moving_joints:
-            position = scene.robot.joints.get(joint.name, 0.0)
+            position = positions.get(joint.name, 0.0)
             pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
             if joint.type == "continuous":
                 # Switches the default motor off; what remains is the joint's own friction.

@@ -99,16 +99,22 @@ def test_what_cannot_be_asked_of_a_joint_is_refused(spec: dict[str, Any], messag
     ("spec", "value"),
     [
         ({"at_least": "90 deg"}, math.pi / 2),
-        ({"at_least": "5 cm"}, 0.05),
         ({"reading": "velocity", "at_least": "60 rpm"}, 2 * math.pi),
         ({"reading": "effort", "at_least": "2 Nm"}, 2.0),
         ({"reading": "effort", "at_least": -2}, -2.0),
     ],
 )
 def test_each_reading_has_its_units(spec: dict[str, Any], value: float) -> None:
-    assert JointReading.model_validate({"name": WHEEL, **spec}).at_least == pytest.approx(value)
+    verdict = judged(JointReading.model_validate({"name": WHEEL, **spec}), SEEN)
+    assert verdict.limit == pytest.approx(value)
+
+
+def test_a_length_is_no_position_of_a_joint_that_turns() -> None:
+    (problem,) = JointReading(name=WHEEL, near="5 cm", tolerance="1 deg").problems(scene())
+    assert problem == (("near",), "'cm' is not a unit of angle; use one of: rad, deg")
 
 
 def test_the_title_says_what_is_asked() -> None:
     spec = JointReading(name="elbow", reading="velocity", at_least=1, at_most=2)
     assert spec.title == "joint elbow velocity at least 1, at most 2"
+    assert JointReading(name="elbow", near="90 deg", tolerance="1 deg").title == "joint elbow position near 90 deg"

@@ -13,7 +13,7 @@ TOUCHED = trace([1.0, 2.0, 3.0], contacts=[contact(2.0), contact(2.0, link="base
 
 
 def test_a_robot_that_touches_nothing_passes() -> None:
-    assert judged(NoCollision(), trace([1.0, 2.0])) == Verdict(True, 0.0, 0.0, 0.0, "", 2.0, "touched nothing")
+    assert judged(NoCollision(), trace([1.0, 2.0])) == Verdict(True, 0.0, 0.0, 0.0, "contacts", 2.0, "touched nothing")
 
 
 def test_the_first_contact_is_named() -> None:
@@ -22,7 +22,7 @@ def test_the_first_contact_is_named() -> None:
         1.0,
         0.0,
         -1.0,
-        "",
+        "contacts",
         2.0,
         "base_footprint touched wall at 2.00 s, at (1.00, 0.25, 0.10) m, with 12.5 N",
     )

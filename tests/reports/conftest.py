@@ -43,7 +43,7 @@ COLLISION = ExpectationOutcome(
     severity="error",
     location=Location(WALL, 12, 5),
     verdict=Verdict(
-        False, 1.0, 0.0, -1.0, "", 3.2, "base_link touched wall at 3.20 s, at (2.95, 0.00, 0.10) m, with 4.1 N"
+        False, 1.0, 0.0, -1.0, "contacts", 3.2, "base_link touched wall at 3.20 s, at (2.95, 0.00, 0.10) m, with 4.1 N"
     ),
 )
 PASSED = Outcome(
