@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -184,12 +183,3 @@ def _badness(outcome: Outcome) -> int:
     if outcome.status != "passed":
         return {"error": 0, "failed": 1}[outcome.status]
     return 2 if any(expectation.warned for expectation in outcome.expectations) else 3
-
-
-def count_by_status(outcomes: Iterable[Outcome]) -> str:
-    """Such as "3 passed, 1 failed"; only what there is."""
-    counts = {"passed": 0, "failed": 0, "error": 0}
-    for outcome in outcomes:
-        counts[outcome.status] += 1
-    named = {"passed": "passed", "failed": "failed", "error": "error" if counts["error"] == 1 else "errors"}
-    return ", ".join(f"{count} {named[status]}" for status, count in counts.items() if count) or "no scenario"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from sim_action import units
-from sim_action.outcome import Outcome, Results, count_by_status
+from sim_action.outcome import Outcome, Results
 from sim_action.verdict import Verdict
 
 Mood = Literal["passed", "warned", "failed", "error"]
@@ -29,7 +29,13 @@ def counts(results: Results) -> str:
     """Such as "3 passed, 1 failed, 2 warnings"; a warning is an expectation, the others are scenarios."""
     warnings = sum(expected.warned for outcome in results.outcomes for expected in outcome.expectations)
     warned = f", {warnings} {'warning' if warnings == 1 else 'warnings'}" if warnings else ""
-    return count_by_status(results.outcomes) + warned
+    errors = results.count("error")
+    named = (
+        (results.count("passed"), "passed"),
+        (results.count("failed"), "failed"),
+        (errors, "error" if errors == 1 else "errors"),
+    )
+    return (", ".join(f"{count} {name}" for count, name in named if count) or "no scenario") + warned
 
 
 def speed(sim_time: float | None, wall_time: float) -> str:
