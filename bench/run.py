@@ -99,6 +99,7 @@ def further_scenario(folder: Path) -> Ratio:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
     from sim_action.execution import execute
+    from sim_action.interruption import Interruption
     from sim_action.loading import load_scenario
     from sim_action.reports.progress import ProgressListener
 
@@ -106,7 +107,8 @@ def further_scenario(folder: Path) -> Ratio:
     listener = ProgressListener(total=1, verbosity="quiet")
 
     def ours() -> None:
-        (outcome,) = execute([load_scenario(path)], folder, 1, listener)
+        with Interruption() as interruption:
+            (outcome,) = execute([load_scenario(path)], folder, 1, listener, interruption)
         assert outcome.status == "passed"
 
     took, raw = least_seconds(20, ours, drive)

@@ -77,7 +77,9 @@ def program() -> None:
 @click.option("--output-dir", default="sim-results", show_default=True, help="Where results, JUnit and traces go.")
 @click.option("--junit", metavar="PATH", help="Where the JUnit XML goes.  [default: junit.xml in the output dir]")
 @click.option("--junit-strict", is_flag=True, help="Leave out of it what junit-10.xsd forbids.")
-@click.option("--jobs", "-j", type=click.IntRange(min=1), metavar="N", help="At the same time.  [default: the cores]")
+@click.option(
+    "--jobs", "-j", type=click.IntRange(min=1, max=256), metavar="N", help="At the same time.  [default: the cores]"
+)
 @click.option("--verbose", "-v", is_flag=True, help="Show notes, diagnostics and what controllers print.")
 @click.option("--quiet", "-q", is_flag=True, help="Show what failed, and one closing line.")
 @_ALLOW_OUTSIDE
@@ -98,20 +100,23 @@ def run(  # noqa: PLR0917 - click passes what was typed
     """
     from pathlib import Path
 
-    from sim_action import running
+    from sim_action.interruption import Interruption
 
     if verbose and quiet:
         raise UsageError("--verbose and --quiet do not go together")
-    request = running.RunRequest(
-        files=_discovered(paths),
-        folder=Path(output_dir),
-        junit=Path(junit) if junit else None,
-        junit_strict=junit_strict,
-        jobs=jobs or len(os.sched_getaffinity(0)),
-        verbosity="verbose" if verbose else "quiet" if quiet else "normal",
-        allow_outside=allow_outside,
-    )
-    return running.run(request)
+    with Interruption() as interruption:
+        from sim_action import running
+
+        request = running.RunRequest(
+            files=_discovered(paths),
+            folder=Path(output_dir),
+            junit=Path(junit) if junit else None,
+            junit_strict=junit_strict,
+            jobs=jobs or len(os.sched_getaffinity(0)),
+            verbosity="verbose" if verbose else "quiet" if quiet else "normal",
+            allow_outside=allow_outside,
+        )
+        return running.run(request, interruption)
 
 
 @program.command()
@@ -120,12 +125,13 @@ def run(  # noqa: PLR0917 - click passes what was typed
 def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     """Find everything that is wrong with scenarios without running them."""
     from sim_action.loading import load_all
+    from sim_action.messages import one_line
 
     files = _discovered(paths)
     valid, invalid = load_all(files, allow_outside=allow_outside)
     for error in invalid.values():
         for problem in error.problems:
-            click.echo(str(problem))
+            click.echo(one_line(str(problem)))
     click.echo(f"{len(valid)} valid, {len(invalid)} invalid", err=bool(invalid))
     if not files:
         return ExitCode.NO_SCENARIO

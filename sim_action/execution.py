@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-import os
 import re
 import select
-import signal
 import tempfile
 import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
-from typing import Final, Protocol, Self
+from typing import Final, Protocol
 
-from pydantic import ValidationError
-
+from sim_action.aftermath import interrupted, outcome_of
 from sim_action.backends import BACKENDS
+from sim_action.interruption import Interruption
 from sim_action.isolation import CAN_FORK, Child
-from sim_action.native_output import muted, split_output
-from sim_action.outcome import Failure, FailureKind, Outcome
+from sim_action.native_output import muted
+from sim_action.outcome import Outcome
 from sim_action.scenario import LoadedScenario
 from sim_action.simulation import ENGINE
 from sim_action.worker import Job
 
 TRACE_FOLDER: Final = "traces"
 
-_MOST_OUTPUT: Final = 64_000
-_MOST_LAST_WORDS: Final = 2_000
-_MOST_OUTCOME: Final = 50_000_000
 # The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
 _ENDING_WAIT: Final = 0.002
 _LONGEST_WAIT: Final = 0.25
@@ -44,10 +38,12 @@ class Listener(Protocol):
         """A scenario is over."""
 
 
-def execute(scenarios: Sequence[LoadedScenario], folder: Path, jobs: int, listener: Listener) -> list[Outcome]:
+def execute(
+    scenarios: Sequence[LoadedScenario], folder: Path, jobs: int, listener: Listener, interruption: Interruption
+) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
-    Ctrl-C and SIGTERM end what runs; scenarios without an outcome then get one that says so.
+    An interruption ends what runs; scenarios without an outcome then get one that says so.
     """
     if CAN_FORK and any(not loaded.scenario.runs_user_code for loaded in scenarios):
         _warm_up()
@@ -57,8 +53,8 @@ def execute(scenarios: Sequence[LoadedScenario], folder: Path, jobs: int, listen
             (index, Job(loaded, path, folder, _subfolder(Path(scratch), index)))
             for index, (loaded, path) in enumerate(zip(scenarios, paths, strict=True))
         )
-        outcomes = _Scheduler(waiting, jobs, listener).run()
-    return [outcomes.get(index) or _interrupted(loaded) for index, loaded in enumerate(scenarios)]
+        outcomes = _Scheduler(waiting, jobs, listener, interruption).run()
+    return [outcomes.get(index) or interrupted(loaded) for index, loaded in enumerate(scenarios)]
 
 
 def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
@@ -91,7 +87,10 @@ def _warm_up() -> None:
 class _Scheduler:
     """One thread, a queue of jobs, and the children that run."""
 
-    def __init__(self, waiting: deque[tuple[int, Job]], jobs: int, listener: Listener) -> None:
+    def __init__(
+        self, waiting: deque[tuple[int, Job]], jobs: int, listener: Listener, interruption: Interruption
+    ) -> None:
+        self._interruption = interruption
         self._waiting = waiting
         self._jobs = jobs
         self._listener = listener
@@ -100,11 +99,13 @@ class _Scheduler:
 
     def run(self) -> dict[int, Outcome]:
         """Outcomes by index; those of an interrupted call are missing."""
-        with _Interruption() as interruption:
-            while (self._waiting or self._running) and not interruption.happened:
+        try:
+            while (self._waiting or self._running) and not self._interruption.happened:
                 self._start()
-                self._wait(interruption)
+                self._wait()
                 self._collect()
+        finally:
+            # Whatever happens here, no child outlives the call.
             for child in self._running.values():
                 child.kill()
                 child.close()
@@ -115,11 +116,11 @@ class _Scheduler:
             index, job = self._waiting.popleft()
             self._running[index] = Child.start(job)
 
-    def _wait(self, interruption: _Interruption) -> None:
+    def _wait(self) -> None:
         nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
         descriptors = [child.progress for child in self._running.values() if not child.silent]
         ending = len(descriptors) < len(self._running)
-        descriptors.append(interruption.descriptor)
+        descriptors.append(self._interruption.descriptor)
         select.select(descriptors, [], [], min(_ENDING_WAIT if ending else _LONGEST_WAIT, max(0.0, nearest)))
 
     def _collect(self) -> None:
@@ -134,103 +135,9 @@ class _Scheduler:
                 child.kill()
             child.close()
             del self._running[index]
-            self._outcomes[index] = outcome = _outcome_of(child, status)
+            self._outcomes[index] = outcome = outcome_of(child, status)
             self._listener.finished(outcome)
 
 
 def _deadline(child: Child) -> float:
     return child.started + child.job.loaded.scenario.wall_seconds
-
-
-class _Interruption:
-    """Ctrl-C, or the SIGTERM of a cancelled workflow. It is noticed between two steps of the scheduler, not within one.
-
-    An exception out of a signal handler could come between the birth of a child and its being known.
-    """
-
-    def __init__(self) -> None:
-        self.happened = False
-        self.descriptor, self._written_to = os.pipe()
-        os.set_blocking(self._written_to, False)
-
-    def __enter__(self) -> Self:
-        self._wakeup = signal.set_wakeup_fd(self._written_to)
-        self._handlers = {number: signal.signal(number, self._notice) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
-        signal.set_wakeup_fd(self._wakeup)
-        os.close(self.descriptor)
-        os.close(self._written_to)
-
-    def _notice(self, _number: int, _frame: FrameType | None) -> None:
-        self.happened = True
-
-
-def _outcome_of(child: Child, status: int | None) -> Outcome:
-    """What the child wrote; if it did not come to that, what became of it."""
-    diagnostics, output = split_output(_tail(child.job.output_file))
-    outcome = _written(child) if status == 0 else None
-    if outcome is None:
-        outcome = _without_verdict(child.job.loaded, _failure(child, status, output))
-    return outcome.model_copy(
-        update={
-            "diagnostics": diagnostics,
-            "output": output,
-            "wall_time": time.monotonic() - child.started,
-        }
-    )
-
-
-def _written(child: Child) -> Outcome | None:
-    path = child.job.outcome_file
-    try:
-        if path.stat().st_size > _MOST_OUTCOME:
-            return None
-        return Outcome.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError):
-        return None
-
-
-def _failure(child: Child, status: int | None, output: str) -> Failure:
-    scenario, last_words = child.job.loaded.scenario, output[-_MOST_LAST_WORDS:]
-    at = f"sim time had come to {child.sim_time:.2f} s"
-    kind: FailureKind = "crash"
-    if status is None:
-        kind, title = "wall limit", "wall limit"
-        limit = f"no verdict after {scenario.wall_seconds:g} s of wall time"
-        message = f"{limit}; {at}; a stuck controller, or too low a wall_limit"
-    elif status < 0:
-        title = _signal_name(-status)
-        message = f"the process of this scenario was ended by {title}; {at}"
-    else:
-        title = f"exit {status}"
-        message = f"the process of this scenario ended by itself, with exit code {status} and no verdict; {at}"
-    return Failure(kind=kind, title=title, message=message, details=last_words)
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"
-
-
-def _interrupted(loaded: LoadedScenario) -> Outcome:
-    message = "the run was interrupted before this scenario was over"
-    return _without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
-
-
-def _without_verdict(loaded: LoadedScenario, failure: Failure) -> Outcome:
-    return Outcome(name=loaded.scenario.name, file=loaded.file, status="error", failures=(failure,))
-
-
-def _tail(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            file.seek(max(0, path.stat().st_size - _MOST_OUTPUT))
-            return file.read().decode("utf-8", errors="replace")
-    except OSError:
-        return ""

@@ -21,9 +21,9 @@ CAN_FORK: Final = sys.platform == "linux"
 
 # What a user's script has no business to see (the names that GitHub documents for runners).
 _SECRET_NAMES: Final = frozenset(
-    {"GITHUB_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"}
+    {"GITHUB_TOKEN", "GH_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"}
 )
-_SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_", "SIM_ACTION_")
+_SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_")
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parent.parent
 
 
@@ -69,18 +69,23 @@ class Child:
             self.sim_time = float(lines[-1])
 
     def poll(self) -> int | None:
-        """The exit status if the child is gone (negative: the signal that ended it), else None."""
-        pid, status = os.waitpid(self._pid, os.WNOHANG)
-        return os.waitstatus_to_exitcode(status) if pid else None
+        """The exit status if the child is gone (negative: the signal that ended it), else None.
+
+        It is not reaped yet: until `close`, its number cannot become another process's.
+        """
+        ended = os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        if ended is None:
+            return None
+        return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
 
     def kill(self) -> None:
-        """Ends the child and its group, and waits for it."""
-        self._kill_group()
-        os.waitpid(self._pid, 0)
+        """Ends the child, also one that has not become the leader of its group yet."""
+        os.kill(self._pid, signal.SIGKILL)
 
     def close(self) -> None:
-        """After its end: ends the processes that it left behind."""
+        """After its end: ends the processes that it left behind, and forgets it."""
         self._kill_group()
+        os.waitpid(self._pid, 0)
         os.close(self.progress)
 
     def _kill_group(self) -> None:
@@ -140,4 +145,5 @@ def _environment() -> dict[str, str]:
         if name not in _SECRET_NAMES and not name.startswith(_SECRET_PREFIXES)
     }
     path = os.pathsep.join(filter(None, (str(_PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
-    return {**kept, "PYTHONPATH": path}
+    # With a random seed, a controller that walks through a set would give another result every time.
+    return {**kept, "PYTHONPATH": path, "PYTHONHASHSEED": "0"}

@@ -6,11 +6,13 @@ import os
 import platform
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from sim_action import __version__
 from sim_action.errors import ExitCode, UsageError
 from sim_action.execution import execute
+from sim_action.interruption import Interruption
 from sim_action.loading import load_all
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import REPORTS, ReportOptions, Verbosity
@@ -30,16 +32,14 @@ class RunRequest:
     allow_outside: bool
 
 
-def run(request: RunRequest) -> ExitCode:
+def run(request: RunRequest, interruption: Interruption) -> ExitCode:
     """Runs everything, writes every report, and returns what the process says to its caller."""
     started = time.monotonic()
-    folder = _created(request.folder)
+    options = _report_options(request)
     valid, invalid = load_all(request.files, allow_outside=request.allow_outside)
     listener = ProgressListener(total=len(valid), verbosity=request.verbosity)
-    try:
-        ran = execute(list(valid.values()), folder, request.jobs, listener)
-    finally:
-        listener.close()
+    ran = execute(list(valid.values()), options.folder, request.jobs, listener, interruption)
+    listener.close()
     outcomes = dict(zip(valid, ran, strict=True)) | {
         path: Outcome.of_invalid(str(path), error) for path, error in invalid.items()
     }
@@ -50,11 +50,25 @@ def run(request: RunRequest) -> ExitCode:
         wall_time=time.monotonic() - started,
         outcomes=tuple(outcomes[path] for path in request.files),
     )
-    results.write(folder)
-    options = _report_options(request, folder)
-    for name in REPORTS:
-        REPORTS.load(name)(results, options)
+    _report(results, options)
     return results.exit_code
+
+
+def _report(results: Results, options: ReportOptions) -> None:
+    """Writes what can be written; raises UsageError for the rest."""
+    failed = []
+    writers = {"results": lambda: results.write(options.folder)} | {
+        name: partial(REPORTS.load(name), results, options) for name in REPORTS
+    }
+    for name, write in writers.items():
+        try:
+            write()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            failed.append(f"the {name} report cannot be written: {error.filename or name}: {error.strerror}")
+    if failed:
+        raise UsageError("; ".join(failed))
 
 
 def _created(folder: Path) -> Path:
@@ -65,7 +79,10 @@ def _created(folder: Path) -> Path:
     return folder
 
 
-def _report_options(request: RunRequest, folder: Path) -> ReportOptions:
+def _report_options(request: RunRequest) -> ReportOptions:
+    folder = _created(request.folder)
+    if request.junit is not None and request.junit.is_dir():
+        raise UsageError(f"--junit {request.junit} is a folder; name a file")
     return ReportOptions(
         folder=folder,
         junit=request.junit or folder / "junit.xml",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import pickle
 import resource
@@ -24,6 +25,7 @@ MEMORY_LIMIT: Final = 4 << 30
 """Bytes of address space that one scenario may take."""
 
 _PROGRESS_PERIOD: Final = 0.1
+_PR_SET_PDEATHSIG: Final = 1  # of Linux's sys/prctl.h
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +68,15 @@ def main() -> None:
     """The entry of a fresh interpreter: the job comes on standard input, the descriptor as the argument."""
     job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
     run_job(job, int(sys.argv[1]))
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Threads and exit handlers that the user's code has left must not hold up a verdict that is written.
+    os._exit(0)
 
 
 def _limit_resources() -> None:
+    # A parent that is killed outright cannot end its children.
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # Ctrl-C goes to the whole foreground; the parent decides what to end.

@@ -11,7 +11,7 @@ import runpy
 import sys
 import traceback
 from pathlib import Path
-from typing import Annotated, ClassVar, cast
+from typing import Annotated, ClassVar, Final, cast
 
 from pydantic import Field
 
@@ -26,6 +26,8 @@ from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
+_MOST_BYTES: Final = 1_000_000
+
 
 class ScriptCommands(CommandSource):
     """Asks a Python function of the user's for every command."""
@@ -39,7 +41,12 @@ class ScriptCommands(CommandSource):
         """A file that is not there, is no Python, or has no such function. Reads it; does not run it."""
         try:
             path = workspace.file(self.script)
-            tree = ast.parse(path.read_bytes(), filename=str(path))
+            with path.open("rb") as file:
+                source = file.read(_MOST_BYTES + 1)
+            if len(source) > _MOST_BYTES:
+                yield ("script",), f"{self.script}: a script of more than {_MOST_BYTES // 1000} kB is not read"
+                return
+            tree = ast.parse(source, filename=str(path))
         except PathError as error:
             yield ("script",), str(error)
         except OSError as error:

@@ -72,9 +72,13 @@ class ProgressListener:
         return log_text(text, self._stream.encoding or "utf-8")
 
     def _write(self, text: str) -> None:
-        self._stream.write(text)
-        # What is buffered when a child is forked would be written by both.
-        self._stream.flush()
+        try:
+            self._stream.write(text)
+            # What is buffered when a child is forked would be written by both.
+            self._stream.flush()
+        except OSError:
+            # Whoever read it has gone, which is no reason to stop.
+            self._silent = True
 
 
 def _cut(text: str, columns: int) -> str:

@@ -143,6 +143,20 @@ def test_an_output_folder_that_cannot_be_is_exit_code_2(tmp_path: Path) -> None:
     assert "cannot write to the output folder" in ran.stderr
 
 
+def test_a_junit_path_that_is_a_folder_is_exit_code_2(tmp_path: Path) -> None:
+    ran = sim_action(tmp_path, "run", "--junit", ".")
+    assert ran.returncode == 2
+    assert "--junit . is a folder; name a file" in ran.stderr
+
+
+def test_a_report_that_cannot_be_written_loses_no_other(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    ran = sim_action(tmp_path, "run", GITHUB_STEP_SUMMARY=str(tmp_path), GITHUB_OUTPUT=str(tmp_path / "outputs"))
+    assert ran.returncode == 2
+    assert "the summary report cannot be written" in ran.stderr
+    assert "conclusion" in (tmp_path / "outputs").read_text()
+
+
 def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     (tmp_path / "a b.sim.yml").write_text(VALID.format(name="with spaces"))
     ran = sim_action(tmp_path, "run", "a b.sim.yml", "--output-dir", "out put", "--junit", "x/y.xml", "--junit-strict")
@@ -151,17 +165,19 @@ def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     assert "<testcase" in (tmp_path / "x/y.xml").read_text()
 
 
-def test_reading_only_the_beginning_of_the_output_loses_no_report(tmp_path: Path) -> None:
+@pytest.mark.parametrize("closed", ["stdout", "stderr"])
+def test_reading_only_the_beginning_of_the_output_loses_no_report(tmp_path: Path, closed: str) -> None:
     (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
     process = subprocess.Popen(
         [sys.executable, "-m", "sim_action", "run", "-v"],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stdout=subprocess.PIPE if closed == "stdout" else subprocess.DEVNULL,
+        stderr=subprocess.PIPE if closed == "stderr" else subprocess.DEVNULL,
     )
-    assert process.stdout is not None
-    process.stdout.close()
+    stream = process.stdout or process.stderr
+    assert stream is not None
+    stream.close()
     process.wait(60)
     assert (tmp_path / "sim-results/junit.xml").exists()
 

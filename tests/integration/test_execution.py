@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.execution import execute
+from sim_action.interruption import Interruption
 from sim_action.loading import load_scenario
 from sim_action.outcome import Outcome
 from sim_action.trace import Trace
@@ -50,7 +51,8 @@ def script(folder: Path, name: str, body: str, wall_limit: float = 60, before: s
 
 
 def run(paths: list[Path], folder: Path, jobs: int = 2) -> list[Outcome]:
-    return execute([load_scenario(path) for path in paths], folder / "results", jobs, Silent())
+    with Interruption() as interruption:
+        return execute([load_scenario(path) for path in paths], folder / "results", jobs, Silent(), interruption)
 
 
 def processes_of(marker: Path) -> list[int]:
@@ -90,6 +92,40 @@ def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: P
     (failure,) = killer.failures
     assert failure.kind == kind
     assert cause in f"{failure.title} {failure.message}"
+
+
+FORGED = """\
+import json, os, sys
+frame = sys._getframe()
+while 'job' not in frame.f_locals:
+    frame = frame.f_back
+job = frame.f_locals['job']
+"""
+
+
+def test_a_verdict_that_a_script_forges_is_none(tmp_path: Path) -> None:
+    body = (
+        FORGED
+        + "forged = {'name': '::error::x', 'file': '/etc/shadow', 'status': 'passed', 'trace': '/etc/passwd'}\n"
+        + "job.outcome_file.write_text(json.dumps(forged))\nos._exit(0)"
+    )
+    (outcome,) = run([script(tmp_path, "forger", body)], tmp_path)
+    assert (outcome.name, Path(outcome.file).name, outcome.status) == ("forger", "forger.sim.yml", "error")
+    assert outcome.trace is None
+
+
+@pytest.mark.parametrize("victim", ["outcome_file", "output_file"])
+def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(tmp_path: Path, victim: str) -> None:
+    body = f"{FORGED}job.{victim}.unlink(missing_ok=True)\nos.mkfifo(job.{victim})\nos._exit(0)"
+    (outcome,) = run([script(tmp_path, "piper", body)], tmp_path)
+    assert outcome.status == "error"
+
+
+def test_a_thread_that_a_script_leaves_running_holds_no_verdict_up(tmp_path: Path) -> None:
+    before = "import threading, time\nthreading.Thread(target=time.sleep, args=(600,)).start()"
+    path = script(tmp_path, "threads", "return Twist.planar(0.5)", wall_limit=20, before=before)
+    (outcome,) = run([path], tmp_path)
+    assert outcome.status == "passed"
 
 
 def test_last_words_and_sim_time_are_kept(tmp_path: Path) -> None:
