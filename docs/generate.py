@@ -13,9 +13,9 @@ import yaml
 from sim_action import catalogue
 from sim_action.catalogue import Entry, FieldEntry
 from sim_action.errors import ExitCode
-from sim_action.scenario import ExpectationOptions, Scenario
+from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import schema_text
-from sim_action.world import Body, Physics, Placement, Robot
+from sim_action.world import Body, Ground, Physics, Placement, Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "README.md"
@@ -57,9 +57,11 @@ def _scenario_keys() -> str:
         ("", Scenario),
         ("robot.", Robot),
         ("robot.pose.", Placement),
+        ("world.ground.", Ground),
         ("world.objects[].", Body),
         ("physics.", Physics),
         ("expect[].", ExpectationOptions),
+        ("trace.", TraceSettings),
     )
     rows = (
         (f"`{prefix}{field.name}`", field.takes, field.default, field.description)

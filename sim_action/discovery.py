@@ -30,6 +30,11 @@ def discover(patterns: Iterable[str]) -> dict[str, list[Path]]:
     return found
 
 
+def file_name(path: Path) -> str:
+    """How reports call a file; bytes of its name that are no UTF-8 are written out."""
+    return os.fsencode(path).decode("utf-8", errors="backslashreplace")
+
+
 def _matches(pattern: str) -> Iterator[Path]:
     # A file whose name has brackets in it is that file.
     named = not glob.has_magic(pattern) or os.path.lexists(pattern)

@@ -6,30 +6,27 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from sim_action import units
+from sim_action import scenario_checks
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS, CommandSource
-from sim_action.drives import DRIVES, Drive, recognise
+from sim_action.discovery import file_name
+from sim_action.drives import DRIVES, Drive
 from sim_action.errors import InvalidScenario, ModelError
 from sim_action.location import Location, Problem
 from sim_action.messages import did_you_mean, one_line, shown
 from sim_action.models import load_model
 from sim_action.registry import Table
-from sim_action.robot_model import RobotModel
-from sim_action.scenario import Expectation, ExpectationOptions, LoadedScenario, Scenario, rate_divides
+from sim_action.scenario import Expectation, ExpectationOptions, LoadedScenario, Scenario
 from sim_action.scene import Scene, SpecProblems
 from sim_action.spec_errors import spec_errors
 from sim_action.workspace import Workspace
-from sim_action.world import GROUND
 from sim_action.yaml_document import MAX_BYTES, Document, KeyPath, location_after, read_document
 
 Model = TypeVar("Model", bound=BaseModel)
-
-_TIME_ROUNDING: Final = 1e-9
 
 
 def load_scenario(path: Path, *, allow_outside: bool = False) -> LoadedScenario:
@@ -37,7 +34,7 @@ def load_scenario(path: Path, *, allow_outside: bool = False) -> LoadedScenario:
 
     Raises InvalidScenario with all problems; their file is named as `path` names it.
     """
-    document = read_document(str(path), _read_text(path))
+    document = read_document(file_name(path), _read_text(path))
     return _Loader(document, Workspace.around(path, allow_outside=allow_outside)).load()
 
 
@@ -63,7 +60,7 @@ def build_scene(loaded: LoadedScenario) -> Scene:
 
 
 def _read_text(path: Path) -> str:
-    where = Location(str(path))
+    where = Location(file_name(path))
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
@@ -75,7 +72,7 @@ def _read_text(path: Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
-        where = location_after(str(path), data[: error.start].decode("utf-8"))
+        where = location_after(file_name(path), data[: error.start].decode("utf-8"))
         message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
         raise InvalidScenario([Problem(where, message)]) from None
 
@@ -98,9 +95,7 @@ class _Loader:
             raise InvalidScenario(self._problems.values())
         scenario = self._validated(Scenario, self._with_families(data), ())
         if scenario is not None:
-            self._check_times(scenario)
-            self._check_rates(scenario)
-            self._check_scene(scenario)
+            self._check(scenario, states_drive="drive" in data["robot"])
         if scenario is None or self._problems:
             raise InvalidScenario(sorted(self._problems.values(), key=lambda p: (p.location.line, p.location.column)))
         return LoadedScenario(scenario, self._document.file, self._workspace)
@@ -199,73 +194,22 @@ class _Loader:
     def _has_problem_below(self, path: KeyPath) -> bool:
         return any(len(noted) > len(path) and noted[: len(path)] == path for noted, _ in self._problems)
 
-    # --- what a whole scenario must satisfy ---
-
-    def _check_times(self, scenario: Scenario) -> None:
-        limit = scenario.time_limit
-        if scenario.duration is not None and scenario.duration > limit:
-            self._note(("duration",), f"must not be longer than time_limit ({limit:g} s)")
-        if limit * scenario.physics.rate < 1:
-            self._note(("time_limit",), f"must not be shorter than a physics step (1 / {scenario.physics.rate:g} s)")
-        for path, expectation in zip(self._expect_paths, scenario.expect, strict=True):
-            if expectation.before != float("inf") and expectation.before > limit:
-                self._note((*path, "before"), f"must not be later than time_limit ({limit:g} s)")
-            if expectation.after >= limit:
-                self._note((*path, "after"), f"must be earlier than time_limit ({limit:g} s)")
-            first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
-            if expectation.after < expectation.before < first - _TIME_ROUNDING:
-                self._note((*path, "before"), f"too early: the first physics step that counts is at {first:.4g} s")
-
-    def _check_rates(self, scenario: Scenario) -> None:
-        rates: list[tuple[KeyPath, float]] = [
-            ((*path, "rate"), source.rate) for path, source in zip(self._command_paths, scenario.commands, strict=True)
-        ]
-        if scenario.trace.rate is not None:
-            rates.append((("trace", "rate"), scenario.trace.rate))
-        for path, rate in rates:
-            if not rate_divides(scenario.physics.rate, rate):
-                near = " and ".join(f"{near:g} Hz" for near in _rates_near(scenario.physics.rate, rate))
-                self._note(
-                    path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; near: {near}"
-                )
-
-    def _check_scene(self, scenario: Scenario) -> None:
-        """Whether joints, links and objects that are named are there."""
+    def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
+        """What a whole scenario must satisfy."""
+        self._note_all((), scenario_checks.time_problems(scenario, self._expect_paths))
+        self._note_all((), scenario_checks.rate_problems(scenario, self._command_paths))
         try:
             scene = build_scene(LoadedScenario(scenario, self._document.file, self._workspace))
         except ModelError as error:
             self._note(("robot", "model"), str(error))
             return
-        self._check_robot(scenario, scene.model)
-        names = [GROUND, *(body.name for body in scenario.world.objects)]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                self._note(("world", "objects", index - 1, "name"), f"a second body named '{name}'; names are unique")
+        self._note_all((), scenario_checks.robot_problems(scenario, scene.model))
+        # A drive that was written and refused is missing from the scenario: that is not a second problem.
+        if not states_drive:
+            self._note_all((), scenario_checks.wheel_problems(scenario, scene.model))
+        self._note_all((), scenario_checks.name_problems(scenario))
         for path, expectation in zip(self._expect_paths, scenario.expect, strict=True):
             self._note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
-
-    def _check_robot(self, scenario: Scenario, model: RobotModel) -> None:
-        moving = [joint.name for joint in model.moving_joints]
-        for name, written in scenario.robot.joints.items():
-            path: KeyPath = ("robot", "joints", name)
-            if name not in moving:
-                self._note(path, f"the model has no moving joint '{name}'{did_you_mean(name, moving)}")
-                continue
-            try:
-                units.parse(written, model.joints_by_name[name].dimension("position"))
-            except units.UnitError as error:
-                self._note(path, str(error))
-        if scenario.robot.drive is not None:
-            self._check_drive(scenario.robot.drive, model)
-        elif any(source.needs_drive for source in scenario.commands) and recognise(model) is None:
-            self._note(
-                ("robot",),
-                f"it is not plain from '{model.name}' which joints are wheels; name them, such as "
-                f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}",
-            )
-
-    def _check_drive(self, drive: Drive, model: RobotModel) -> None:
-        self._note_all(("robot", "drive", drive.key), drive.problems(model))
 
     # --- notes ---
 
@@ -292,12 +236,3 @@ def _with_unique_names(expectations: tuple[Expectation, ...]) -> tuple[Expectati
         taken.add(name)
         unique.append(replace(expectation, name=name))
     return tuple(unique)
-
-
-def _rates_near(physics_rate: float, rate: float) -> list[float]:
-    """The next lower and higher rate that fall on whole steps, whole hertz first."""
-    whole = [float(hertz) for hertz in range(1, int(physics_rate) + 1) if rate_divides(physics_rate, hertz)]
-    candidates = whole or [physics_rate / steps for steps in range(1, 1000)]
-    below = max((r for r in candidates if r < rate), default=None)
-    above = min((r for r in candidates if r > rate), default=None)
-    return [near for near in (below, above) if near is not None]

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from sim_action import __version__
+from sim_action.discovery import file_name
 from sim_action.errors import ExitCode, UsageError
 from sim_action.execution import execute
 from sim_action.interruption import Interruption
@@ -41,7 +42,7 @@ def run(request: RunRequest, interruption: Interruption) -> ExitCode:
     ran = execute(list(valid.values()), options.folder, request.jobs, listener, interruption)
     listener.close()
     outcomes = dict(zip(valid, ran, strict=True)) | {
-        path: Outcome.of_invalid(str(path), error) for path, error in invalid.items()
+        path: Outcome.of_invalid(file_name(path), error) for path, error in invalid.items()
     }
     results = Results(
         sim_action=__version__,

@@ -34,6 +34,9 @@ _SETTLE_PERIOD: Final = 0.1
 _PERIOD: Final = 0.5
 # Bullet's speeds saturate near 160 m/s when a simulation explodes.
 _FASTEST: Final = 100.0
+# In m and rad/s (m/s): no robot gets there, but a simulation that explodes slowly does.
+_FARTHEST: Final = 1e4
+_FASTEST_JOINT: Final = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,10 +145,12 @@ class _Loop:
     def _settle(self) -> None:
         """Lets the robot come to rest before t = 0, with its wheels braked."""
         limit = self._scenario.physics.settle
-        steps = self._scenario.steps(_SETTLE_PERIOD)
+        remaining, period = self._scenario.steps(limit), self._scenario.steps(_SETTLE_PERIOD)
         brake = self._motion.targets(Twist(), 1) if self._motion else []
         speed = 0.0
-        for _ in range(round(limit / _SETTLE_PERIOD)):
+        while remaining > 0:
+            steps = min(period, remaining)
+            remaining -= steps
             self._backend.advance(-steps, _padded(brake, steps))
             trace, failure = _stable(self._backend.collect())
             if failure is not None:
@@ -222,12 +227,31 @@ def _padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None
 
 def _stable(trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
     """The moments that are still physics, and what is wrong with the next. A NaN would break no comparison."""
-    ok = np.isfinite(trace.state).all(axis=1) & (trace.speed < _FASTEST)
+    ok = (
+        np.isfinite(trace.state).all(axis=1)
+        & (trace.speed < _FASTEST)
+        & (np.abs(trace.base_position_xyz) < _FARTHEST).all(axis=1)
+        & (np.abs(trace.joint_velocity) < _FASTEST_JOINT).all(axis=1)
+    )
     if ok.all():
         return trace, None
     first = int(np.argmin(ok))
-    message = f"simulation unstable at t = {trace.time[first]:.2f} s: the base moves at {trace.speed[first]:.3g} m/s"
+    message = f"simulation unstable at t = {trace.time[first]:.2f} s: {_fault(trace.rows(slice(first, first + 1)))}"
     return trace.first(first) if first else trace.rows(slice(0)), SimulationUnstable(message)
+
+
+def _fault(moment: Trace) -> str:
+    """What is no physics in a moment that is not stable."""
+    if not np.isfinite(moment.state).all():
+        return "the state holds what is not a number"
+    if moment.speed[0] >= _FASTEST:
+        return f"the base moves at {moment.speed[0]:.3g} m/s"
+    x, y, z = moment.base_position_xyz[0].tolist()
+    if max(abs(x), abs(y), abs(z)) >= _FARTHEST:
+        return f"the base is at ({x:.3g}, {y:.3g}, {z:.3g}) m"
+    fastest = int(np.argmax(np.abs(moment.joint_velocity[0])))
+    name, speed = moment.joint_names[fastest], moment.joint_velocity[0, fastest]
+    return f"joint '{name}' moves at {speed:.3g} rad/s or m/s"
 
 
 def _fastest(trace: Trace) -> float:

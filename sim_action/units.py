@@ -14,6 +14,8 @@ from typing import Final
 from sim_action.messages import shown
 
 _DEGREE: Final = math.pi / 180
+# No two floats look the same with as many; one more, as those with an exponent are shown with one less.
+_ALL_DIGITS: Final = 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,5 +92,15 @@ def display(value: float, unit: str, digits: int = 4) -> str:
     value += 0.0  # not "-0 m"
     if unit in ("rad", "rad/s"):
         value, unit = value / _DEGREE, unit.replace("rad", "deg")
-    text = f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.3g}"
-    return f"{text} {unit}".rstrip()
+    digits -= not 1e-3 <= abs(value) < 1e6  # the exponent takes room
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def display_apart(value: float, limit: float, unit: str) -> tuple[str, str]:
+    """A value and its limit, with as many digits as it takes to tell them apart if they differ."""
+    texts = display(value, unit), display(limit, unit)
+    for digits in range(5, _ALL_DIGITS + 1):
+        if texts[0] != texts[1] or value == limit:
+            break
+        texts = display(value, unit, digits), display(limit, unit, digits)
+    return texts

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action import units
-from sim_action.units import Dimension, UnitError, display, parse
+from sim_action.units import Dimension, UnitError, display, display_apart, parse
 
 DIMENSIONS = [value for value in vars(units).values() if isinstance(value, Dimension)]
 
@@ -141,3 +141,26 @@ def test_no_two_units_of_a_joint_share_a_symbol() -> None:
     joint = (units.ANGLE, units.LENGTH, units.ANGULAR_SPEED, units.SPEED, units.TORQUE, units.FORCE)
     symbols = [symbol for dimension in joint for symbol in dimension.factors]
     assert len(symbols) == len(set(symbols))
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "texts"),
+    [
+        (1.0, 1.5, ("1 m", "1.5 m")),
+        (1.5, 1.5, ("1.5 m", "1.5 m")),
+        (1.49999, 1.5, ("1.49999 m", "1.5 m")),
+        (1.23456, 1.23457, ("1.23456 m", "1.23457 m")),
+        (0.000123, 0.0001231, ("0.000123 m", "0.0001231 m")),
+    ],
+)
+def test_a_value_that_differs_from_its_limit_looks_different(
+    value: float, limit: float, texts: tuple[str, str]
+) -> None:
+    assert display_apart(value, limit, "m") == texts
+
+
+@given(st.floats(), st.floats() | st.none())
+def test_all_floats_that_differ_look_different(value: float, other: float | None) -> None:
+    limit = math.nextafter(value, math.inf) if other is None else other
+    texts = display_apart(value, limit, "m")
+    assert (texts[0] == texts[1]) == (value == limit or (math.isnan(value) and math.isnan(limit)))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, runtime_checkable
 
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel
@@ -40,6 +40,14 @@ class Monitor(Protocol):
 
     def verdict(self) -> Verdict:
         """The judgement, if nothing more came."""
+
+
+@runtime_checkable
+class Follower(Monitor, Protocol):
+    """A monitor that goes on from the moment before: it has to know where its time window begins."""
+
+    def begin(self, trace: Trace) -> Self:
+        """The monitor after moments up to the one that its window opens at; that one is observed too."""
 
 
 class Assertion(FrozenModel):

@@ -92,9 +92,10 @@ class Bounds:
         if measured is None or self.goal.time is None:
             message = f"{self.verb} nothing: no moment to measure"
         elif passed:
-            message = f"{self.verb} {self._shown(measured)} in {self.goal.time:.2f} s"
+            message = f"{self.verb} {units.display(measured, self.unit)} in {self.goal.time:.2f} s"
         else:
-            message = f"{self.verb} {self._shown(measured)} of {self._shown(limit)} in {self.end:.1f} s"
+            reached, wanted = units.display_apart(measured, limit, self.unit)
+            message = f"{self.verb} {reached} of {wanted} in {self.end:.1f} s"
         return Verdict(passed, measured, limit, margin, self.unit, self.goal.time, message)
 
     def _upper(self) -> Verdict:
@@ -103,15 +104,13 @@ class Bounds:
         if limit is None or fold.margin is None or fold.time is None:
             return Verdict(passed, None, limit, None, self.unit, None, "no moment to measure")
         measured = limit - fold.margin
+        worst, allowed = units.display_apart(measured, limit, self.unit)
         message = (
-            f"{self.verb} at most {self._shown(measured)}, limit {self._shown(limit)}"
+            f"{self.verb} at most {worst}, limit {allowed}"
             if passed
-            else f"{self.verb} {self._shown(measured)} at {fold.time:.2f} s, more than {self._shown(limit)}"
+            else f"{self.verb} {worst} at {fold.time:.2f} s, more than {allowed}"
         )
         return Verdict(passed, measured, limit, fold.margin, self.unit, fold.time, message)
-
-    def _shown(self, value: float) -> str:
-        return units.display(value, self.unit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,7 +124,8 @@ class NearMonitor:
         if self.goal.margin is None or self.goal.time is None:
             return Verdict(False, None, self.tolerance, None, self.unit, None, "no moment to measure")
         distance = self.tolerance - self.goal.margin
-        near, value = units.display(distance, self.unit), units.display(self.near, self.unit)
+        near, _ = units.display_apart(distance, self.tolerance, self.unit)
+        value = units.display(self.near, self.unit)
         message = (
             f"{self.spec.name} came within {near} of {value} in {self.goal.time:.2f} s"
             if passed

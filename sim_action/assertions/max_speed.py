@@ -69,9 +69,10 @@ class MaxSpeedMonitor:
         )
 
     def verdict(self) -> Verdict:
-        """The limit that was broken first, else the first that was asked for."""
+        """The limit that was broken first, else the one that was come nearest to, as a part of it."""
         verdicts = [bounds.verdict() for bounds in self._asked()]
-        return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=verdicts[0])
+        nearest = min(verdicts, key=lambda v: (v.margin or 0.0) / (v.limit or 1.0))
+        return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=nearest)
 
     def _asked(self) -> tuple[Bounds, ...]:
         return tuple(bounds for bounds in (self.linear, self.angular) if bounds is not None)

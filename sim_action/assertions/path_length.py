@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PathLength(LengthBounds):
-    """Arc length of the base link's way in space, added up over every physics step."""
+    """Arc length since `after` of the base link's way in space, added up over every physics step."""
 
     key: ClassVar[str] = "path_length"
 
@@ -40,15 +40,23 @@ class PathLengthMonitor:
         """See Monitor.state."""
         return self.bounds.state
 
+    def begin(self, trace: Trace) -> Self:
+        """See Follower.begin: the way to where the window opens does not count."""
+        return replace(self, position_xyz=_last_position(trace)) if len(trace) else self
+
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
         if not len(trace):
             return self
         lengths = trace.arc_length_from(self.position_xyz, self.length)
-        x, y, z = trace.base_position_xyz[-1].tolist()
         bounds = self.bounds.observe(trace.time, lengths)
-        return replace(self, bounds=bounds, position_xyz=(x, y, z), length=float(lengths[-1]))
+        return replace(self, bounds=bounds, position_xyz=_last_position(trace), length=float(lengths[-1]))
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
         return self.bounds.verdict()
+
+
+def _last_position(trace: Trace) -> Vector3:
+    x, y, z = trace.base_position_xyz[-1].tolist()
+    return (x, y, z)

@@ -84,8 +84,10 @@ class ReachMonitor:
         spec, passed = self.spec, self.state is State.HOLDS
         if self.goal.time is None:
             return Verdict(False, None, spec.tolerance, None, "m", None, "no moment to measure")
-        near = units.display(self.distance, "m")
-        facing = "" if spec.yaw is None else f", {units.display(self.yaw_error, 'rad')} off its heading,"
+        # Apart from the tolerances, which the title of the expectation shows beside the message.
+        near, _ = units.display_apart(self.distance, spec.tolerance, "m")
+        off, _ = units.display_apart(self.yaw_error, spec.yaw_tolerance, "rad")
+        facing = "" if spec.yaw is None else f", {off} off its heading,"
         message = (
             f"came within {near} of {spec.place}{facing} in {self.goal.time:.2f} s"
             if passed

@@ -113,7 +113,6 @@ class StayWithinMonitor:
         if margin is None or time is None:
             return Verdict(passed, None, None, None, "m", None, "no moment to measure")
         measured = side.bound - side.sign * margin
-        where = f"{side.axis} = {units.display(measured, 'm')}"
-        limit = f"{side.axis} = {units.display(side.bound, 'm')}"
+        where, limit = (f"{side.axis} = {text}" for text in units.display_apart(measured, side.bound, "m"))
         message = f"stayed within; nearest to {limit} with {where}" if passed else f"left past {limit}: {where}"
         return Verdict(passed, measured, side.bound, margin, "m", time, f"{message} at {time:.2f} s")

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
-from sim_action.assertions import Monitor, State
+from sim_action.assertions import Follower, Monitor, State
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.trace import Trace
+
+# Sim time is step / rate: two ways to the same moment differ by rounding alone.
+_ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +41,11 @@ class Window:
         """See Monitor.observe."""
         if self.over or not len(trace):
             return self
-        inside = trace.between(self.after, self.before)
-        return replace(self, monitor=self.monitor.observe(inside), over=bool(trace.time[-1] >= self.before))
+        monitor = self.monitor
+        if isinstance(monitor, Follower):
+            monitor = monitor.begin(trace.between(-math.inf, self.after))
+        monitor = monitor.observe(trace.between(self.after, self.before))
+        return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - _ROUNDING))
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""

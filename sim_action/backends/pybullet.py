@@ -240,6 +240,10 @@ class PyBulletBackend:
             return (step / self._rate, *position, *orientation, *linear, *angular)
         states = pybullet.getJointStates(self._robot, self._indices, self._client)
         positions, velocities, _, efforts = zip(*states, strict=True)
+        if self._held_efforts:
+            # The engine tells what its own motors do; these are off, and what they last did would be reported.
+            told = zip(self._indices, efforts, strict=True)
+            efforts = tuple(self._held_efforts.get(index, effort) for index, effort in told)
         time = step / self._rate
         return (time, *position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
 

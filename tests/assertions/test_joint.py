@@ -118,3 +118,9 @@ def test_the_title_says_what_is_asked() -> None:
     spec = JointReading(name="elbow", reading="velocity", at_least=1, at_most=2)
     assert spec.title == "joint elbow velocity at least 1, at most 2"
     assert JointReading(name="elbow", near="90 deg", tolerance="1 deg").title == "joint elbow position near 90 deg"
+
+
+def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
+    spec = JointReading(name=WHEEL, reading="effort", near=1.0, tolerance=0.1)
+    verdict = judged(spec, trace([1.0], effort=[1.10001]))
+    assert verdict.message.startswith(f"{WHEEL} came no nearer than 0.10001 N m to 1 N m ")

@@ -62,3 +62,10 @@ def test_the_title_says_what_is_asked(spec: MaxSpeed, title: str) -> None:
 def test_limits_that_are_none_are_refused(spec: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         MaxSpeed.model_validate(spec)
+
+
+@pytest.mark.parametrize(("linear", "angular", "unit"), [(1.0, 2.1, "rad/s"), (0.8, 4.0, "m/s"), (100.0, 2.5, "rad/s")])
+def test_of_two_limits_that_hold_the_tighter_one_speaks(linear: float, angular: float, unit: str) -> None:
+    verdict = judged(MaxSpeed(linear=linear, angular=angular), FASTER)
+    assert verdict.passed
+    assert verdict.unit == unit

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from sim_action.assertions.path_length import PathLength
+from sim_action.assertions.window import Window
 from sim_action.geometry import Pose, Twist
 from sim_action.observation import Observation
 from sim_action.verdict import Verdict
-from tests.traces import judged, monitor, trace
+from tests.traces import judged, monitor, piece, trace
 
 SQUARE = trace([1.0, 2.0, 3.0, 4.0], x=[1.0, 1.0, 0.0, 0.0], y=[0.0, 1.0, 1.0, 0.0])
 
@@ -45,3 +48,13 @@ def test_the_way_between_two_blocks_counts() -> None:
     for block in (trace([1.0], x=[1.0]), trace([]), trace([2.0], x=[3.0])):
         seen = seen.observe(block)
     assert seen.verdict().measured == 3.0
+
+
+@pytest.mark.parametrize(("after", "length"), [(0.0, 4.0), (1.0, 3.0), (1.5, 3.0), (2.0, 2.0), (4.0, 0.0)])
+def test_the_way_is_counted_since_after(after: float, length: float) -> None:
+    # Out and back: a straight line from the start to where the window opens would be shorter, or 0.
+    seen = Window(monitor(PathLength(at_most=9.0)), after)
+    assert seen.observe(SQUARE).verdict().measured == length
+    for block in range(4):
+        seen = seen.observe(piece(SQUARE, block, block + 1))
+    assert seen.verdict().measured == length

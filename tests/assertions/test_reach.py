@@ -82,3 +82,8 @@ def test_the_title_says_what_is_asked(spec: dict[str, Any], title: str) -> None:
 def test_points_that_cannot_be_reached_are_refused(spec: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         Reach.model_validate(spec)
+
+
+def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
+    verdict = judged(Reach(x=0.0, y=0.0), trace([1.0], x=[0.050001]))
+    assert verdict.message.startswith("came no nearer than 0.050001 m to ")

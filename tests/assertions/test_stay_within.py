@@ -61,3 +61,8 @@ def test_boxes_that_are_none_are_refused(spec: dict[str, Any], message: str) -> 
 def test_the_title_says_what_is_asked() -> None:
     spec = StayWithin.model_validate({"x": ("-1 m", "2 m"), "z": (0, "50 cm")})
     assert spec.title == "stay_within x -1 m to 2 m, z 0 m to 0.5 m"
+
+
+def test_a_hair_past_a_bound_is_told_apart_from_it() -> None:
+    verdict = judged(StayWithin(x=(-1.0, 1.0)), trace([1.0], x=[1.00001]))
+    assert verdict.message == "left past x = 1 m: x = 1.00001 m at 1.00 s"

@@ -86,3 +86,7 @@ def test_an_over_window_sees_nothing_more() -> None:
 def test_before_its_window_a_monitor_has_seen_nothing(moments: Trace) -> None:
     waiting = window(NEAR, after=1.0).observe(moments)
     assert waiting.verdict().time is None
+
+
+def test_a_window_closes_with_the_moment_it_ends_at_however_that_was_computed() -> None:
+    assert window(FAR, before=0.1 + 0.2).observe(trace([0.3])).state is State.BROKEN

@@ -157,6 +157,18 @@ def test_a_report_that_cannot_be_written_loses_no_other(tmp_path: Path) -> None:
     assert "conclusion" in (tmp_path / "outputs").read_text()
 
 
+def test_a_file_name_that_is_no_text_is_written_out(tmp_path: Path) -> None:
+    for name in (b"odd-\xff.sim.yml", b"bad-\xff.sim.yml"):
+        (tmp_path / os.fsdecode(name)).write_text(VALID.format(name="odd") if name.startswith(b"odd") else "")
+    ran = sim_action(tmp_path, "run", ".")
+    assert ran.returncode == 2, ran.stderr
+    outcomes = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
+    assert [(found["file"], found["status"]) for found in outcomes] == [
+        ("bad-\\xff.sim.yml", "error"),
+        ("odd-\\xff.sim.yml", "passed"),
+    ]
+
+
 def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     (tmp_path / "a b.sim.yml").write_text(VALID.format(name="with spaces"))
     ran = sim_action(tmp_path, "run", "a b.sim.yml", "--output-dir", "out put", "--junit", "x/y.xml", "--junit-strict")

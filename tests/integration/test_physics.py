@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from sim_action.backends.pybullet import PyBulletBackend
 from sim_action.loading import build_scene, load_scenario
-from sim_action.simulation import SimulationRun, simulate
+from sim_action.simulation import SimulationRun, _stable, simulate
+from sim_action.trace import Trace
+from tests.traces import WHEELS, trace
 
 SEPARATION = 0.160
 ACCELERATION = 1.0
@@ -80,3 +84,65 @@ def test_the_burger_stands_still_without_commands(tmp_path: Path) -> None:
     run = drive(tmp_path, "{linear: 0.0}", 10)
     assert run.travelled < 0.002
     assert not any("not at rest" in note for note in run.notes)
+
+
+def settled(folder: Path, pose: str, physics: str) -> SimulationRun:
+    path = folder / "settle.sim.yml"
+    path.write_text(
+        f"""
+name: settle
+robot: {{model: turtlebot3_burger, pose: {pose}}}
+physics: {physics}
+expect: [upright]
+duration: 1 s
+time_limit: 1 s
+"""
+    )
+    loaded = load_scenario(path)
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+@pytest.mark.parametrize(
+    ("physics", "steps"),
+    [
+        ("{settle: 0}", 0),
+        ("{settle: 0.04 s}", 10),
+        ("{settle: 0.25 s}", 60),
+        ("{rate: 4 Hz, settle: 0.5 s}", 2),
+        ("{rate: 1 Hz, settle: 2 s}", 2),
+    ],
+)
+def test_settling_lasts_as_long_as_its_limit(
+    physics: str, steps: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = []
+
+    def counted(backend: PyBulletBackend, first_step: int, targets: list[object]) -> None:
+        taken.append(len(targets) if first_step < 0 else 0)
+        advance(backend, first_step, targets)
+
+    advance: Any = PyBulletBackend.advance
+    monkeypatch.setattr(PyBulletBackend, "advance", counted)
+    run = settled(tmp_path, "{z: 500}", physics)
+    assert sum(taken) == steps
+    assert any("not at rest" in note for note in run.notes) == (steps > 0)
+
+
+def test_a_robot_that_came_to_rest_in_a_short_time_is_not_noted(tmp_path: Path) -> None:
+    assert settled(tmp_path, "{x: 1}", "{settle: 0.04 s}").notes == ()
+
+
+@pytest.mark.parametrize(
+    ("moments", "problem"),
+    [
+        (trace([1.0, 2.0], speed=[0.0, math.nan]), "the state holds what is not a number"),
+        (trace([1.0, 2.0], x=[0.0, math.inf]), "the state holds what is not a number"),
+        (trace([1.0, 2.0], speed=[0.0, 120.0]), "the base moves at 120 m/s"),
+        (trace([1.0, 2.0], z=[0.0, -2e4]), "the base is at (0, 0, -2e+04) m"),
+        (trace([1.0, 2.0], velocity=[0.0, -2e4]), f"joint '{WHEELS[0]}' moves at -2e+04 rad/s or m/s"),
+    ],
+)
+def test_what_is_no_physics_is_named(moments: Trace, problem: str) -> None:
+    kept, failure = _stable(moments)
+    assert len(kept) == 1
+    assert str(failure) == f"simulation unstable at t = 2.00 s: {problem}"

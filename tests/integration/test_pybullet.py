@@ -138,6 +138,7 @@ def test_an_effort_is_held_over_steps(tmp_path: Path) -> None:
     turning_point = trace.joint_position[:, 0].max()
     assert GRAVITY * (1 - math.cos(turning_point)) == pytest.approx(effort * turning_point, rel=0.01)
     assert trace.joint_position[:, 0].min() == pytest.approx(0, abs=0.01)
+    assert trace.joint_effort[:, 0].tolist() == [effort] * 5_000
 
 
 def test_position_and_velocity_targets_are_reached(tmp_path: Path) -> None:

@@ -1,0 +1,116 @@
+"""What a whole scenario must satisfy, beyond what each of its keys does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from sim_action import units
+from sim_action.drives import recognise
+from sim_action.messages import did_you_mean
+from sim_action.robot_model import Joint, RobotModel
+from sim_action.scenario import Scenario, rate_divides
+from sim_action.scene import SpecProblems
+from sim_action.world import GROUND
+from sim_action.yaml_document import KeyPath
+
+_TIME_ROUNDING: Final = 1e-9
+# Models state limits such as 1.5707963, scenarios 90 deg; in rad, or m.
+_POSITION_ROUNDING: Final = 1e-6
+
+
+def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Times that exclude each other."""
+    limit = scenario.time_limit
+    if scenario.duration is not None and scenario.duration > limit:
+        yield ("duration",), f"must not be longer than time_limit ({limit:g} s)"
+    if limit * scenario.physics.rate < 1:
+        yield ("time_limit",), f"must not be shorter than a physics step (1 / {scenario.physics.rate:g} s)"
+    for path, expectation in zip(expect_paths, scenario.expect, strict=True):
+        if expectation.before != float("inf") and expectation.before > limit:
+            yield (*path, "before"), f"must not be later than time_limit ({limit:g} s)"
+        if expectation.after >= limit:
+            yield (*path, "after"), f"must be earlier than time_limit ({limit:g} s)"
+        first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
+        if expectation.after < expectation.before < first - _TIME_ROUNDING:
+            yield (*path, "before"), f"too early: the first physics step that counts is at {first:.4g} s"
+
+
+def rate_problems(scenario: Scenario, command_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Rates whose ticks would fall between physics steps."""
+    rates: list[tuple[KeyPath, float]] = [
+        ((*path, "rate"), source.rate) for path, source in zip(command_paths, scenario.commands, strict=True)
+    ]
+    if scenario.trace.rate is not None:
+        rates.append((("trace", "rate"), scenario.trace.rate))
+    for path, rate in rates:
+        if not rate_divides(scenario.physics.rate, rate):
+            near = " and ".join(f"{near:g} Hz" for near in _rates_near(scenario.physics.rate, rate))
+            yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; near: {near}"
+
+
+def name_problems(scenario: Scenario) -> SpecProblems:
+    """Bodies that could not be told apart."""
+    names = [GROUND, *(body.name for body in scenario.world.objects)]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            yield ("world", "objects", index - 1, "name"), f"a second body named '{name}'; names are unique"
+
+
+def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
+    """A base that would not move, joints that are not there or cannot begin there, a drive that does not fit."""
+    robot = scenario.robot
+    if robot.base == "free" and model.links_by_name[model.root].mass == 0:
+        message = f"the base link '{model.root}' has no mass, so the engine would hold it still"
+        yield ("robot", "model"), f"{message}; say base: fixed, or give it a mass"
+    moving = [joint.name for joint in model.moving_joints]
+    for name, written in robot.joints.items():
+        path: KeyPath = ("robot", "joints", name)
+        if name not in moving:
+            yield path, f"the model has no moving joint '{name}'{did_you_mean(name, moving)}"
+            continue
+        joint = model.joints_by_name[name]
+        try:
+            position = units.parse(written, joint.dimension("position"))
+        except units.UnitError as error:
+            yield path, str(error)
+        else:
+            for message in _beyond_limits(joint, position):
+                yield path, message
+    if robot.drive is not None:
+        for below, message in robot.drive.problems(model):
+            yield ("robot", "drive", robot.drive.key, *below), message
+
+
+def wheel_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
+    """Twists for a robot without a drive, if its model does not tell which joints are wheels."""
+    if any(source.needs_drive for source in scenario.commands) and recognise(model) is None:
+        moving = [joint.name for joint in model.moving_joints]
+        message = (
+            f"it is not plain from '{model.name}' which joints are wheels; name them, such as "
+            f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}"
+        )
+        yield ("robot",), message
+
+
+def _beyond_limits(joint: Joint, position: float) -> list[str]:
+    """Says so if a joint cannot be at a position; limits that are the wrong way round limit nothing."""
+    lower = -float("inf") if joint.lower is None else joint.lower
+    upper = float("inf") if joint.upper is None else joint.upper
+    if lower > upper or lower - _POSITION_ROUNDING <= position <= upper + _POSITION_ROUNDING:
+        return []
+    unit = joint.dimension("position").si
+    at, passed = units.display_apart(position, lower if position < lower else upper, unit)
+    bounds = (
+        f"{passed} to {units.display(upper, unit)}" if position < lower else f"{units.display(lower, unit)} to {passed}"
+    )
+    return [f"{at} is outside the limits of the joint, {bounds}"]
+
+
+def _rates_near(physics_rate: float, rate: float) -> list[float]:
+    """The next lower and higher rate that fall on whole steps, whole hertz first."""
+    whole = [float(hertz) for hertz in range(1, int(physics_rate) + 1) if rate_divides(physics_rate, hertz)]
+    candidates = whole or [physics_rate / steps for steps in range(1, 1000)]
+    below = max((r for r in candidates if r < rate), default=None)
+    above = min((r for r in candidates if r > rate), default=None)
+    return [near for near in (below, above) if near is not None]

@@ -1,0 +1,62 @@
+"""What a whole scenario must satisfy: here what its robot must; test_loading.py has times, rates and names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.scenarios import load, told
+
+ARM = """\
+<robot name="arm">
+  <link name="base">{inertial}</link>
+  <joint name="elbow" type="revolute"><parent link="base"/><child link="hand"/><limit {limits}/></joint>
+  <link name="hand"/>
+</robot>
+"""
+
+
+def arm(folder: Path, robot: str = "", inertial: str = "", limits: str = 'lower="-1" upper="1.5707963"') -> str:
+    """A scenario with an arm in it, and with keys of `robot`."""
+    (folder / "arm.urdf").write_text(ARM.format(inertial=inertial, limits=limits))
+    return f"name: arm\nrobot: {{model: arm.urdf{robot}}}\nexpect: [upright]\ntime_limit: 1 s\n"
+
+
+def test_a_free_base_without_mass_would_stand_still(tmp_path: Path) -> None:
+    massless = '<inertial><mass value="0"/></inertial>'
+    (found,) = told(tmp_path, arm(tmp_path, inertial=massless))
+    assert found == (
+        "2:9: robot.model: the base link 'base' has no mass, so the engine would hold it still; "
+        "say base: fixed, or give it a mass"
+    )
+    assert load(tmp_path, arm(tmp_path, ", base: fixed", massless))
+    assert load(tmp_path, arm(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("position", "problem"),
+    [
+        ("2", "114.6 deg is outside the limits of the joint, -57.3 deg to 90 deg"),
+        ("-58 deg", "-58 deg is outside the limits of the joint, -57.3 deg to 90 deg"),
+        ("90.001 deg", "90.001 deg is outside the limits of the joint, -57.3 deg to 90 deg"),
+    ],
+)
+def test_a_joint_begins_within_its_limits(position: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, arm(tmp_path, f", joints: {{elbow: {position}}}"))
+    assert found == f"2:35: robot.joints.elbow: {problem}"
+
+
+@pytest.mark.parametrize(
+    ("position", "limits"),
+    [("90 deg", 'lower="-1" upper="1.5707963"'), ("9", 'effort="1"'), ("9", 'lower="0" upper="-1"')],
+)
+def test_a_joint_may_begin_at_its_limit_and_anywhere_without_one(position: str, limits: str, tmp_path: Path) -> None:
+    assert load(tmp_path, arm(tmp_path, f", joints: {{elbow: {position}}}", limits=limits))
+
+
+def test_a_typo_in_a_drive_is_one_problem_whatever_the_model(tmp_path: Path) -> None:
+    text = arm(tmp_path, ", drive: {diff: {left: [elbow], right: [elbow], radios: 1}}")
+    commands = "commands: {twist: [{linear: 1.0}], rate: 10 Hz}\n"
+    (found,) = told(tmp_path, text + commands)
+    assert "robot.drive.diff.radios: unknown key" in found
