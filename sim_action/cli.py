@@ -125,13 +125,13 @@ def run(  # noqa: PLR0917 - click passes what was typed
 def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     """Find everything that is wrong with scenarios without running them."""
     from sim_action.loading import load_all
-    from sim_action.messages import one_line
+    from sim_action.messages import escaped_line
 
     files = _discovered(paths)
     valid, invalid = load_all(files, allow_outside=allow_outside)
     for error in invalid.values():
         for problem in error.problems:
-            click.echo(one_line(str(problem)))
+            click.echo(escaped_line(str(problem)))
     click.echo(f"{len(valid)} valid, {len(invalid)} invalid", err=bool(invalid))
     if not files:
         return ExitCode.NO_SCENARIO

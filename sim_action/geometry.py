@@ -97,8 +97,3 @@ def compose(outer: Pose, inner: Pose) -> Pose:
     ox, oy, oz = outer.position_xyz
     ix, iy, iz = rotate(outer.orientation_xyzw, inner.position_xyz)
     return Pose((ox + ix, oy + iy, oz + iz), multiply(outer.orientation_xyzw, inner.orientation_xyzw))
-
-
-def wrap_angle(angle: float) -> float:
-    """The same angle in [-pi, pi]."""
-    return math.remainder(angle, 2 * math.pi)

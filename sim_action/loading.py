@@ -17,7 +17,7 @@ from sim_action.discovery import file_name
 from sim_action.drives import DRIVES, Drive
 from sim_action.errors import InvalidScenario, ModelError
 from sim_action.location import Location, Problem
-from sim_action.messages import did_you_mean, one_line, shown
+from sim_action.messages import did_you_mean, escaped_line, shown
 from sim_action.models import load_model
 from sim_action.registry import Table
 from sim_action.scenario import Expectation, ExpectationOptions, LoadedScenario, Scenario
@@ -219,7 +219,7 @@ class _Loader:
 
     def _note(self, path: KeyPath, message: str) -> None:
         dotted = ".".join(str(step) for step in path)
-        text = one_line(f"{dotted}: {message}" if dotted else message)
+        text = escaped_line(f"{dotted}: {message}" if dotted else message)
         self._problems.setdefault((path, message), Problem(self._document.location(path), text))
 
 

@@ -10,7 +10,7 @@ _LONGEST_MESSAGE: Final = 2000
 _LONGEST_VALUE: Final = 60
 
 
-def one_line(text: str) -> str:
+def escaped_line(text: str) -> str:
     """Text as a message may hold it: what would break the line or act on a terminal is escaped, and it ends."""
     safe = "".join(char if char.isprintable() else repr(char)[1:-1] for char in text[:_LONGEST_MESSAGE])
     return safe if len(text) <= _LONGEST_MESSAGE else f"{safe}..."

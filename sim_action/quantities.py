@@ -1,6 +1,6 @@
 """Field types of a scenario: floats in SI that a file may write with a unit, and the frozen base of all models.
 
-`Seconds` and its siblings are plain `float` to the code that uses them; pydantic reads them with `units.parse` and
+`Metres` and its siblings are plain `float` to the code that uses them; pydantic reads them with `units.parse` and
 describes them in the JSON Schema.
 """
 
@@ -81,7 +81,6 @@ def _plain_name(name: str) -> str:
 _NOT_IN_NAMES: Final = ("|", "<", ">", "`", "::", "##[", "]]>", "${{")
 
 Name = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_plain_name)]
-Seconds = Annotated[float, Quantity((units.TIME,))]
 PositiveSeconds = Annotated[float, Gt(0), Quantity((units.TIME,))]
 NonNegativeSeconds = Annotated[float, Ge(0), Quantity((units.TIME,))]
 Metres = Annotated[float, Quantity((units.LENGTH,))]

@@ -16,7 +16,6 @@ from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, Positiv
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 
-FORMAT_VERSION = 1
 _STEP_ROUNDING = 1e-6
 
 Severity = Literal["error", "warning"]

@@ -15,7 +15,7 @@ import yaml
 
 from sim_action.errors import InvalidScenario
 from sim_action.location import Location, Problem
-from sim_action.messages import one_line
+from sim_action.messages import escaped_line
 
 MAX_BYTES: Final = 1_000_000
 MAX_DEPTH: Final = 40
@@ -208,7 +208,7 @@ class _Reader:
         return Location(self._file, mark.line + 1, mark.column + 1) if mark else Location(self._file, 1, 1)
 
     def _note(self, mark: _Mark | None, message: str) -> None:
-        self._problems.append(Problem(self._at(mark), one_line(message)))
+        self._problems.append(Problem(self._at(mark), escaped_line(message)))
 
     def _refuse(self, event: yaml.Event, message: str) -> _Refused:
         self._note(event.start_mark, message)

@@ -7,7 +7,7 @@ import pytest
 from sim_action import errors
 from sim_action.errors import ExitCode, InvalidScenario, ModelError
 from sim_action.location import Location, Problem
-from sim_action.messages import did_you_mean, one_line, shown
+from sim_action.messages import did_you_mean, escaped_line, shown
 
 
 @pytest.mark.parametrize(
@@ -76,11 +76,11 @@ def test_a_name_that_is_near_to_none_gets_the_list_alone() -> None:
     ],
 )
 def test_one_line_escapes_what_acts(text: str, safe: str) -> None:
-    assert one_line(text) == safe
+    assert escaped_line(text) == safe
 
 
 def test_one_line_has_an_end() -> None:
-    assert one_line("a" * 1_000_000) == "a" * 2000 + "..."
+    assert escaped_line("a" * 1_000_000) == "a" * 2000 + "..."
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ from sim_action.geometry import (
     multiply,
     quaternion_from_rpy,
     rotate,
-    wrap_angle,
 )
 
 QUARTER = math.pi / 2
@@ -82,13 +81,6 @@ def test_composing_with_no_pose_changes_nothing() -> None:
 def test_a_planar_twist_goes_forward_and_turns_left() -> None:
     assert Twist.planar(1, 2) == Twist((1.0, 0.0, 0.0), (0.0, 0.0, 2.0))
     assert Twist.planar() == Twist()
-
-
-@pytest.mark.parametrize(
-    ("angle", "wrapped"), [(0, 0), (3 * math.pi / 2, -QUARTER), (-7, 2 * math.pi - 7), (20, 20 - 6 * math.pi)]
-)
-def test_an_angle_wraps_to_the_nearest_turn(angle: float, wrapped: float) -> None:
-    assert wrap_angle(angle) == pytest.approx(wrapped)
 
 
 def test_a_quaternion_of_unit_length_comes_of_every_angle() -> None:

@@ -7,13 +7,13 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field, ValidationError
 
-from sim_action.quantities import FrozenModel, Name, PositiveMetres, Seconds
+from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveMetres
 from sim_action.spec_errors import spec_errors
 
 
 class Inner(FrozenModel):
     size: PositiveMetres = 1.0
-    for_: Annotated[Seconds, Field(alias="for")] = 1.0
+    for_: Annotated[NonNegativeSeconds, Field(alias="for")] = 1.0
 
 
 class Spec(FrozenModel):
