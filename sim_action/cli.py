@@ -107,8 +107,10 @@ def run(  # noqa: PLR0917 - click passes what was typed
     with Interruption() as interruption:
         from sim_action import running
 
+        files, empty = _discovered(paths)
         request = running.RunRequest(
-            files=_discovered(paths),
+            files=files,
+            empty=empty,
             folder=Path(output_dir),
             junit=Path(junit) if junit else None,
             junit_strict=junit_strict,
@@ -127,7 +129,7 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     from sim_action.loading import load_all
     from sim_action.messages import escaped_line
 
-    files = _discovered(paths)
+    files, empty = _discovered(paths)
     valid, invalid = load_all(files, allow_outside=allow_outside)
     for error in invalid.values():
         for problem in error.problems:
@@ -135,7 +137,7 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     click.echo(f"{len(valid)} valid, {len(invalid)} invalid", err=bool(invalid))
     if not files:
         return ExitCode.NO_SCENARIO
-    return ExitCode.INVALID if invalid else ExitCode.PASSED
+    return ExitCode.INVALID if invalid or empty else ExitCode.PASSED
 
 
 @program.command()
@@ -185,14 +187,16 @@ def commands() -> None:
     _print((*catalogue.commands(), *catalogue.drives()))
 
 
-def _discovered(paths: Sequence[str]) -> list[Path]:
-    from sim_action.discovery import discover
+def _discovered(paths: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """The scenario files, and what was named but holds none."""
+    from sim_action.discovery import discover, unique
+    from sim_action.messages import escaped_line
 
     found = discover(paths or ["."])
-    for pattern, files in found.items():
-        if not files:
-            click.echo(f"sim-action: no scenario in or at '{pattern}'", err=True)
-    return [path for files in found.values() for path in files]
+    empty = [pattern for pattern, files in found.items() if not files]
+    for pattern in empty:
+        click.echo(escaped_line(f"sim-action: no scenario in or at '{pattern}'"), err=True)
+    return unique(found), empty
 
 
 def _print(entries: Iterable[Entry]) -> None:

@@ -14,20 +14,21 @@ _NEVER_ENTERED: Final = frozenset({"node_modules", "__pycache__", "site-packages
 
 
 def discover(patterns: Iterable[str]) -> dict[str, list[Path]]:
-    """The scenario files behind each pattern, sorted; each file once, at the first pattern that finds it.
+    """The scenario files behind each pattern, sorted.
 
     A folder means the `*.sim.yml` in it and below, hidden folders left out. A name without wildcards is taken as a
     file even if it does not exist, so that its absence is reported like any other fault of a scenario.
     """
-    seen: set[Path] = set()
-    found: dict[str, list[Path]] = {}
-    for pattern in patterns:
-        files = found.setdefault(pattern, [])
-        for path in _matches(pattern):
-            if (resolved := path.resolve()) not in seen:
-                seen.add(resolved)
-                files.append(path)
-    return found
+    return {pattern: list(_matches(pattern)) for pattern in patterns}
+
+
+def unique(found: dict[str, list[Path]]) -> list[Path]:
+    """Each file once, as the first pattern that finds it names it."""
+    first: dict[Path, Path] = {}
+    for files in found.values():
+        for path in files:
+            first.setdefault(path.resolve(), path)
+    return list(first.values())
 
 
 def file_name(path: Path) -> str:

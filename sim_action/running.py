@@ -5,16 +5,19 @@ from __future__ import annotations
 import os
 import platform
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from sim_action import __version__
 from sim_action.discovery import file_name
-from sim_action.errors import ExitCode, UsageError
+from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.execution import execute
 from sim_action.interruption import Interruption
 from sim_action.loading import load_all
+from sim_action.location import Location, Problem
+from sim_action.messages import escaped_line
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import REPORTS, ReportOptions, Verbosity
 from sim_action.reports.progress import ProgressListener
@@ -22,9 +25,10 @@ from sim_action.reports.progress import ProgressListener
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What the command line asks for; `folder` and `junit` as they were typed."""
+    """What the command line asks for, as it was typed; `empty`: what was named but holds no scenario."""
 
     files: list[Path]
+    empty: list[str]
     folder: Path
     junit: Path | None
     junit_strict: bool
@@ -49,10 +53,18 @@ def run(request: RunRequest, interruption: Interruption) -> ExitCode:
         python=platform.python_version(),
         platform=platform.platform(),
         wall_time=time.monotonic() - started,
-        outcomes=tuple(outcomes[path] for path in request.files),
+        outcomes=(*(outcomes[path] for path in request.files), *_missing(request)),
     )
     _report(results, options)
     return results.exit_code
+
+
+def _missing(request: RunRequest) -> Iterator[Outcome]:
+    """A test that was asked for and is not there must not pass; if there is none at all, the exit code says so."""
+    for pattern in request.empty if request.files else ():
+        name = escaped_line(pattern)
+        problem = Problem(Location(name), "no scenario is there; correct the path or leave it out")
+        yield Outcome.of_invalid(name, InvalidScenario([problem]))
 
 
 def _report(results: Results, options: ReportOptions) -> None:

@@ -26,7 +26,10 @@ class ExpectationOptions(FrozenModel):
 
     name: Annotated[Name | None, Field(description="how reports call it; left out: what it asks")] = None
     after: Annotated[NonNegativeSeconds, Field(description="sim time from which it counts")] = 0.0
-    before: Annotated[PositiveSeconds | None, Field(description="sim time by which a goal must have come true")] = None
+    before: Annotated[
+        PositiveSeconds | None,
+        Field(description="sim time by which a goal must have come true, and until which an invariant counts"),
+    ] = None
     severity: Annotated[Severity, Field(description="warning: reported, does not fail")] = "error"
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.discovery import discover
+from sim_action.discovery import discover, unique
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def names(*patterns: str) -> list[str]:
-    return [str(path) for files in discover(patterns).values() for path in files]
+    return [str(path) for path in unique(discover(patterns))]
 
 
 @pytest.mark.usefixtures("tree")

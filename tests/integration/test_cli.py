@@ -169,6 +169,16 @@ def test_a_file_name_that_is_no_text_is_written_out(tmp_path: Path) -> None:
     ]
 
 
+def test_a_pattern_that_finds_nothing_is_no_pass(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    assert sim_action(tmp_path, "run", "a.sim.yml", "./a.sim.yml").returncode == 0
+    ran = sim_action(tmp_path, "run", "a.sim.yml", "nope*.sim.yml")
+    assert ran.returncode == 2
+    assert "1 passed, 1 error" in ran.stdout
+    assert "no scenario is there" in ran.stdout
+    assert sim_action(tmp_path, "validate", "a.sim.yml", "nope*.sim.yml").returncode == 2
+
+
 def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     (tmp_path / "a b.sim.yml").write_text(VALID.format(name="with spaces"))
     ran = sim_action(tmp_path, "run", "a b.sim.yml", "--output-dir", "out put", "--junit", "x/y.xml", "--junit-strict")
