@@ -33,12 +33,21 @@ _ALLOW_OUTSIDE = click.option(
 
 def main() -> NoReturn:
     """The entry point."""
+    _open_closed_streams()
     code = call()
     with suppress(BrokenPipeError):
         sys.stdout.flush()
     sys.stderr.flush()
     # Taking the interpreter apart would take longer than reading a scenario.
     os._exit(code)
+
+
+def _open_closed_streams() -> None:
+    """A shell may close them (`>&-`): what is opened next would take their numbers, and get what is printed."""
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDWR)
+            setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r"))
 
 
 def call() -> int:

@@ -77,7 +77,8 @@ def _report(results: Results, options: ReportOptions) -> None:
         try:
             write()
         except BrokenPipeError:
-            raise
+            # Whoever read the output has gone; that changes no verdict.
+            continue
         except OSError as error:
             failed.append(f"the {name} report cannot be written: {error.filename or name}: {error.strerror}")
     if failed:

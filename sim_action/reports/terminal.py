@@ -36,11 +36,17 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
         printer.closing(results)
 
 
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Where rich would end the process with a failure: who stops reading has not changed the verdict."""
+        raise BrokenPipeError
+
+
 def _console(stream: TextIO, options: ReportOptions) -> Console:
     plain = bool(options.environment.get("NO_COLOR"))
     # GitHub's log is no terminal, but shows colours.
     colourful = options.environment.get("GITHUB_ACTIONS") == "true" and not plain
-    return Console(
+    return _Console(
         file=stream,
         force_terminal=True if colourful else None,
         color_system="standard" if colourful else "auto",

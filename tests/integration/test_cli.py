@@ -202,6 +202,21 @@ def test_reading_only_the_beginning_of_the_output_loses_no_report(tmp_path: Path
     stream.close()
     process.wait(60)
     assert (tmp_path / "sim-results/junit.xml").exists()
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&-", ">&- 2>&- <&-"])
+def test_closed_streams_change_no_verdict(tmp_path: Path, redirection: str) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    ran = subprocess.run(
+        ["bash", "-c", f'"$0" -m sim_action run a.sim.yml {redirection}', sys.executable],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        check=False,
+    )
+    assert ran.returncode == 0
+    assert json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"][0]["status"] == "passed"
 
 
 @pytest.mark.parametrize("command", ["models", "assertions", "commands", "schema"])
