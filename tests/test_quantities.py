@@ -44,7 +44,7 @@ def test_a_unit_error_is_passed_on_word_for_word_with_its_braces() -> None:
 def test_a_spec_knows_its_keys_and_cannot_be_changed() -> None:
     assert messages(limits=1) == ["Extra inputs are not permitted"]
     with pytest.raises(ValidationError, match="frozen"):
-        Spec().limit = 2.0  # type: ignore[misc]
+        Spec().limit = 2.0  # type: ignore[misc]  # frozen: that is the test
 
 
 def test_a_quantity_left_out_may_be_none() -> None:

@@ -142,7 +142,7 @@ def test_a_controller_sees_and_answers(tmp_path: Path) -> None:
         ("return None", None),
         ("pass", None),
         ("return sim.Twist.planar(1, 2)", Twist.planar(1, 2)),
-        ("return sim.Twist([1, 0, 0], (0, 0, 2))", Twist([1, 0, 0], (0, 0, 2))),  # type: ignore[arg-type]
+        ("return sim.Twist([1, 0, 0], (0, 0, 2))", Twist([1, 0, 0], (0, 0, 2))),  # type: ignore[arg-type]  # a list
         ("return sim.JointTargets(velocity={'wheel_left_joint': 1})", JointTargets(velocity={"wheel_left_joint": 1})),
         ("return sim.JointTargets()", JointTargets()),
     ],
