@@ -31,6 +31,6 @@ def load_model(name: str, workspace: Workspace) -> RobotModel:
     if name.endswith(".xacro"):
         raise ModelError(f"'{name}': xacro is not read yet; expand it first: xacro robot.urdf.xacro > robot.urdf")
     try:
-        return read_urdf(workspace.file(name))
+        return read_urdf(workspace.file(name), workspace)
     except PathError as error:
         raise ModelError(str(error)) from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, cast, get_args
 from xml.etree import ElementTree as ET
@@ -15,22 +16,28 @@ from sim_action.errors import ModelError
 from sim_action.geometry import Pose, Vector3
 from sim_action.location import Location
 from sim_action.robot_model import Joint, JointType, Link, RobotModel, Shape
+from sim_action.workspace import PathError, Workspace
 
 _MAX_BYTES: Final = 20_000_000
 _MAX_DEPTH: Final = 100
 _LIMITS: Final = ("lower", "upper", "effort", "velocity")
 
 
-def read_urdf(path: Path) -> RobotModel:
-    """Reads a URDF file. Raises ModelError with the line that has to change."""
-    return _Reader(path).model()
+def read_urdf(path: Path, workspace: Workspace | None = None) -> RobotModel:
+    """Reads a URDF file, whose meshes lie in the workspace; left out: in the model's own folder and below.
+
+    Raises ModelError with the line that has to change.
+    """
+    folder = path.resolve().parent
+    return _Reader(path, replace(workspace or Workspace(folder, folder), directory=folder)).model()
 
 
 class _Reader:
     """One file while it is read: its elements, and the line that each began on."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, workspace: Workspace) -> None:
         self._path = path
+        self._workspace = workspace
         self._lines: dict[Element, int] = {}
         self._depth = 0
         self._root = self._parse()
@@ -39,6 +46,7 @@ class _Reader:
         if self._root.tag != "robot":
             raise self._error(self._root, f"a URDF begins with <robot>, this file with <{self._root.tag}>")
         self._make_meshes_absolute()
+        self._drop_textures()
         links = tuple(self._link(element) for element in self._root.findall("link"))
         joints = tuple(self._joint(element) for element in self._root.findall("joint"))
         self._check_tree(links, joints)
@@ -136,15 +144,16 @@ class _Reader:
             name = self._attribute(mesh, "filename")
             if "://" in name:
                 raise self._error(mesh, f"'{name}': addresses are not read yet; use a path relative to the model")
-            path = self._path.parent / name
             try:
-                path = path.resolve()
-                exists = path.is_file()
-            except (OSError, RuntimeError):  # too long, links in a circle
-                exists = False
-            if not exists:
-                raise self._error(mesh, f"mesh '{name}' does not exist (looked for {path})")
-            mesh.set("filename", str(path))
+                mesh.set("filename", str(self._workspace.file(name)))
+            except PathError as error:
+                raise self._error(mesh, f"mesh {error}") from None
+
+    def _drop_textures(self) -> None:
+        """Nothing is rendered, and a texture is one more file that an engine would open."""
+        for material in self._root.iter("material"):
+            for texture in material.findall("texture"):
+                material.remove(texture)
 
     def _check_tree(self, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> None:
         """One root, no link twice, no two parents: an engine dies of anything else."""

@@ -15,6 +15,7 @@ from sim_action.geometry import Pose
 from sim_action.models import BUILT_IN, urdf
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import RobotModel, Shape
+from sim_action.workspace import Workspace
 from tests.traces import burger
 
 BURGER = Path(urdf.__file__).parent.joinpath("built_in/turtlebot3_burger.urdf").read_text(encoding="utf-8")
@@ -106,6 +107,28 @@ def test_meshes_become_absolute(tmp_path: Path) -> None:
     assert model.links[0].collisions[0].radius is None
 
 
+def test_meshes_lie_in_the_workspace(tmp_path: Path) -> None:
+    for folder in ("robot/meshes", "robot/urdf"):
+        (tmp_path / folder).mkdir(parents=True)
+    for mesh in ("robot/meshes/part.stl", "secret.stl"):
+        (tmp_path / mesh).touch()
+    root = (tmp_path / "robot").resolve()
+    path = root / "urdf/robot.urdf"
+    path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="../meshes/part.stl"/>'))
+    assert f'filename="{root}/meshes/part.stl"' in read_urdf(path, Workspace(root, root)).urdf
+    path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="../../secret.stl"/>'))
+    with pytest.raises(ModelError, match=r"robot\.urdf:6: mesh '\.\./\.\./secret\.stl' is outside the workspace"):
+        read_urdf(path, Workspace(root, root))
+
+
+def test_textures_are_not_opened(tmp_path: Path) -> None:
+    texture = '<material name="m"><texture filename="/etc/hostname"/><color rgba="1 0 0 1"/></material>'
+    visual = f'<visual><geometry><sphere radius="1"/></geometry>{texture}</visual>'
+    urdf = read(tmp_path, ARM.replace("</link>", f"{visual}</link>", 1)).urdf
+    assert "texture" not in urdf
+    assert "color" in urdf
+
+
 def test_other_encodings_and_a_byte_order_mark_are_read(tmp_path: Path) -> None:
     text = ARM.replace("arm", "bras-é")
     assert read(tmp_path, b"\xef\xbb\xbf" + text.encode()).name == "bras-é"
@@ -141,7 +164,7 @@ def test_the_burger_weighs_and_is_what_is_published() -> None:
         ('<sphere radius="0.5"/>', "", 4, "a <geometry> without a shape"),
         ('<geometry><sphere radius="0.5"/></geometry>', "", 4, "<collision> without <geometry>"),
         ('<sphere radius="0.5"/>', '<mesh filename="a.stl"/>', 6, "mesh 'a.stl' does not exist (looked for "),
-        ('<sphere radius="0.5"/>', f'<mesh filename="{"a" * 300}"/>', 6, "does not exist (looked for "),
+        ('<sphere radius="0.5"/>', f'<mesh filename="{"a" * 300}"/>', 6, "cannot be a file"),
         ('<sphere radius="0.5"/>', '<mesh filename="package://a/b.stl"/>', 6, "addresses are not read yet; use a path"),
         ('<sphere radius="0.5"/>', "<mesh/>", 6, "<mesh> without 'filename'"),
         ('"upper"/>', '"base"/>', 9, "a second link named 'base'"),
@@ -226,10 +249,10 @@ def test_a_missing_file_and_a_folder_are_model_errors(tmp_path: Path) -> None:
             read_urdf(path)
 
 
-def test_links_of_meshes_in_a_circle_do_not_exist(tmp_path: Path) -> None:
+def test_links_of_meshes_in_a_circle_are_no_files(tmp_path: Path) -> None:
     (tmp_path / "a").symlink_to("a")
     error = refusal(tmp_path, ARM.replace('<sphere radius="0.5"/>', '<mesh filename="a"/>'))
-    assert "mesh 'a' does not exist" in str(error)
+    assert "mesh 'a' cannot be a file" in str(error)
 
 
 def mutated(text: str, seed: int) -> bytes:
