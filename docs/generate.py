@@ -1,7 +1,8 @@
-"""Writes what is made from the code: the README's tables and the JSON Schema. `--check` only says what is stale."""
+"""Writes what is made from the code: the README's tables and the JSON Schemas. `--check` only says what is stale."""
 
 from __future__ import annotations
 
+import itertools
 import re
 import sys
 from collections.abc import Callable, Iterable
@@ -14,12 +15,12 @@ from sim_action import catalogue
 from sim_action.catalogue import Entry, FieldEntry
 from sim_action.errors import ExitCode
 from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
-from sim_action.schema import schema_text
+from sim_action.schema import results_schema, scenario_schema, schema_text
 from sim_action.world import Body, Ground, Physics, Placement, Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "README.md"
-SCHEMA = ROOT / "docs/scenario.schema.json"
+SCHEMAS = {"docs/scenario.schema.json": scenario_schema, "docs/results.schema.json": results_schema}
 BLOCK = re.compile(r"(<!-- generated: ([a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 EXIT_CODES = {
@@ -72,20 +73,39 @@ def _scenario_keys() -> str:
     return table(("key", "takes", "default", "meaning"), rows)
 
 
-def _action(part: str) -> str:
-    action: dict[str, Any] = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
-    if part == "inputs":
-        rows = (
-            (f"`{name}`", f"`{e['default']}`", " ".join(e["description"].split())) for name, e in _items(action, part)
-        )
-        return table(("input", "default", "meaning"), rows)
-    return table(
-        ("output", "meaning"), ((f"`{n}`", " ".join(e["description"].split())) for n, e in _items(action, part))
-    )
+def _inputs(action: str) -> str:
+    rows = ((f"`{name}`", _default(entry), _description(entry)) for name, entry in _action(action)["inputs"].items())
+    return table(("input", "default", "meaning"), rows)
 
 
-def _items(action: dict[str, Any], part: str) -> Iterable[tuple[str, Any]]:
-    return action[part].items()
+def _default(entry: dict[str, str]) -> str:
+    if entry.get("required"):
+        return "required"
+    return f"`{entry['default']}`" if entry["default"] else "empty"
+
+
+def _outputs(action: str) -> str:
+    rows = ((f"`{name}`", _description(entry)) for name, entry in _action(action)["outputs"].items())
+    return table(("output", "meaning"), rows)
+
+
+def _action(path: str) -> dict[str, dict[str, Any]]:
+    action: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+    return action
+
+
+def _description(entry: dict[str, str]) -> str:
+    return " ".join(entry["description"].split())
+
+
+def _templates() -> str:
+    """Each template's first comment: where to copy it, and what it does."""
+    rows = []
+    for path in sorted(ROOT.glob("examples/workflows/*.yml"), key=lambda path: (path.stem != "simulation", path.stem)):
+        head = itertools.takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
+        _, _, purpose = " ".join(line.lstrip("# ") for line in head).partition(": ")
+        rows.append((f"[`{path.name}`]({path.relative_to(ROOT)})", purpose[:1].upper() + purpose[1:]))
+    return table(("template", "what it does"), rows)
 
 
 BLOCKS: dict[str, Callable[[], str]] = {
@@ -94,8 +114,12 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "drives": lambda: _entries(catalogue.drives(), "drive"),
     "models": lambda: table(("robot", "what it is"), ((f"`{e.name}`", e.summary) for e in catalogue.models())),
     "scenario-keys": _scenario_keys,
-    "inputs": lambda: _action("inputs"),
-    "outputs": lambda: _action("outputs"),
+    "inputs": lambda: _inputs("action.yml"),
+    "outputs": lambda: _outputs("action.yml"),
+    "matrix-inputs": lambda: _inputs("matrix/action.yml"),
+    "matrix-outputs": lambda: _outputs("matrix/action.yml"),
+    "merge-inputs": lambda: _inputs("merge/action.yml"),
+    "templates": _templates,
     "exit-codes": lambda: table(("code", "meaning"), ((str(code.value), text) for code, text in EXIT_CODES.items())),
 }
 
@@ -103,7 +127,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
 def generated() -> dict[Path, str]:
     """Each file with what it should hold."""
     readme = BLOCK.sub(lambda m: f"{m[1]}{BLOCKS[m[2]]()}{m[3]}", README.read_text(encoding="utf-8"))
-    return {README: readme, SCHEMA: schema_text()}
+    return {README: readme} | {ROOT / name: schema_text(schema()) for name, schema in SCHEMAS.items()}
 
 
 def main() -> None:

@@ -1,4 +1,7 @@
-"""Draws docs/terminal.svg, the README's picture: two real runs, one of which fails. `make picture`."""
+"""Draws the README's pictures of two real runs, one of which fails: docs/terminal.svg and docs/summary.png.
+
+`make picture`; the second needs Chromium and a font with emoji (Debian: chromium, fonts-noto-color-emoji).
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,16 @@ import sys
 import tempfile
 from pathlib import Path
 
+from markdown_it import MarkdownIt
 from rich.console import Console
 from rich.terminal_theme import DIMMED_MONOKAI
 from rich.text import Text
 
 ROOT = Path(__file__).resolve().parent.parent
-TARGET = ROOT / "docs/terminal.svg"
+TERMINAL = ROOT / "docs/terminal.svg"
+SUMMARY = ROOT / "docs/summary.png"
 COLUMNS = 96
+WINDOW = "1040,610"
 
 PASSING = (ROOT / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
 FAILING = """\
@@ -35,14 +41,35 @@ time_limit: 10 s
 """
 
 
-def terminal_output() -> str:
-    """What `sim-action run` prints of both, in colour."""
+# Near enough to how GitHub shows a job summary.
+STYLE = """
+body { font: 14px/1.5 -apple-system, "Segoe UI", "Noto Sans", "DejaVu Sans", sans-serif; margin: 24px; color: #1f2328 }
+h2 { border-bottom: 1px solid #d1d9e0; padding-bottom: 6px } h2, h3 { margin: 20px 0 12px }
+table { border-collapse: collapse; margin: 12px 0 } th, td { border: 1px solid #d1d9e0; padding: 5px 12px }
+tr:nth-child(2n) { background: #f6f8fa } a { color: #0969da; text-decoration: none } details { margin: 8px 0 }
+code { font: 85% ui-monospace, "DejaVu Sans Mono", monospace; background: #818b981f; padding: 2px 5px }
+sub { line-height: 0; font-size: 85%; vertical-align: baseline }
+"""
+
+
+def run() -> tuple[str, str]:
+    """What `sim-action run` prints of both, in colour, and the job summary that it writes."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name, "simulation")
         folder.mkdir()
         (folder / "straight_line.sim.yml").write_text(PASSING, encoding="utf-8")
         (folder / "wall.sim.yml").write_text(FAILING, encoding="utf-8")
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "FORCE_COLOR": "1", "COLUMNS": str(COLUMNS)}
+        summary = Path(name, "summary.md")
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "FORCE_COLOR": "1",
+            "COLUMNS": str(COLUMNS),
+            "GITHUB_STEP_SUMMARY": str(summary),
+            "GITHUB_SERVER_URL": "https://github.com",
+            "GITHUB_REPOSITORY": "you/robot",
+            "GITHUB_SHA": "main",
+        }
         ran = subprocess.run(
             [sys.executable, "-m", "sim_action", "run", "simulation"],
             cwd=name,
@@ -51,19 +78,36 @@ def terminal_output() -> str:
             text=True,
             check=False,
         )
-    return f"$ sim-action run simulation\n{ran.stdout}"
+        return f"$ sim-action run simulation\n{ran.stdout}", summary.read_text(encoding="utf-8")
 
 
-def main() -> None:
-    """Writes the picture."""
+def draw_terminal(output: str) -> None:
+    """Writes the picture of the terminal."""
     console = Console(record=True, width=COLUMNS, file=io.StringIO(), force_terminal=True)
-    console.print(Text.from_ansi(terminal_output()))
+    console.print(Text.from_ansi(output))
     svg = console.export_svg(title="sim-action", theme=DIMMED_MONOKAI, unique_id="terminal")
     # The fonts would be fetched from elsewhere by whoever looks at it.
     svg = svg.replace(" https://www.textualize.io", "")
     svg = re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL).replace("Fira Code", "ui-monospace")
-    TARGET.write_text(svg, encoding="utf-8")
-    print(f"wrote {TARGET.relative_to(ROOT)}")
+    TERMINAL.write_text(svg, encoding="utf-8")
+
+
+def draw_summary(markdown: str) -> None:
+    """Writes the picture of the job summary."""
+    body = MarkdownIt("commonmark", {"html": True}).enable("table").render(markdown)
+    with tempfile.TemporaryDirectory() as name:
+        page = Path(name, "summary.html")
+        page.write_text(f'<!doctype html><meta charset="utf-8"><style>{STYLE}</style>{body}', encoding="utf-8")
+        options = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--force-device-scale-factor=1")
+        where = (f"--user-data-dir={name}/profile", f"--window-size={WINDOW}", f"--screenshot={SUMMARY}")
+        subprocess.run(["chromium", *options, *where, page.as_uri()], check=True, capture_output=True)
+
+
+def main() -> None:
+    """Writes both pictures."""
+    terminal, summary = run()
+    draw_terminal(terminal)
+    draw_summary(summary)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import signal
-import stat
 import time
 from pathlib import Path
 from typing import Final
@@ -18,6 +17,7 @@ from pydantic import ValidationError
 from sim_action.isolation import Child
 from sim_action.native_output import split_output
 from sim_action.outcome import Failure, FailureKind, Outcome
+from sim_action.regular_files import open_regular
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.worker import Job
 
@@ -103,14 +103,11 @@ def _is_regular(path: Path) -> bool:
 
 
 def _end_of(path: Path, most: int) -> bytes:
-    """The last bytes of a file; nothing, if it is something else: a pipe would hold us up, a link lead elsewhere."""
+    """The last bytes of a file; nothing, if it is something else."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
+        file = open_regular(path, follow_link=False)
     except OSError:
         return b""
-    with os.fdopen(descriptor, "rb") as file:
-        size = os.fstat(descriptor).st_size
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            return b""
-        file.seek(max(0, size - most))
+    with file:
+        file.seek(max(0, os.fstat(file.fileno()).st_size - most))
         return file.read(most)

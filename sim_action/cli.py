@@ -5,18 +5,20 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from sim_action import __version__
 from sim_action.errors import ExitCode, SimActionError, UsageError
+from sim_action.report_flags import report_flags, report_request
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from sim_action.catalogue import Entry
+    from sim_action.permissions import AllowScripts
 
 _BEFORE_IMPORTS = {
     # A process that forks must have started no thread, and results must not depend on how many cores there are.
@@ -34,7 +36,11 @@ _ALLOW_OUTSIDE = click.option(
 def main() -> NoReturn:
     """The entry point."""
     _open_closed_streams()
-    code = call()
+    leave(call(sys.argv[1:]))
+
+
+def leave(code: int) -> NoReturn:
+    """Ends the process, with everything said."""
     with suppress(BrokenPipeError):
         sys.stdout.flush()
     sys.stderr.flush()
@@ -50,18 +56,20 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r"))
 
 
-def call() -> int:
-    """Does what the command line says and returns the exit code: the one place that catches errors."""
+def call(arguments: Sequence[str]) -> int:
+    """Does what a command line says and returns the exit code: the one place that catches errors."""
     os.environ.update(_BEFORE_IMPORTS)
     try:
-        return program.main(standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
+        return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
     except click.ClickException as error:
-        error.show()
+        _complain(error.format_message())
+        if isinstance(error, click.UsageError) and error.ctx:
+            click.echo(f"Try '{error.ctx.command_path} --help'.", err=True)
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
         return ExitCode.INTERRUPTED
     except SimActionError as error:
-        click.echo(f"sim-action: {error}", err=True)
+        _complain(error)
         return error.exit_code
     except BrokenPipeError:
         # Whoever read our output has gone; there is nobody left to tell.
@@ -83,51 +91,94 @@ def program() -> None:
 
 @program.command()
 @_PATHS
-@click.option("--output-dir", default="sim-results", show_default=True, help="Where results, JUnit and traces go.")
-@click.option("--junit", metavar="PATH", help="Where the JUnit XML goes.  [default: junit.xml in the output dir]")
-@click.option("--junit-strict", is_flag=True, help="Leave out of it what junit-10.xsd forbids.")
+@report_flags
+@click.option("--shard", metavar="I/N", help="Run every N-th scenario of the list only, beginning with the I-th.")
 @click.option(
     "--jobs", "-j", type=click.IntRange(min=1, max=256), metavar="N", help="At the same time.  [default: the cores]"
 )
-@click.option("--verbose", "-v", is_flag=True, help="Show notes, diagnostics and what controllers print.")
-@click.option("--quiet", "-q", is_flag=True, help="Show what failed, and one closing line.")
+@click.option(
+    "--allow-scripts",
+    type=click.Choice(("auto", "true", "false")),
+    default="auto",
+    show_default=True,
+    help="Run code that scenarios name; auto: but on pull_request_target and workflow_run.",
+)
 @_ALLOW_OUTSIDE
-def run(  # noqa: PLR0917 - click passes what was typed
+def run(
     paths: Sequence[str],
-    output_dir: str,
-    junit: str | None,
-    junit_strict: bool,
+    shard: str | None,
     jobs: int | None,
-    verbose: bool,
-    quiet: bool,
+    allow_scripts: AllowScripts,
     allow_outside: bool,
+    **reports: Any,
 ) -> ExitCode:
     """Run scenarios, report their verdicts.
 
     Exit code: 0 all passed, 1 a scenario failed or has no verdict, 2 a scenario is invalid, 3 a fault of sim-action,
-    5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1.
+    5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1. A shard that has no scenario, of a
+    list that has some, passes.
     """
-    from pathlib import Path
-
     from sim_action.interruption import Interruption
 
-    if verbose and quiet:
-        raise UsageError("--verbose and --quiet do not go together")
     with Interruption() as interruption:
         from sim_action import running
+        from sim_action.permissions import Permissions, scripts_refused
 
         files, empty = _discovered(paths)
         request = running.RunRequest(
             files=files,
             empty=empty,
-            folder=Path(output_dir),
-            junit=Path(junit) if junit else None,
-            junit_strict=junit_strict,
+            shard=shard,
             jobs=jobs or len(os.sched_getaffinity(0)),
-            verbosity="verbose" if verbose else "quiet" if quiet else "normal",
-            allow_outside=allow_outside,
+            permissions=Permissions(allow_outside, scripts_refused(allow_scripts, os.environ)),
+            reports=report_request(reports),
         )
         return running.run(request, interruption)
+
+
+@program.command()
+@_PATHS
+@click.option("--shards", type=click.IntRange(min=1, max=256), metavar="N", required=True, help="How many, at most.")
+@click.option("--durations", metavar="PATH", help="An earlier results.json, by which to balance them.")
+def matrix(paths: Sequence[str], shards: int, durations: str | None) -> ExitCode:
+    """Deal scenarios to shards that take about equally long; print them as JSON, for the matrix of a GitHub job.
+
+    Exit code: 5 if there is no scenario.
+    """
+    from pathlib import Path
+
+    from sim_action.matrix import known_durations, matrix_text
+    from sim_action.outcome import Results
+
+    files, empty = _discovered(paths)
+    if not files:
+        return ExitCode.NO_SCENARIO
+    known: dict[str, float] = {}
+    try:
+        known = known_durations(Results.read(Path(durations))) if durations else known
+    except UsageError as error:
+        _note(f"{error}; every scenario counts the same")
+    click.echo(matrix_text(files, empty, shards, known))
+    return ExitCode.PASSED
+
+
+@program.command()
+@click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
+@click.option("--scenarios", multiple=True, metavar="PATHS", help="What has to be in the results; may be repeated.")
+@report_flags
+def merge(results: Sequence[str], scenarios: Sequence[str], **reports: Any) -> ExitCode:
+    """Join the results of shards to those of one run, and report them.
+
+    RESULTS are results.json files, folders (every one in and below them) or globs. A shard that has left none, or a
+    scenario of --scenarios that none has, is an error among the outcomes. Exit code: as of `run`.
+    """
+    from sim_action import merging
+    from sim_action.joining import Listing
+
+    listing = Listing(*_discovered(scenarios)) if scenarios else None
+    if listing and not listing.files:
+        raise UsageError("--scenarios finds none; is this where the shards ran, with the repository checked out?")
+    return merging.merge(merging.MergeRequest(results, listing, report_request(reports)))
 
 
 @program.command()
@@ -136,13 +187,14 @@ def run(  # noqa: PLR0917 - click passes what was typed
 def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     """Find everything that is wrong with scenarios without running them."""
     from sim_action.loading import load_all
-    from sim_action.messages import escaped_line
+    from sim_action.messages import log_line
+    from sim_action.permissions import Permissions
 
     files, empty = _discovered(paths)
-    valid, invalid = load_all(files, allow_outside=allow_outside)
+    valid, invalid = load_all(files, Permissions(allow_outside))
     for error in invalid.values():
         for problem in error.problems:
-            click.echo(escaped_line(str(problem)))
+            click.echo(log_line(str(problem)))
     click.echo(f"{len(valid)} valid, {len(invalid)} invalid", err=bool(invalid))
     if not files:
         return ExitCode.NO_SCENARIO
@@ -150,11 +202,12 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
 
 
 @program.command()
-def schema() -> None:
-    """Print the JSON Schema of scenario files, for editors."""
-    from sim_action.schema import schema_text
+@click.argument("kind", type=click.Choice(("scenario", "results")), default="scenario")
+def schema(kind: str) -> None:
+    """Print the JSON Schema of scenario files, for editors, or that of results.json, for programs."""
+    from sim_action.schema import results_schema, scenario_schema, schema_text
 
-    click.echo(schema_text(), nl=False)
+    click.echo(schema_text(scenario_schema() if kind == "scenario" else results_schema()), nl=False)
 
 
 @program.command()
@@ -165,9 +218,9 @@ def init(folder: str, force: bool) -> None:
     from pathlib import Path
 
     from sim_action.scaffold import write_scaffold
-    from sim_action.schema import schema_text
+    from sim_action.schema import scenario_schema, schema_text
 
-    for path in write_scaffold(Path(folder), schema_text(), force=force):
+    for path in write_scaffold(Path(folder), schema_text(scenario_schema()), force=force):
         click.echo(f"wrote {path}")
     click.echo(f"next: sim-action run {Path(folder) / 'simulation'}")
 
@@ -199,13 +252,27 @@ def commands() -> None:
 def _discovered(paths: Sequence[str]) -> tuple[list[Path], list[str]]:
     """The scenario files, and what was named but holds none."""
     from sim_action.discovery import discover, unique
-    from sim_action.messages import escaped_line
 
     found = discover(paths or ["."])
     empty = [pattern for pattern, files in found.items() if not files]
+    files = unique(found)
     for pattern in empty:
-        click.echo(escaped_line(f"sim-action: no scenario in or at '{pattern}'"), err=True)
-    return unique(found), empty
+        # Beside others, it is in the reports.
+        tell = _note if files else _complain
+        tell(f"no scenario in or at '{pattern}'")
+    return files, empty
+
+
+def _note(message: str) -> None:
+    from sim_action.messages import log_line
+
+    click.echo(log_line(f"sim-action: {message}"), err=True)
+
+
+def _complain(message: object) -> None:
+    from sim_action.reports.annotations import complaint
+
+    click.echo(complaint(str(message), os.environ), err=True)
 
 
 def _print(entries: Iterable[Entry]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final
 
 SUFFIX: Final = ".sim.yml"
@@ -36,14 +36,25 @@ def file_name(path: Path) -> str:
     return os.fsencode(path).decode("utf-8", errors="backslashreplace")
 
 
-def _matches(pattern: str) -> Iterator[Path]:
+def compared_name(name: str) -> str:
+    """The name of a file as reports have it, written in one way: `a`, `./a` and `.//a` are the same."""
+    return str(PurePosixPath(name.replace(os.sep, "/")))
+
+
+def paths_of(pattern: str) -> list[Path]:
+    """What has that very name; for a name with wildcards that is none, what matches it, sorted."""
     # A file whose name has brackets in it is that file.
-    named = not glob.has_magic(pattern) or os.path.lexists(pattern)
+    if not glob.has_magic(pattern) or os.path.lexists(pattern):
+        return [Path(pattern)]
     # Path.glob takes no absolute pattern.
-    for path in [Path(pattern)] if named else sorted(map(Path, glob.glob(pattern, recursive=True))):  # noqa: PTH207
+    return sorted(map(Path, glob.glob(pattern, recursive=True)))  # noqa: PTH207
+
+
+def _matches(pattern: str) -> Iterator[Path]:
+    for path in paths_of(pattern):
         if path.is_dir():
             yield from _below(path)
-        elif named or _NEVER_ENTERED.isdisjoint(path.parts):
+        elif path == Path(pattern) or _NEVER_ENTERED.isdisjoint(path.parts):
             yield path
 
 

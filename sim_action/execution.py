@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import select
 import tempfile
 import time
@@ -12,16 +11,15 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.aftermath import interrupted, outcome_of
-from sim_action.backends import BACKENDS
+from sim_action.backends import BACKENDS, require
 from sim_action.interruption import Interruption
 from sim_action.isolation import CAN_FORK, Child
 from sim_action.native_output import muted
 from sim_action.outcome import Outcome
 from sim_action.scenario import LoadedScenario
 from sim_action.simulation import ENGINE
+from sim_action.trace_files import trace_paths
 from sim_action.worker import Job
-
-TRACE_FOLDER: Final = "traces"
 
 # The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
 _ENDING_WAIT: Final = 0.002
@@ -43,8 +41,10 @@ def execute(
 ) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
-    An interruption ends what runs; scenarios without an outcome then get one that says so.
+    An interruption ends what runs; scenarios without an outcome then get one that says so. Raises UsageError.
     """
+    if scenarios:
+        require(ENGINE)
     if CAN_FORK and any(not loaded.scenario.runs_user_code for loaded in scenarios):
         _warm_up()
     with tempfile.TemporaryDirectory(prefix="sim-action-") as scratch:
@@ -55,21 +55,6 @@ def execute(
         )
         outcomes = _Scheduler(waiting, jobs, listener, interruption).run()
     return [outcomes.get(index) or interrupted(loaded) for index, loaded in enumerate(scenarios)]
-
-
-def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
-    """A file for each name, safe on every file system, no two alike whatever the case."""
-    taken: set[str] = set()
-    paths = []
-    for name in names:
-        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:80] or "scenario"
-        unique, number = plain, 1
-        while unique.lower() in taken:
-            number += 1
-            unique = f"{plain}-{number}"
-        taken.add(unique.lower())
-        paths.append(folder / TRACE_FOLDER / f"{unique}.npz")
-    return paths
 
 
 def _subfolder(scratch: Path, index: int) -> Path:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -19,6 +19,7 @@ from sim_action.errors import InvalidScenario, ModelError
 from sim_action.location import Location, Problem
 from sim_action.messages import did_you_mean, escaped_line, shown
 from sim_action.models import load_model
+from sim_action.permissions import Permissions
 from sim_action.registry import Table
 from sim_action.scenario import Expectation, ExpectationOptions, LoadedScenario, Scenario
 from sim_action.scene import Scene, SpecProblems
@@ -28,25 +29,27 @@ from sim_action.yaml_document import MAX_BYTES, Document, KeyPath, location_afte
 
 Model = TypeVar("Model", bound=BaseModel)
 
+_PERMISSIONS: Final = Permissions()
 
-def load_scenario(path: Path, *, allow_outside: bool = False) -> LoadedScenario:
+
+def load_scenario(path: Path, permissions: Permissions = _PERMISSIONS) -> LoadedScenario:
     """Reads a scenario file, and checks everything that can be checked without running it.
 
     Raises InvalidScenario with all problems; their file is named as `path` names it.
     """
     document = read_document(file_name(path), _read_text(path))
-    return _Loader(document, Workspace.around(path, allow_outside=allow_outside)).load()
+    return _Loader(document, Workspace.around(path, allow_outside=permissions.outside), permissions).load()
 
 
 def load_all(
-    paths: Iterable[Path], *, allow_outside: bool = False
+    paths: Iterable[Path], permissions: Permissions
 ) -> tuple[dict[Path, LoadedScenario], dict[Path, InvalidScenario]]:
     """Every path is in one of the two: the scenarios that can be run, and what is wrong with the others."""
     valid: dict[Path, LoadedScenario] = {}
     invalid: dict[Path, InvalidScenario] = {}
     for path in paths:
         try:
-            valid[path] = load_scenario(path, allow_outside=allow_outside)
+            valid[path] = load_scenario(path, permissions)
         except InvalidScenario as error:
             invalid[path] = error
     return valid, invalid
@@ -80,9 +83,10 @@ def _read_text(path: Path) -> str:
 class _Loader:
     """One document while it becomes a scenario."""
 
-    def __init__(self, document: Document, workspace: Workspace) -> None:
+    def __init__(self, document: Document, workspace: Workspace, permissions: Permissions) -> None:
         self._document = document
         self._workspace = workspace
+        self._permissions = permissions
         self._problems: dict[tuple[KeyPath, str], Problem] = {}
         self._command_paths: list[KeyPath] = []
         self._expect_paths: list[KeyPath] = []
@@ -128,6 +132,8 @@ class _Loader:
         source = self._validated(COMMANDS.load(key), data, path)
         if source is not None:
             self._note_all(path, source.problems(self._workspace))
+            if source.runs_user_code and self._permissions.scripts_refused:
+                self._note((*path, key), self._permissions.scripts_refused)
         return source
 
     def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:

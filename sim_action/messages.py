@@ -16,6 +16,12 @@ def escaped_line(text: str) -> str:
     return safe if len(text) <= _LONGEST_MESSAGE else f"{safe}..."
 
 
+def log_line(text: str) -> str:
+    """A line that is text to GitHub, too: `::command::` acts at its beginning, and `##[command]` anywhere in it."""
+    line = escaped_line(text).replace("##[", "# #[")
+    return f"./{line}" if line.lstrip().startswith("::") else line
+
+
 def shown(value: object) -> str:
     """A value of a user's file as a message quotes it."""
     if value is None:

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Final, Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from sim_action.errors import ExitCode, InvalidScenario, UsageError
-from sim_action.location import Location
+from sim_action.location import Location, Problem
+from sim_action.messages import escaped_line
 from sim_action.quantities import FrozenModel
+from sim_action.regular_files import open_regular
 from sim_action.scenario import Severity
+from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 
 RESULTS_FILE = "results.json"
+
+_MOST_BYTES: Final = 64_000_000
 
 Status = Literal["passed", "failed", "error"]
 """failed: an assertion did not hold; error: there is no verdict."""
 
 FailureKind = Literal[
-    "invalid", "engine", "unstable", "script", "crash", "wall limit", "memory", "interrupted", "internal"
+    "invalid", "engine", "unstable", "script", "crash", "wall limit", "memory", "interrupted", "internal", "missing"
 ]
+"""missing: somebody should have run it, and there is nothing to show for it."""
+
+WallSeconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Failure(FrozenModel):
@@ -71,7 +79,7 @@ class Outcome(FrozenModel):
 
     Attributes:
         name: of the scenario; of its file, if it could not be read.
-        file: as it was named on the command line or found below it.
+        file: as it was named on the command line or found below it; empty if it is not of one file.
         failures: why there is no verdict; empty unless `status` is "error".
         end: why the run was over.
         sim_time: s at which the run was over.
@@ -92,7 +100,7 @@ class Outcome(FrozenModel):
     failures: tuple[Failure, ...] = ()
     end: str | None = None
     sim_time: float | None = None
-    wall_time: float = 0.0
+    wall_time: WallSeconds = 0.0
     real_time_factor: float | None = None
     travelled: float | None = None
     digest: str | None = None
@@ -114,6 +122,11 @@ class Outcome(FrozenModel):
             return ExitCode.INVALID
         return ExitCode.PASSED if self.status == "passed" else ExitCode.FAILED
 
+    @property
+    def location(self) -> Location | None:
+        """Its file, if it is of one."""
+        return Location(self.file) if self.file else None
+
     @classmethod
     def of_invalid(cls, file: str, error: InvalidScenario) -> Outcome:
         """The outcome of a file that is no valid scenario."""
@@ -123,15 +136,29 @@ class Outcome(FrozenModel):
         )
         return cls(name=Path(file).name, file=file, status="error", failures=failures)
 
+    @classmethod
+    def of_nothing(cls, pattern: str) -> Outcome:
+        """The outcome of what was named and holds no scenario: a test that was asked for and is not there."""
+        name = escaped_line(pattern)
+        problem = Problem(Location(name), "no scenario is there; correct the path or leave it out")
+        return cls.of_invalid(name, InvalidScenario([problem]))
+
 
 class Results(FrozenModel):
-    """Everything that one call of `sim-action run` found out; `results.json` is this, as JSON."""
+    """Everything that one call of `sim-action` found out; `results.json` is this, as JSON.
+
+    Attributes:
+        sim_action: version; of shards that were not alike, each that there was.
+        wall_time: s that the call took; of shards that were joined, what the longest took.
+        shard: which part of a list of scenarios this is of; left out: of all.
+    """
 
     version: Literal[1] = 1
     sim_action: str
     python: str
     platform: str
-    wall_time: float
+    wall_time: WallSeconds
+    shard: Shard | None = None
     outcomes: tuple[Outcome, ...]
 
     @property
@@ -145,8 +172,9 @@ class Results(FrozenModel):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The worst of all outcomes: 130, 3, 2, 1, 0."""
-        return max((outcome.exit_code for outcome in self.outcomes), default=ExitCode.NO_SCENARIO)
+        """The worst of all outcomes: 130, 3, 2, 1, 0; a shard without any is not to blame if others have some."""
+        of_nothing = ExitCode.PASSED if self.shard and self.shard.total else ExitCode.NO_SCENARIO
+        return max((outcome.exit_code for outcome in self.outcomes), default=of_nothing)
 
     @property
     def conclusion(self) -> Literal["success", "failure", "cancelled"]:
@@ -160,6 +188,12 @@ class Results(FrozenModel):
         """m, if there was exactly one scenario."""
         return self.outcomes[0].travelled if self.total == 1 else None
 
+    @property
+    def real_time_factor(self) -> float | None:
+        """Sim time of everything that was simulated over the wall time that it all took."""
+        sim_time = sum(outcome.sim_time or 0.0 for outcome in self.outcomes)
+        return sim_time / self.wall_time if sim_time and self.wall_time > 0 else None
+
     def worst_first(self) -> list[Outcome]:
         """Errors, then failures, then warnings, then the rest, each in the order of the call."""
         return sorted(self.outcomes, key=_badness)
@@ -172,11 +206,26 @@ class Results(FrozenModel):
 
     @classmethod
     def read(cls, path: Path) -> Results:
-        """Reads a `results.json`. Raises UsageError."""
+        """Reads a `results.json`, which may be a stranger's. Raises UsageError."""
         try:
-            return cls.model_validate_json(path.read_bytes())
-        except (OSError, ValidationError) as error:
-            raise UsageError(f"{path} is no results file: {error}") from None
+            with open_regular(path, follow_link=True) as file:
+                data = file.read(_MOST_BYTES + 1)
+            if len(data) <= _MOST_BYTES:
+                return cls.model_validate_json(data)
+            reason = f"it is larger than {_MOST_BYTES / 1e6:g} MB"
+        except OSError as error:
+            reason = error.strerror or str(error)
+        except ValidationError as error:
+            reason = _first_finding(error)
+        raise UsageError(escaped_line(f"{path} is no results file: {reason}"))
+
+
+def _first_finding(error: ValidationError) -> str:
+    """Where and what; keys that a stranger made up are not repeated."""
+    details, more = error.errors(include_url=False, include_input=False)[0], error.error_count() - 1
+    steps = [str(step) for step in details["loc"] if isinstance(step, int) or step.isidentifier()]
+    told = ": ".join(part for part in (".".join(steps), details["msg"]) if part)
+    return f"{told} (and {more} more)" if more else told
 
 
 def _badness(outcome: Outcome) -> int:

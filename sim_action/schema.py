@@ -1,8 +1,9 @@
-"""The JSON Schema of scenario files, for editors."""
+"""JSON Schemas: of scenario files, for editors, and of `results.json`, for programs that read it."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
+from sim_action.outcome import Results
 from sim_action.scenario import ExpectationOptions, Scenario
 
 Schema = dict[str, Any]
@@ -24,9 +26,17 @@ class _Untitled(GenerateJsonSchema):
         return False
 
 
-def schema_text() -> str:
+def schema_text(schema: Schema) -> str:
     """What `sim-action schema` prints."""
-    return json.dumps(scenario_schema(), indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def results_schema() -> Schema:
+    """The schema of `results.json`, as it is written."""
+    schema = Results.model_json_schema(mode="serialization", schema_generator=_Untitled)
+    definitions = {name: _described(definition) for name, definition in schema.pop("$defs").items()}
+    head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "sim-action results"}
+    return {**head, **_described(schema), "$defs": definitions}
 
 
 def scenario_schema() -> Schema:
@@ -48,6 +58,16 @@ def scenario_schema() -> Schema:
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "sim-action scenario"}
     return {**head, **scenario, "$defs": _reachable(definitions, scenario)}
+
+
+def _described(definition: Schema) -> Schema:
+    """With what its docstring says of attributes beside them. All are written; a later version may add to them."""
+    described = {name: value for name, value in definition.items() if name not in {"title", "additionalProperties"}}
+    described["description"], _, attributes = definition["description"].partition("\n\nAttributes:\n")
+    properties = {name: dict(schema) for name, schema in definition["properties"].items()}
+    for name, text in re.findall(r"^ *(\w+): (.+)$", attributes, re.MULTILINE):
+        properties[name]["description"] = text
+    return {**described, "properties": properties, "required": list(properties)}
 
 
 def _commands(description: str) -> Schema:

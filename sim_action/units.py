@@ -92,6 +92,8 @@ def display(value: float, unit: str, digits: int = 4) -> str:
     value += 0.0  # not "-0 m"
     if unit in ("rad", "rad/s"):
         value, unit = value / _DEGREE, unit.replace("rad", "deg")
+    if unit == "contacts" and abs(value) == 1:
+        unit = "contact"
     digits -= not 1e-3 <= abs(value) < 1e6  # the exponent takes room
     return f"{value:.{digits}g} {unit}".rstrip()
 

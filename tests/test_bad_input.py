@@ -8,6 +8,7 @@ import pytest
 
 from sim_action.errors import InvalidScenario
 from sim_action.loading import load_scenario
+from sim_action.permissions import Permissions
 from tests.scenarios import LEAST, load, told
 
 MODEL = "model: turtlebot3_burger"
@@ -156,7 +157,7 @@ def test_a_link_that_leads_outside_and_the_option_that_lifts_it(tmp_path: Path) 
         assert only(root, text) == (
             f"3:3: robot.model: '{model}' is outside the workspace {root}; --allow-outside lifts this"
         )
-        assert load_scenario(root / "s.sim.yml", allow_outside=True).scenario.robot.model == model
+        assert load_scenario(root / "s.sim.yml", Permissions(outside=True)).scenario.robot.model == model
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from sim_action import errors
 from sim_action.errors import ExitCode, InvalidScenario, ModelError
 from sim_action.location import Location, Problem
-from sim_action.messages import did_you_mean, escaped_line, shown
+from sim_action.messages import did_you_mean, escaped_line, log_line, shown
 
 
 @pytest.mark.parametrize(
@@ -100,3 +100,17 @@ def test_values_are_shown_as_their_writer_knows_them(value: object, text: str) -
 
 def test_a_long_value_is_cut() -> None:
     assert len(shown("x" * 1000)) == 60
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("a.sim.yml:1:1: wrong", "a.sim.yml:1:1: wrong"),
+        ("::error::a.sim.yml:1:1: wrong", "./::error::a.sim.yml:1:1: wrong"),
+        ("  ::error::a", "./  ::error::a"),
+        ("a ##[error]b", "a # #[error]b"),
+        ("a\n::error::b", "a\\n::error::b"),
+    ],
+)
+def test_a_line_is_no_workflow_command(text: str, line: str) -> None:
+    assert log_line(text) == line

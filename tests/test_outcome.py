@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.location import Location, Problem
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Results
+from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 
 
@@ -29,6 +31,7 @@ def results(*outcomes: Outcome) -> Results:
         ([outcome()], 0, "success"),
         ([outcome(), outcome(passed=False)], 1, "failure"),
         ([outcome(kind="crash")], 1, "failure"),
+        ([outcome(kind="missing")], 1, "failure"),
         ([outcome(passed=False), outcome(kind="invalid")], 2, "failure"),
         ([outcome(kind="invalid"), outcome(kind="internal")], 3, "failure"),
         ([outcome(kind="internal"), outcome(kind="interrupted"), outcome(passed=False)], 130, "cancelled"),
@@ -51,11 +54,62 @@ def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert Results.read(written.write(tmp_path)) == written
 
 
-@pytest.mark.parametrize("text", ["", "{}", '{"version": 2}', "[1, 2]"])
-def test_what_is_no_results_file_is_a_usage_error(tmp_path: Path, text: str) -> None:
-    (tmp_path / "results.json").write_text(text)
-    with pytest.raises(UsageError, match=r"results\.json is no results file"):
+HEAD = '"version": 1, "sim_action": "0", "python": "3", "platform": "p"'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "Invalid JSON: EOF while parsing a value at line 1 column 0"),
+        ("[1, 2]", "Input should be an object"),
+        ("[" * 100_000, "Invalid JSON: recursion limit exceeded at line 1 column 202"),
+        ("{}", "sim_action: Field required (and 4 more)"),
+        ('{"version": 2}', "version: Input should be 1 (and 5 more)"),
+        (f'{{{HEAD}, "wall_time": NaN, "outcomes": []}}', "wall_time: Input should be a finite number"),
+        (f'{{{HEAD}, "wall_time": "1", "outcomes": []}}', "wall_time: Input should be a valid number"),
+        (f'{{{HEAD}, "wall_time": 1, "outcomes": [], "##[error]x": 1}}', "Extra inputs are not permitted"),
+        (
+            f'{{{HEAD}, "wall_time": 1, "outcomes": [{{"name": "a", "file": "a", "status": "fine"}}]}}',
+            "outcomes.0.status: Input should be 'passed', 'failed' or 'error'",
+        ),
+        (
+            f'{{{HEAD}, "wall_time": 1, "outcomes": [], "shard": {{"index": 3, "count": 2, "total": 1}}}}',
+            "shard: Value error, there is no shard 3 of 2",
+        ),
+    ],
+)
+def test_what_is_no_results_file_is_a_usage_error_of_one_line(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(text)
+    with pytest.raises(UsageError) as raised:
+        Results.read(path)
+    assert str(raised.value) == f"{path} is no results file: {told}"
+
+
+def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    with path.open("wb") as file:
+        file.truncate(64_000_001)
+    with pytest.raises(UsageError, match="it is larger than 64 MB"):
+        Results.read(path)
+
+
+def test_a_pipe_is_no_results_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "results.json")
+    with pytest.raises(UsageError, match="not a regular file"):
         Results.read(tmp_path / "results.json")
+
+
+@pytest.mark.parametrize(("total", "code"), [(2, ExitCode.PASSED), (0, ExitCode.NO_SCENARIO)])
+def test_a_shard_without_scenarios_passes_if_the_list_had_some(total: int, code: ExitCode) -> None:
+    shard = Shard(index=3, count=3, total=total)
+    assert results().model_copy(update={"shard": shard}).exit_code is code
+    assert results(outcome(passed=False)).model_copy(update={"shard": shard}).exit_code is ExitCode.FAILED
+
+
+def test_what_was_named_and_holds_nothing_is_invalid() -> None:
+    made = Outcome.of_nothing("no\npe*")
+    assert (made.file, made.exit_code) == ("no\\npe*", ExitCode.INVALID)
 
 
 def test_an_invalid_file_has_a_failure_for_each_problem() -> None:

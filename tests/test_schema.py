@@ -8,7 +8,10 @@ import jsonschema
 import pytest
 import yaml
 
-from sim_action.schema import scenario_schema, schema_text
+from sim_action.location import Location
+from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Results
+from sim_action.schema import results_schema, scenario_schema, schema_text
+from sim_action.verdict import Verdict
 
 ROOT = Path(__file__).parents[1]
 LEAST: dict[str, Any] = {
@@ -27,7 +30,7 @@ def validator() -> jsonschema.Draft202012Validator:
 
 
 def test_it_names_its_dialect_and_is_json() -> None:
-    assert json.loads(schema_text())["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert json.loads(schema_text(scenario_schema()))["$schema"] == "https://json-schema.org/draft/2020-12/schema"
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("examples/**/*.sim.yml")), ids=lambda path: path.stem)
@@ -73,3 +76,30 @@ def test_every_reference_leads_somewhere() -> None:
     text = json.dumps(schema)
     for name in schema["$defs"]:
         assert f'"#/$defs/{name}"' in text
+
+
+def test_results_are_as_their_schema_says() -> None:
+    schema = results_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    verdict = Verdict(True, 1.5, 1.5, 0.0, "m", 2.0, "travelled 1.5 m in 2.00 s")
+    expectation = ExpectationOutcome(
+        name="travel", assertion="travel", severity="error", location=Location("a.sim.yml", 8, 5), verdict=verdict
+    )
+    failure = Failure(kind="crash", title="SIGSEGV", message="the process ended")
+    results = Results(
+        sim_action="1.0.0",
+        python="3.11.7",
+        platform="Linux",
+        wall_time=1.0,
+        outcomes=(
+            Outcome(name="a", file="a.sim.yml", status="passed", expectations=(expectation,), sim_time=2.0),
+            Outcome(name="b", file="b.sim.yml", status="error", failures=(failure,)),
+        ),
+    )
+    written = json.loads(results.model_dump_json())
+    jsonschema.validate(written, schema)
+    assert set(written) == set(schema["required"])
+    assert schema["$defs"]["Outcome"]["properties"]["travelled"]["description"].startswith("m between")
+    del written["outcomes"][0]["digest"]
+    with pytest.raises(jsonschema.ValidationError, match="digest"):
+        jsonschema.validate(written, schema)

@@ -1,46 +1,78 @@
-"""Every workflow, the action and its lock file: third parties are pinned, no expression is pasted into a shell."""
+"""Actions, workflows, templates: pinned, with few rights, no expression in a shell; and what checks them can fail."""
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import subprocess
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 ROOT = Path(__file__).parent.parent
-FILES = sorted((ROOT / ".github/workflows").glob("*.yml")) + sorted((ROOT / "examples/workflows").glob("*.yml"))
-FILES += [ROOT / "action.yml"]
+ACTIONS = [ROOT / "action.yml", *sorted(ROOT.glob("*/action.yml"))]
+TEMPLATES = sorted((ROOT / "examples/workflows").glob("*.yml"))
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml")) + TEMPLATES
+LEAST = ROOT / "examples/workflows/simulation.yml"  # ten lines, to be read at a glance
 
-OWN = "sim-action/sim-action@v1"
+OWN = re.compile(r"(?:\./|sim-action/sim-action/?)(?P<folder>[\w-]*)(?:@v1)?")
 USES = re.compile(r"^\s*(?:- )?uses: (?P<action>\S+)(?P<comment>.*)$", re.MULTILINE)
+REUSABLE = "./.github/workflows/"
 PINNED = re.compile(r"[\w.-]+/[\w./-]+@[0-9a-f]{40}")
 VERSION_COMMENT = re.compile(r" # v\d+\.\d+\.\d+")
+OUTPUT = re.compile(r"steps\.([\w-]+)\.outputs\.([\w-]+)")
 
-every_file = pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ROOT)))
+
+def name(file: Path) -> str:
+    return str(file.relative_to(ROOT))
 
 
-def steps(file: Path) -> Iterator[dict[str, object]]:
-    document = yaml.safe_load(file.read_text(encoding="utf-8"))
+every_file = pytest.mark.parametrize("file", ACTIONS + WORKFLOWS, ids=name)
+every_action = pytest.mark.parametrize("file", ACTIONS, ids=name)
+every_workflow = pytest.mark.parametrize("file", WORKFLOWS, ids=name)
+every_template = pytest.mark.parametrize("file", TEMPLATES, ids=name)
+
+
+def load(file: Path) -> Any:
+    return yaml.safe_load(file.read_text(encoding="utf-8"))
+
+
+def step_lists(file: Path) -> Iterator[list[dict[str, Any]]]:
+    """The steps of the action, or those of each job."""
+    document = load(file)
     if "runs" in document:
-        yield from document["runs"]["steps"]
+        yield document["runs"]["steps"]
     for job in document.get("jobs", {}).values():
-        yield from job["steps"]
+        yield job.get("steps", [])
+
+
+def steps(file: Path) -> list[dict[str, Any]]:
+    return [step for listed in step_lists(file) for step in listed]
+
+
+def own_action(step: dict[str, Any]) -> Any:
+    """What action.yml says, if the step uses an action of this repository's."""
+    found = OWN.fullmatch(step.get("uses", ""))
+    return load(ROOT / found["folder"] / "action.yml") if found else None
 
 
 @every_file
 def test_parses_and_every_step_does_something(file: Path) -> None:
+    assert steps(file) or file.name == "reusable-caller.yml"
     assert all(("run" in step) != ("uses" in step) for step in steps(file))
 
 
 @every_file
 def test_third_parties_are_pinned_by_sha_with_their_version_beside_it(file: Path) -> None:
-    uses = list(USES.finditer(file.read_text(encoding="utf-8")))
+    uses = [use for use in USES.finditer(file.read_text(encoding="utf-8")) if not use["action"].startswith(REUSABLE)]
     assert len(uses) == sum("uses" in step for step in steps(file))
     for use in uses:
-        if use["action"] not in {"./", OWN}:
+        if not OWN.fullmatch(use["action"]):
             assert PINNED.fullmatch(use["action"]), use["action"]
             assert VERSION_COMMENT.fullmatch(use["comment"]), use["action"]
 
@@ -51,15 +83,82 @@ def test_no_expression_is_pasted_into_a_shell(file: Path) -> None:
         assert "${{" not in str(step.get("run", ""))
 
 
-@every_file
-def test_workflows_may_only_read(file: Path) -> None:
-    document = yaml.safe_load(file.read_text(encoding="utf-8"))
-    if "jobs" in document:
-        assert document["permissions"] == {"contents": "read"}
+@every_action
+def test_every_step_of_an_action_names_its_shell(file: Path) -> None:
+    assert all(step["shell"] == "bash" for step in steps(file) if "run" in step)
 
 
-def test_every_step_of_the_action_names_its_shell() -> None:
-    assert all(step["shell"] == "bash" for step in steps(ROOT / "action.yml") if "run" in step)
+@every_workflow
+def test_workflows_may_only_read_and_single_jobs_may_report(file: Path) -> None:
+    document = load(file)
+    assert document["permissions"] in ({"contents": "read"}, {})
+    for job in document["jobs"].values():
+        rights = job.get("permissions", {}).items()
+        assert set(rights) <= {("contents", "read"), ("checks", "write"), ("pull-requests", "write")}
+
+
+@every_workflow
+def test_where_a_job_may_write_no_code_of_the_repository_runs(file: Path) -> None:
+    for job in load(file)["jobs"].values():
+        if "write" in job.get("permissions", {}).values():
+            assert not any("run" in step or own_action(step) for step in job["steps"])
+
+
+@every_workflow
+def test_jobs_end_by_themselves_and_leave_no_token_on_disk(file: Path) -> None:
+    if file != LEAST:
+        assert all("timeout-minutes" in job for job in load(file)["jobs"].values() if "steps" in job)
+        checkouts = [step for step in steps(file) if step.get("uses", "").startswith("actions/checkout@")]
+        assert all(step["with"]["persist-credentials"] is False for step in checkouts)
+
+
+@every_workflow
+def test_our_actions_get_inputs_that_they_have(file: Path) -> None:
+    for step in steps(file):
+        if action := own_action(step):
+            required = {key for key, value in action["inputs"].items() if value.get("required")}
+            assert required <= set(step.get("with", {})) <= set(action["inputs"])
+
+
+@every_workflow
+def test_our_actions_are_asked_for_outputs_that_they_have(file: Path) -> None:
+    for job in load(file)["jobs"].values():
+        actions = {step["id"]: own_action(step) for step in job.get("steps", []) if "id" in step}
+        for step, output in OUTPUT.findall(json.dumps(job)):
+            assert not actions[step] or output in actions[step]["outputs"]
+
+
+@every_template
+def test_a_template_says_first_where_it_goes(file: Path) -> None:
+    assert re.match(r"# Copy to \.github/workflows/[\w-]+\.yml[:,] ", file.read_text(encoding="utf-8"))
+
+
+def test_the_least_workflow_has_ten_lines_after_its_comment() -> None:
+    assert len(LEAST.read_text(encoding="utf-8").splitlines()) == 11
+
+
+def test_the_gate_waits_for_every_other_job_and_runs_also_when_one_was_skipped() -> None:
+    jobs = load(ROOT / ".github/workflows/ci.yml")["jobs"]
+    assert set(jobs["gate"]["needs"]) == jobs.keys() - {"gate"}
+    assert jobs["gate"]["if"] == "${{ always() }}"
+
+
+@pytest.mark.parametrize("results", ["success skipped", "failure success", "success cancelled"])
+def test_the_gate_lets_nothing_but_success_pass(results: str) -> None:
+    (step,) = load(ROOT / ".github/workflows/ci.yml")["jobs"]["gate"]["steps"]
+    for given, passes in ((results, False), ("success success", True)):
+        ran = subprocess.run(
+            ["bash", "-e", "-c", step["run"]], env={"RESULTS": given}, capture_output=True, check=False
+        )
+        assert (ran.returncode == 0) is passes
+
+
+def test_the_pre_commit_example_names_our_hook_which_sees_scenarios_alone() -> None:
+    (hook,) = load(ROOT / ".pre-commit-hooks.yaml")
+    (used,) = load(ROOT / "examples/pre-commit/.pre-commit-config.yaml")["repos"]
+    assert used["hooks"] == [{"id": hook["id"]}]
+    found = [path for path in ("a.sim.yml", "b/c.sim.yaml", "ci.yml", "sim.yml") if re.search(hook["files"], path)]
+    assert found == ["a.sim.yml", "b/c.sim.yaml"]
 
 
 def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user() -> None:
@@ -68,3 +167,81 @@ def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user() -> No
     needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["dependencies"]}
     assert needed <= set(re.findall(r"^([\w-]+)==", lock, re.MULTILINE))
     assert not re.search(r"://|index|find-links| @ |[\w.-]/", lock)
+
+
+def test_the_lock_file_of_the_checks_has_hashes_and_no_addresses() -> None:
+    packages = json.loads((ROOT / ".ci/workflows/package-lock.json").read_text(encoding="utf-8"))["packages"]
+    assert all("integrity" in package and "resolved" not in package for path, package in packages.items() if path)
+
+
+# What `make lint` runs refuses what it is there to refuse: each time, a good file with one thing wrong.
+
+
+def lint_workflows(**files: Path) -> subprocess.CompletedProcess[str]:
+    """`make lint-workflows` with other files in place of the repository's; it installs nothing."""
+    command = ["make", "lint-workflows", "--old-file=.venv/.dev", "--old-file=.venv/.node"]
+    command += [f"{variable}={path}" for variable, path in files.items()]
+    # `make test` would hand its own flags on.
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
+    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+
+
+def spoiled(file: Path, folder: Path, good: str, bad: str) -> Path:
+    text = file.read_text(encoding="utf-8")
+    assert good in text
+    copy = folder / file.name
+    copy.write_text(text.replace(good, bad, 1), encoding="utf-8")
+    return copy
+
+
+def assert_refused(ran: subprocess.CompletedProcess[str], complaint: str) -> None:
+    assert ran.returncode != 0
+    assert complaint in ran.stdout + ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "complaint"),
+    [
+        ("timeout-minutes: 30", "timeout-minuts: 30", "'timeout-minuts' was unexpected"),
+        ("plan.outputs.matrix)", "plan.outputs.matrx)", ":15: Context access might be invalid: matrx"),
+        ("runs-on: ubuntu-latest", "runs-on: ubuntu-lastest", ':14: label "ubuntu-lastest" is unknown'),
+        ("3d3c42e5aac5ba805825da76410c181273ba90b1 # v7.0.1", "v7", "unpinned-uses"),
+    ],
+    ids=["schema", "GitHub's parser", "actionlint", "zizmor"],
+)
+def test_a_bad_workflow_is_refused(good: str, bad: str, complaint: str, tmp_path: Path) -> None:
+    workflow = spoiled(ROOT / "examples/workflows/sharded.yml", tmp_path, good, bad)
+    assert_refused(lint_workflows(WORKFLOWS=workflow), complaint)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "complaint"),
+    [
+        ("default:", "defalt:", "'defalt' was unexpected"),
+        ("${{ inputs.scenario }}", "${{ secrets.scenario }}", ": Unrecognized named-value: 'secrets'"),
+    ],
+    ids=["schema", "GitHub's parser"],
+)
+def test_a_bad_action_is_refused(good: str, bad: str, complaint: str, tmp_path: Path) -> None:
+    action = spoiled(ROOT / "action.yml", tmp_path, good, bad)
+    assert_refused(lint_workflows(ACTIONS=action), complaint)
+
+
+def test_what_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
+    workflow = tmp_path / "workflow.yml"
+    workflow.write_text("name: one\non: push\njobs: a: b\n", encoding="utf-8")
+    checked = subprocess.run(
+        ["node", ".ci/workflows/check.mjs", workflow],
+        cwd=ROOT,
+        env={**os.environ, "PATH": f"{ROOT / '.venv/bin'}:{os.environ['PATH']}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert checked.returncode == 1
+    assert checked.stdout.startswith(f"{workflow}:3:7: ")
+
+
+def test_a_bad_gitlab_template_is_refused(tmp_path: Path) -> None:
+    template = spoiled(ROOT / "examples/gitlab/.gitlab-ci.yml", tmp_path, "always", "allways")
+    assert_refused(lint_workflows(GITLAB=template), "'allways' is not one of")

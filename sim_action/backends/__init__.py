@@ -7,9 +7,11 @@ friction as a product, no collisions of the robot with itself, names instead of 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.command import JointTargets
+from sim_action.errors import UsageError
 from sim_action.observation import Observation
 from sim_action.registry import Table
 from sim_action.scene import Scene
@@ -54,3 +56,13 @@ BACKENDS: Final = Table[BackendFactory](
     "engine",
     {"pybullet": "sim_action.backends.pybullet:PyBulletBackend"},
 )
+"""The name of an engine is that of its package."""
+
+
+def require(engine: str) -> None:
+    """Raises UsageError if an engine is not installed; what only reads scenarios or results does without."""
+    if find_spec(engine) is None:
+        raise UsageError(
+            f"the engine {engine} is not installed here: it has wheels for Linux x86-64 with Python 3.11; "
+            "run scenarios there, and `sim-action validate` anywhere"
+        )

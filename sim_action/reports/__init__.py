@@ -25,6 +25,7 @@ class ReportOptions:
         environment: where GitHub says which files it reads (`GITHUB_STEP_SUMMARY`, `GITHUB_OUTPUT`, ...).
         workspace: paths in reports are seen from here.
         verbosity: how much the terminal shows.
+        silenced: names of reports that are not written.
     """
 
     folder: Path
@@ -33,6 +34,7 @@ class ReportOptions:
     environment: Mapping[str, str]
     workspace: Path
     verbosity: Verbosity = "normal"
+    silenced: frozenset[str] = frozenset()
 
 
 class Report(Protocol):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
 from sim_action.location import Location
+from sim_action.messages import log_line
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import (
@@ -50,6 +51,13 @@ class Annotation:
         return start + shortened_command(command_data(self.message), max(1, MOST_CHARACTERS - len(start)))
 
 
+def complaint(message: str, environment: Mapping[str, str]) -> str:
+    """The line that tells why nothing was done: on GitHub an annotation, as there is no other report."""
+    if environment.get("GITHUB_ACTIONS") == "true":
+        return log_text(Annotation("error", "sim-action", message).command(Path()), "utf-8")
+    return log_line(f"sim-action: {message}")
+
+
 def write_annotations(results: Results, options: ReportOptions) -> None:
     """Prints the annotations if this is GitHub Actions; the worst come first, as there is room for few."""
     if options.environment.get("GITHUB_ACTIONS") != "true":
@@ -63,7 +71,7 @@ def write_annotations(results: Results, options: ReportOptions) -> None:
 
 def _annotations(outcome: Outcome) -> Iterator[Annotation]:
     for failure in outcome.failures:
-        where = failure.location or Location(outcome.file)
+        where = failure.location or outcome.location
         yield Annotation("error", f"{outcome.name}: {failure.title}", failure.message, where)
     for expected in outcome.expectations:
         if expected.verdict.passed:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import secrets
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import PurePosixPath
 
 from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Results
@@ -60,7 +62,7 @@ class _Document:
             "errors": sum(case.find("error") is not None for case in cases),
             "skipped": 0,
         }
-        file = seen_from(self._options.workspace, outcome.file)
+        file = seen_from(self._options.workspace, outcome.file) if outcome.file else None
         suite = element(
             "testsuite", {"name": _name(outcome.name), **totals, "time": _seconds(outcome.wall_time), "file": file}
         )
@@ -97,7 +99,7 @@ class _Document:
         return case
 
     def _error(self, outcome: Outcome, failure: Failure) -> ET.Element:
-        location = failure.location or Location(outcome.file)
+        location = failure.location or outcome.location
         case = self._case(outcome, failure.title, location)
         message = f"{failure.title}: {failure.message}"
         body = self._body(message, failure.title, location)
@@ -107,10 +109,10 @@ class _Document:
         self._attach_trace(case, outcome)
         return case
 
-    def _case(self, outcome: Outcome, name: str, location: Location) -> ET.Element:
+    def _case(self, outcome: Outcome, name: str, location: Location | None) -> ET.Element:
         classname = _name(outcome.name)
         names = {"classname": classname, "name": self._unique(classname, _name(name))}
-        if self._options.junit_strict:
+        if self._options.junit_strict or location is None:
             return element("testcase", names)
         file = seen_from(self._options.workspace, location.file)
         return element("testcase", {**names, "file": file, "line": location.line})
@@ -124,10 +126,12 @@ class _Document:
         self._taken.add((classname, unique))
         return unique
 
-    def _body(self, message: str, name: str, location: Location) -> str:
-        """The message again, then the place twice: alone, and as in a stack trace, which some reporters look for."""
+    def _body(self, message: str, name: str, location: Location | None) -> str:
+        """The message again, then the place: alone, and as in the stack traces that reporters look for."""
+        if location is None:
+            return message
         where = place(self._options.workspace, location)
-        return f"{message}\n{where}\nat {one_line(name)}({where})"
+        return "\n".join((message, where, f"at {one_line(name)}({where})", *_java_frame(where)))
 
     def _attach_trace(self, case: ET.Element, outcome: Outcome) -> None:
         """Comes first in the output: GitLab takes the first."""
@@ -152,6 +156,17 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
     add_line(case, "system-out", own_output(outcome))
     for diagnostic in outcome.diagnostics:
         add_line(case, "system-err", f"{diagnostic.level}: {diagnostic.message}")
+
+
+def _java_frame(where: str) -> Iterator[str]:
+    """The place as dorny/test-reporter finds it: the folder as a package, then a class, then a file without folders.
+
+    It takes a package to be lower case, and to end at each dot.
+    """
+    path, _, line = where.rpartition(":")
+    folder = PurePosixPath(path).parent.name
+    if folder[:1] > "Z" and "." not in folder and line.isdigit():
+        yield f"at {folder}.Scenario({PurePosixPath(path).name}:{line})"
 
 
 def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:

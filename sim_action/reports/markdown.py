@@ -32,8 +32,10 @@ def folded(title: str, markdown: str) -> str:
     return f"<details><summary>{markdown_text(title)}</summary>\n\n{markdown}\n\n</details>"
 
 
-def source_link(options: ReportOptions, location: Location) -> str:
-    """`path:line`, as a link to the file at this commit where the environment says which that is."""
+def source_link(options: ReportOptions, location: Location | None) -> str:
+    """`path:line`, as a link to the file at this commit where the environment says which that is; empty of no place."""
+    if location is None:
+        return ""
     shown = code(place(options.workspace, location))
     path = seen_from(options.workspace, location.file)
     names = ("GITHUB_SERVER_URL", "GITHUB_REPOSITORY", "GITHUB_SHA")

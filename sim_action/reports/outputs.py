@@ -21,8 +21,8 @@ def write_outputs(results: Results, options: ReportOptions) -> None:
 
 
 def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
-    """Name -> value; `travelled` in m, empty unless there is exactly one scenario and it moved a robot."""
-    travelled = results.travelled
+    """Name -> value; `travelled` in m, empty unless there is exactly one scenario and it moved a robot; times in s."""
+    travelled, factor = results.travelled, results.real_time_factor
     return {
         "conclusion": results.conclusion,
         "total": str(results.total),
@@ -32,6 +32,8 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "junit-path": str(options.junit.absolute()),
         "results-path": str((options.folder / RESULTS_FILE).absolute()),
         "travelled": "" if travelled is None else f"{travelled:.4f}",
+        "duration": f"{results.wall_time:.3f}",
+        "real-time-factor": "" if factor is None else f"{factor:.2f}",
     }
 
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
-from sim_action.location import Location
+from sim_action.errors import ExitCode
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_text
 from sim_action.reports.markdown import folded, row, source_link, table
 from sim_action.reports.summary_section import ICONS, gist, section
-from sim_action.reports.wording import counts, factor, moment, mood, overall_speed
+from sim_action.reports.wording import counts, factor, moment, mood, share
 
 MOST_BYTES: Final = 1 << 20
 """GitHub drops a larger summary whole."""
@@ -60,7 +60,8 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MOST_BYT
 def _headline(results: Results) -> str:
     bad = results.total - results.count("passed")
     if not results.total:
-        return "⚠️ No scenario was run"
+        passed = results.shard if results.exit_code is ExitCode.PASSED else None
+        return f"✅ No scenario is left for {passed}" if passed else "⚠️ No scenario was run"
     if results.conclusion == "cancelled":
         return f"🛑 Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
     if not bad:
@@ -71,9 +72,10 @@ def _headline(results: Results) -> str:
 
 
 def _counts(results: Results) -> str:
-    speed = f" ({overall_speed(results)})" if overall_speed(results) else ""
+    speed = f" ({factor(results.real_time_factor)})" if results.real_time_factor else ""
     version = markdown_text(f"sim-action {results.sim_action}")
-    return f"**{counts(results)}** in {results.wall_time:.1f} s{speed} · {version}"
+    part = f" · {share(results.shard)}" if results.shard else ""
+    return f"**{counts(results)}** in {results.wall_time:.1f} s{speed}{part} · {version}"
 
 
 def _overview(outcomes: list[Outcome], rows: list[str]) -> Iterable[str]:
@@ -91,7 +93,8 @@ def _overview(outcomes: list[Outcome], rows: list[str]) -> Iterable[str]:
 
 
 def _overview_row(outcome: Outcome, options: ReportOptions) -> str:
-    name = f"**{markdown_text(outcome.name)}**<br><sub>{source_link(options, Location(outcome.file))}</sub>"
+    file = source_link(options, outcome.location)
+    name = f"**{markdown_text(outcome.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
     speed = factor(outcome.real_time_factor).removesuffix(" real time")
     return row(ICONS[mood(outcome)], name, gist(outcome), moment(outcome.sim_time), speed)
 

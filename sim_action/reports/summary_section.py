@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text, shortened
@@ -51,7 +50,7 @@ def gist(outcome: Outcome) -> str:
 def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
     simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
     ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
-    parts = (source_link(options, Location(outcome.file)), simulated, ended, factor(outcome.real_time_factor))
+    parts = (source_link(options, outcome.location), simulated, ended, factor(outcome.real_time_factor))
     return " · ".join(part for part in parts if part)
 
 

@@ -12,11 +12,12 @@ from typing import Final, TextIO
 from rich.console import Console
 from rich.text import Text
 
+from sim_action.errors import ExitCode
 from sim_action.outcome import RESULTS_FILE, ExpectationOutcome, Failure, Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.paths import stored_trace
-from sim_action.reports.wording import Mood, counts, factor, measurements, mood, overall_speed, own_output
+from sim_action.reports.wording import Mood, counts, factor, measurements, mood, own_output, share
 
 _SYMBOLS: Final[dict[Mood, str]] = {"passed": "✓", "warned": "!", "failed": "✗", "error": "✗"}
 _ASCII_SYMBOLS: Final[dict[Mood, str]] = {"passed": "+", "warned": "!", "failed": "x", "error": "x"}
@@ -91,9 +92,8 @@ class _Printer:
     def outcome(self, outcome: Outcome) -> None:
         """One scenario, and an empty line."""
         style = _STYLES[mood(outcome)]
-        self._line(
-            "", (f"{self._symbols[mood(outcome)]} ", style), (outcome.name, "bold"), (f"  {outcome.file}", "dim")
-        )
+        file = f"  {outcome.file}" if outcome.file else ""
+        self._line("", (f"{self._symbols[mood(outcome)]} ", style), (outcome.name, "bold"), (file, "dim"))
         for expected in outcome.expectations:
             if self._verbosity != "quiet" or expected.failed:
                 self._expectation(expected)
@@ -106,9 +106,11 @@ class _Printer:
     def closing(self, results: Results) -> None:
         """The counts; but when quiet, where everything is, too."""
         moods = {mood(outcome) for outcome in results.outcomes}
-        worst: Mood = max(moods, key=_MOODS.index, default="error")
-        fast = f" ({overall_speed(results)})" if overall_speed(results) else ""
-        self._line("", (counts(results), _STYLES[worst]), (f" in {results.wall_time:.1f} s{fast}", ""))
+        of_nothing: Mood = "passed" if results.exit_code is ExitCode.PASSED else "error"
+        worst = max(moods, key=_MOODS.index, default=of_nothing)
+        fast = f" ({factor(results.real_time_factor)})" if results.real_time_factor else ""
+        part = f"; {share(results.shard)}" if results.shard else ""
+        self._line("", (counts(results), _STYLES[worst]), (f" in {results.wall_time:.1f} s{fast}{part}", ""))
         if self._verbosity != "quiet":
             for name, path in _files(results, self._options):
                 self._line("", (f"{name:<7} {path}", "dim"))

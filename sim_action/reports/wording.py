@@ -6,6 +6,7 @@ from typing import Literal
 
 from sim_action import units
 from sim_action.outcome import Outcome, Results
+from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 
 Mood = Literal["passed", "warned", "failed", "error"]
@@ -38,21 +39,16 @@ def counts(results: Results) -> str:
     return (", ".join(f"{count} {name}" for count, name in named if count) or "no scenario") + warned
 
 
-def speed(sim_time: float | None, wall_time: float) -> str:
-    """Such as "12x real time"; empty if nothing was simulated."""
-    return factor(sim_time / wall_time) if sim_time and wall_time > 0 else ""
+def share(shard: Shard) -> str:
+    """Such as "shard 1 of 3 (5 scenarios in all)"."""
+    return f"{shard} ({shard.total} {'scenario' if shard.total == 1 else 'scenarios'} in all)"
 
 
 def factor(real_time_factor: float | None) -> str:
-    """A real-time factor in words; empty if there is none."""
+    """A real-time factor in words, such as "12x real time"; empty if there is none."""
     if real_time_factor is None:
         return ""
     return f"{real_time_factor:.0f}x real time" if real_time_factor >= 10 else f"{real_time_factor:.1f}x real time"
-
-
-def overall_speed(results: Results) -> str:
-    """Of everything that was simulated, in the time that it all took."""
-    return speed(sum(outcome.sim_time or 0.0 for outcome in results.outcomes), results.wall_time)
 
 
 def quantity(value: float | None, unit: str) -> str:

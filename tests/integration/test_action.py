@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import re
@@ -10,22 +9,20 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
+from xml.sax.saxutils import quoteattr
 
 import pytest
+import yaml
 
-from tests.integration.action_executor import (
+from tests.integration.conftest import IMPOSTOR, write
+from tests.integration.github import (
     ActionResult,
-    Annotation,
+    CacheStore,
     Runner,
-    UnsupportedFeature,
     base_python,
-    evaluate,
-    parse_annotations,
-    parse_outputs,
 )
 
 ACTION = Path(__file__).parent.parent.parent
@@ -34,44 +31,42 @@ STUCK = TUTORIAL.replace("linear: 1.0", "linear: 0.0")
 INVALID = TUTORIAL.replace("travel:", "travle:")
 ASSERTION_LINE = next(number for number, line in enumerate(TUTORIAL.splitlines(), 1) if "travel:" in line)
 
-HOSTILE = ["$(touch pwned)", "'; touch pwned #", '"; touch pwned #', "`touch pwned`", "${{ github.token }}", "--help"]
-# What a module does when it stands in for one of ours.
-IMPOSTOR = "open('pwned', 'w').close()\nraise SystemExit('an impostor was imported')\n"
+HOSTILE = [
+    "$(touch pwned)",
+    "'; touch pwned #",
+    '"; touch pwned #',
+    "`touch pwned`",
+    "${{ github.token }}",
+    "--help",
+    "::set-output name=conclusion::forged",
+    "##[error]forged",
+    "spaces  in it, and \u00fcn\u00efc\u00f6d\u00e9 \U0001f916",
+    "<script>alert(1)</script>&amp;",
+]
+CHOICES = ["junit-strict", "jobs", "shard", "summary", "annotations", "fail-on-failure", "cache", "allow-scripts"]
+HOSTILE_CHOICES = [
+    "$(touch pwned)",
+    "'; touch pwned #",
+    "true\n::error::forged\n##[error]forged",
+    "${{ github.token }}",
+]
+CHATTER = "::error::forged\n##[error]forged\n::set-output name=conclusion::forged\n::stop-commands::forged\n"
 
-
-@pytest.fixture(scope="session")
-def runner_temp(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Iterator[Path]:
-    """A RUNNER_TEMP in which the action has been once, shared by all workers of the session, removed by the last."""
-    session = tmp_path_factory.getbasetemp()
-    session = session if worker_id == "master" else session.parent
-    temp, users = session / "runner temp", session / "runner-temp-users"
-    with locked(session / "runner-temp-lock"):
-        others = users.read_text() if users.exists() else ""
-        if not others:
-            temp.mkdir(exist_ok=True)
-            install_among_impostors(temp, session / "impostors")
-        users.write_text(others + "+")
-    yield temp
-    with locked(session / "runner-temp-lock"):
-        users.write_text(users.read_text()[:-1])
-        if not users.read_text():
-            shutil.rmtree(temp)
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[None]:
-    with path.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
-
-
-def install_among_impostors(temp: Path, folder: Path) -> None:
-    for name in ("pip", "venv", "ensurepip", "sitecustomize", "click", "sim_action"):
-        write(folder / f"{name}.py", IMPOSTOR)
-    runner = Runner(folder, temp, variables={"PYTHONPATH": str(folder), "PYTHONHOME": str(folder)})
-    result = runner.run(ACTION)
-    assert result.exit_code == 5, result.log
-    assert not (folder / "pwned").exists()
+BOX = """\
+<robot name="box">
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><geometry><box size="1 1 1"/></geometry></collision>
+  </link>
+</robot>
+"""
+SCRIPTED = """\
+name: box stands still
+robot: {model: box.urdf}
+commands: {script: controller.py}
+expect: [{travel: {at_least: 1 m}}]
+time_limit: 1 s
+"""
 
 
 @pytest.fixture
@@ -79,12 +74,6 @@ def runner(tmp_path: Path, runner_temp: Path) -> Runner:
     workspace = tmp_path / "work space"
     workspace.mkdir()
     return Runner(workspace, runner_temp)
-
-
-def write(path: Path, text: str) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def counts(result: ActionResult) -> dict[str, str]:
@@ -189,15 +178,106 @@ def test_scenario_takes_a_path_folder_or_glob_per_line(runner: Runner) -> None:
 
 
 @pytest.mark.parametrize("text", HOSTILE)
-def test_inputs_are_never_executed(runner: Runner, text: str) -> None:
+def test_paths_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
     write(runner.workspace / "straight.sim.yml", TUTORIAL)
     as_scenario = runner.run(ACTION, {"scenario": text})
-    as_folder = runner.run(ACTION, {"scenario": "straight.sim.yml", "output-directory": text})
-    as_choice = runner.run(ACTION, {"fail-on-failure": text})
-    assert (as_scenario.exit_code, as_folder.exit_code, as_choice.exit_code) == (2, 0, 2), as_scenario.log
-    assert (runner.workspace / text / "results.json").is_file()
-    assert "Usage:" not in as_scenario.log
+    assert as_scenario.exit_code in {2, 5}, as_scenario.log
+    assert_harmless(as_scenario, runner)
+    folders = {"working-directory": text, "output-directory": f"{text}/out", "junit-path": f"{text}/junit.xml"}
+    as_missing_folder = runner.run(ACTION, folders)
+    assert as_missing_folder.exit_code == 2
+    assert_harmless(as_missing_folder, runner)
+    write(runner.workspace / text / "straight.sim.yml", TUTORIAL)
+    as_folder = runner.run(ACTION, folders)
+    assert as_folder.exit_code == 0, as_folder.log
+    assert as_folder.outputs["junit-path"] == str(runner.workspace / text / text / "junit.xml")
+    assert (runner.workspace / text / text / "out/results.json").is_file()
+    assert_harmless(as_folder, runner)
+
+
+@pytest.mark.parametrize("text", HOSTILE_CHOICES)
+@pytest.mark.parametrize("name", CHOICES)
+def test_choices_are_refused_and_not_executed(runner: Runner, name: str, text: str) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    result = runner.run(ACTION, {name: text})
+    assert result.exit_code != 0
+    assert not list(runner.workspace.rglob("results.json"))
+    assert_harmless(result, runner)
+
+
+def assert_harmless(result: ActionResult, runner: Runner) -> None:
+    """Nothing was executed, no command was injected, no output forged."""
     assert not list(runner.workspace.rglob("pwned"))
+    assert "Usage: sim-action [OPTIONS]" not in result.log
+    assert "##[" not in result.log
+    assert "forged" not in {annotation.message for annotation in result.annotations}
+    assert result.outputs["conclusion"] in {"", "success", "failure"}
+
+
+def test_names_of_strangers_are_nothing_but_names(runner: Runner) -> None:
+    model = BOX.replace("base", quoteattr("::error::forged ##[error]forged $(touch pwned)")[1:-1])
+    write(runner.workspace / "box.urdf", model)
+    write(runner.workspace / "controller.py", f"def control(observation):\n    print({CHATTER!r})\n    return None\n")
+    for number, text in enumerate([*HOSTILE, "::error::forged", "::stop-commands::forged"]):
+        folder = runner.workspace / text / "below"
+        write(folder / f"{text}.sim.yml", STUCK.replace("30 s", "1 s"))
+        write(folder / "named.sim.yml", TUTORIAL.replace("burger drives straight", json.dumps(f"{text}|{number}")))
+    write(runner.workspace / "box.sim.yml", SCRIPTED)
+    result = runner.run(ACTION)
+    assert result.exit_code == 2, result.log
+    assert counts(result)["passed"] == "0"
+    assert len(result.annotations) == 10
+    assert all(annotation.file for annotation in result.annotations[:-1])
+    assert "more" in result.annotations[-1].message
+    assert result.outputs["conclusion"] == "failure"
+    assert_harmless(result, runner)
+    assert "<script" not in result.summary
+    junit = ET.parse(result.outputs["junit-path"]).getroot()
+    assert junit.get("tests") == str(len(list(junit.iter("testcase"))))
+
+
+@pytest.mark.parametrize("event", ["pull_request_target", "workflow_run"])
+def test_scripts_of_strangers_wait_for_permission(runner: Runner, event: str) -> None:
+    write(runner.workspace / "box.urdf", BOX)
+    write(runner.workspace / "controller.py", "def control(observation):\n    open('pwned', 'w').close()\n")
+    write(runner.workspace / "box.sim.yml", SCRIPTED)
+    privileged = replace(runner, event_name=event)
+    refused = privileged.run(ACTION)
+    assert refused.exit_code == 2
+    assert event in refused.annotations[0].message
+    assert (refused.annotations[0].file, refused.annotations[0].line) == ("box.sim.yml", 3)
+    assert not (runner.workspace / "pwned").exists()
+    assert runner.run(ACTION, {"allow-scripts": "false"}).exit_code == 2
+    assert privileged.run(ACTION, {"allow-scripts": "true"}).exit_code == 1
+    assert (runner.workspace / "pwned").exists()
+
+
+def test_reports_that_are_not_wanted(runner: Runner) -> None:
+    write(runner.workspace / "stuck.sim.yml", STUCK.replace("30 s", "1 s"))
+    inputs = {"summary": "false", "annotations": "false", "junit-path": "a/b.xml", "junit-strict": "true", "jobs": "1"}
+    result = runner.run(ACTION, inputs)
+    assert (result.exit_code, result.summary, result.annotations) == (1, "", ())
+    case = ET.parse(runner.workspace / "a/b.xml").getroot().find(".//testcase")
+    assert case is not None
+    assert "file" not in case.attrib
+
+
+def test_set_up_time_is_told(runner: Runner) -> None:
+    result = runner.run(ACTION)
+    assert re.search(r"^Set-up took \d+ s: Python \d+ s, install \d+ s, cache \d+ s$", result.log, re.MULTILINE)
+
+
+def test_crash_of_a_scenario_is_an_error_of_its_own(runner: Runner) -> None:
+    write(runner.workspace / "box.urdf", BOX)
+    write(runner.workspace / "controller.py", "import os\n\ndef control(observation):\n    os.abort()\n")
+    write(runner.workspace / "box.sim.yml", SCRIPTED)
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    result = runner.run(ACTION)
+    assert result.exit_code == 1
+    assert counts(result) == {"total": "2", "passed": "1", "failed": "0", "errors": "1"}
+    assert "SIGABRT" in result.annotations[0].message
+    assert float(result.outputs["duration"]) > 0
+    assert float(result.outputs["real-time-factor"]) > 0
 
 
 def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
@@ -211,21 +291,58 @@ def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
 
 
 def test_second_use_in_a_job_installs_nothing(runner: Runner) -> None:
-    made = (runner.temp / "sim-action/pyvenv.cfg").stat().st_mtime_ns
+    configuration = environment(runner.temp) / "pyvenv.cfg"
+    made = configuration.stat().st_mtime_ns
     runner.run(ACTION)
-    assert (runner.temp / "sim-action/pyvenv.cfg").stat().st_mtime_ns == made
+    assert configuration.stat().st_mtime_ns == made
 
 
 def test_package_with_another_hash_is_refused(tmp_path: Path) -> None:
-    action = tmp_path / "action"
-    write(action / "requirements.lock", f"click==8.1.8 --hash=sha256:{'0' * 64}\n")
-    write(action / "action.yml", (ACTION / "action.yml").read_text(encoding="utf-8"))
-    shutil.copytree(ACTION / "action", action / "action")
+    action = action_with_lock(tmp_path / "action", f"click==8.1.8 --hash=sha256:{'0' * 64}\n")
     result = Runner(tmp_path, tmp_path).run(action)
     assert result.exit_code != 0
     assert result.steps[-1] == "Install dependencies"
     assert "DO NOT MATCH THE HASHES" in result.log
-    assert not (tmp_path / "sim-action/requirements.lock").exists()
+    assert "could not be installed" in result.annotations[0].message
+    assert not list(tmp_path.glob("sim-action-*/requirements.lock"))
+
+
+def action_with_lock(folder: Path, lock: str) -> Path:
+    shutil.copytree(ACTION / "action", folder / "action")
+    shutil.copy(ACTION / "action.yml", folder)
+    write(folder / "requirements.lock", lock)
+    return folder
+
+
+def environment(temp: Path) -> Path:
+    """Where the action has installed what simulates."""
+    [marker] = temp.glob("sim-action-*/requirements.lock")
+    return marker.parent
+
+
+def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path) -> None:
+    # One small wheel without dependencies stands for all of them.
+    lock = re.search(
+        r"^mdurl==.*(?:\n +--hash.*)+", (ACTION / "requirements.lock").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert lock
+    action = action_with_lock(tmp_path / "action", f"{lock[0]}\n")
+    cache = CacheStore(tmp_path / "cache")
+
+    def steps_on(machine: str, event: str = "push") -> tuple[str, ...]:
+        temp = tmp_path / machine
+        temp.mkdir()
+        result = Runner(tmp_path, temp, event_name=event, cache=cache).run(action)
+        assert list(temp.glob("sim-action-*/lib/python3.11/site-packages/mdurl")), result.log
+        return result.steps
+
+    assert "Restore wheels" not in steps_on("privileged", "pull_request_target")
+    assert "Save wheels" not in steps_on("privileged too", "workflow_run")
+    assert "Save wheels" in steps_on("first")
+    assert "Save wheels" not in steps_on("second")
+    [wheel] = (tmp_path / "cache").rglob("*.whl")
+    wheel.write_bytes(b"poison")
+    assert "Save wheels" in steps_on("third")
 
 
 @pytest.mark.parametrize(("system", "arch"), [("Windows", "X64"), ("macOS", "ARM64"), ("Linux", "ARM64")])
@@ -245,16 +362,19 @@ def test_cancelled_workflow_gets_its_reports(runner: Runner, forgiving: str) -> 
     endless = STUCK.replace("30 s", "80000 s")
     write(runner.workspace / "endless.sim.yml", endless)
     scratch = write(runner.workspace / "scratch/empty", "").parent
-    environment = {
+    inputs = {
+        name: str(spec["default"])
+        for name, spec in yaml.safe_load((ACTION / "action.yml").read_text())["inputs"].items()
+    }
+    inputs |= {"scenario": "endless.sim.yml", "output-directory": "out", "fail-on-failure": forgiving}
+    variables = {
         **os.environ,
         "TMPDIR": str(scratch),
-        "GITHUB_ACTION_PATH": str(ACTION),
-        "RUNNER_TEMP": str(runner.temp),
-        "INPUT_SCENARIO": "endless.sim.yml",
-        "INPUT_OUTPUT_DIRECTORY": "out",
-        "INPUT_FAIL_ON_FAILURE": forgiving,
+        "PYTHONPATH": str(ACTION),
+        **{f"INPUT_{name.upper().replace('-', '_')}": value for name, value in inputs.items()},
     }
-    with subprocess.Popen(["bash", ACTION / "action/run.sh"], cwd=runner.workspace, env=environment) as process:
+    command: list[str | Path] = [environment(runner.temp) / "bin/python", "-P", ACTION / "action/run.py", "run"]
+    with subprocess.Popen(command, cwd=runner.workspace, env=variables) as process:
         wait_until_it_runs(process, scratch)
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=30) == 130
@@ -266,40 +386,6 @@ def wait_until_it_runs(process: subprocess.Popen[bytes], scratch: Path) -> None:
     while not list(scratch.rglob("output.txt")):
         assert process.poll() is None
         time.sleep(0.05)
-
-
-def test_executor_stops_at_a_failing_step_and_hands_outputs_on(tmp_path: Path) -> None:
-    action = """
-      inputs: {}
-      outputs:
-        answer: {value: "${{ steps.first.outputs.answer }}"}
-        missing: {value: "${{ steps.last.outputs.answer }}"}
-      runs:
-        using: composite
-        steps:
-          - {name: first, id: first, shell: bash, run: 'echo answer=42 >> "$GITHUB_OUTPUT"; false | true; exit 3'}
-          - {name: last, id: last, shell: bash, run: exit 0}
-    """
-    write(tmp_path / "action.yml", action)
-    result = Runner(tmp_path, tmp_path).run(tmp_path)
-    assert (result.exit_code, result.steps) == (1, ("first",))
-    assert result.outputs == {"answer": "42", "missing": ""}
-
-
-@pytest.mark.parametrize("text", ["${{ github.token }}", "${{ inputs.a || 'b' }}", "${{ steps.x.outputs.y"])
-def test_executor_refuses_expressions_that_it_does_not_know(text: str) -> None:
-    with pytest.raises(UnsupportedFeature):
-        evaluate(text, {"inputs.a": "a"})
-
-
-def test_executor_evaluates_once() -> None:
-    assert evaluate("<${{ inputs.a }}>", {"inputs.a": "${{ inputs.a }}"}) == "<${{ inputs.a }}>"
-
-
-def test_executor_reads_outputs_and_annotations() -> None:
-    assert parse_outputs("a=1=2\nb<<END\nx\ny=z\nEND\n") == {"a": "1=2", "b": "x\ny=z"}
-    log = "::stop-commands::t\n::error::no\n::t::\n::error file=a%2Cb.yml,line=3,title=x::50%25%0Aoff\n"
-    assert parse_annotations(log) == (Annotation("error", "50%\noff", "a,b.yml", 3),)
 
 
 def test_base_python_is_what_the_action_asks_for() -> None:

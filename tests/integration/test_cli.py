@@ -233,7 +233,7 @@ def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str,
     (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
     code = (
         "import sys\nfrom sim_action.cli import call\n"
-        "call()\nprint(sorted({'pybullet', 'numpy', 'rich'} & set(sys.modules)))"
+        "call(sys.argv[1:])\nprint(sorted({'pybullet', 'numpy', 'rich'} & set(sys.modules)))"
     )
     ran = subprocess.run(
         [sys.executable, "-c", code, *arguments],

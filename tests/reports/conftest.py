@@ -13,6 +13,7 @@ import pytest
 from sim_action.location import Location
 from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Results
 from sim_action.reports import ReportOptions
+from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -170,8 +171,38 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
             ),
         ),
     ),
+    "missing": (
+        PASSED,
+        Outcome(
+            name="circle.sim.yml",
+            file="scenarios/circle.sim.yml",
+            status="error",
+            failures=(
+                Failure(
+                    kind="missing",
+                    title="no result",
+                    message="no shard has left a result of this scenario; look at the jobs that were to run it",
+                ),
+            ),
+        ),
+        Outcome(
+            name="shard 2 of 3",
+            file="",
+            status="error",
+            failures=(
+                Failure(
+                    kind="missing",
+                    title="no results",
+                    message="shard 2 of 3 has left no results; 4 of 12 scenarios have none; look at its job",
+                ),
+            ),
+        ),
+    ),
+    "part": (PASSED,),
+    "empty-part": (),
     "nothing": (),
 }
+PARTS = {"part": Shard(index=1, count=3, total=2), "empty-part": Shard(index=3, count=3, total=2)}
 
 MakeResults = Callable[..., Results]
 
@@ -207,7 +238,8 @@ def make_results() -> MakeResults:
 @pytest.fixture
 def samples(make_results: MakeResults) -> dict[str, Results]:
     """Results of each kind, by its name."""
-    return {kind: make_results(*outcomes) for kind, outcomes in SAMPLES.items()}
+    made = {kind: make_results(*outcomes) for kind, outcomes in SAMPLES.items()}
+    return made | {kind: made[kind].model_copy(update={"shard": shard}) for kind, shard in PARTS.items()}
 
 
 @pytest.fixture(params=sorted(SAMPLES))

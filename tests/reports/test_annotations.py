@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sim_action.location import Location
 from sim_action.outcome import Outcome, Results
 from sim_action.reports import ReportOptions
-from sim_action.reports.annotations import write_annotations
+from sim_action.reports.annotations import complaint, write_annotations
 
 Samples = dict[str, Results]
 MakeResults = Callable[..., Results]
@@ -98,3 +98,10 @@ def test_one_line_and_one_command_each(
     (line,) = lines(make_results(outcome), options)
     assert COMMAND.fullmatch(line)
     assert len(line.splitlines()) == 1
+
+
+def test_a_complaint_is_one_line_and_on_github_an_annotation() -> None:
+    message = "no scenario in 'a\n::error::b ##[error]c'"
+    assert complaint(message, {}) == "sim-action: no scenario in 'a\\n::error::b # #[error]c'"
+    on_github = complaint(message, {"GITHUB_ACTIONS": "true"})
+    assert on_github == "::error title=sim-action::no scenario in 'a%0A::error::b # #[error]c'"

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, TestSuite
 
+from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import plain_text
@@ -60,13 +61,36 @@ def test_an_error_for_each_reason(samples: Samples, options: ReportOptions) -> N
     assert [error.type for error in errors] == ["invalid", "invalid"]
 
 
-def test_failure_says_message_then_place_twice(samples: Samples, options: ReportOptions) -> None:
+def test_failure_says_message_then_its_place_as_tools_look_for_it(samples: Samples, options: ReportOptions) -> None:
     failure = written(samples["failed"], options).findall(".//failure")[-1]
     assert failure.text == (
         "travelled 1.12 m of 1.5 m in 30.0 s\n"
         "scenarios/straight.sim.yml:8\n"
-        "at travel at least 1.5 m(scenarios/straight.sim.yml:8)"
+        "at travel at least 1.5 m(scenarios/straight.sim.yml:8)\n"
+        "at scenarios.Scenario(straight.sim.yml:8)"
     )
+
+
+@pytest.mark.parametrize(
+    ("file", "frame"),
+    [
+        ("a/my robot/x.sim.yml", "at my robot.Scenario(x.sim.yml:8)"),
+        ("x.sim.yml", None),
+        ("v1.2/x.sim.yml", None),
+        ("Robot/x.sim.yml", None),
+        ("2nd/x.sim.yml", None),
+    ],
+)
+def test_place_as_a_java_frame_where_there_can_be_one(
+    file: str, frame: str | None, samples: Samples, make_results: Callable[..., Results], options: ReportOptions
+) -> None:
+    outcome = samples["failed"].outcomes[2]
+    (expected,) = outcome.expectations
+    moved = expected.model_copy(update={"location": Location(file, 8, 5)})
+    failure = written(make_results(outcome.model_copy(update={"expectations": (moved,)})), options).find(".//failure")
+    assert failure is not None
+    frames = [line for line in (failure.text or "").splitlines() if ".Scenario(" in line]
+    assert frames == ([frame] if frame else [])
 
 
 def test_names_are_unique(kind: str, samples: Samples, options: ReportOptions) -> None:

@@ -39,6 +39,8 @@ def test_what_later_steps_can_ask_for(samples: dict[str, Results], options: Repo
         "junit-path": str(tmp_path / "sim-results" / "junit.xml"),
         "results-path": str(tmp_path / "sim-results" / "results.json"),
         "travelled": "",
+        "duration": "1.250",
+        "real-time-factor": "28.16",
     }
 
 

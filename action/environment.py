@@ -1,0 +1,147 @@
+"""The private environment of the action, made from the lock file that LOCK names.
+
+    environment.py look       says what is there, and whether and where wheels are kept between runs
+    environment.py install    makes the environment, once per job
+
+Nothing is installed when this runs: it needs the standard library alone. What it says are outputs of the step.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+# They run with the rights of the base branch, and so would what they leave in its cache.
+_NEVER_CACHED_ON: Final = frozenset({"pull_request_target", "workflow_run"})
+_PIP_OPTIONS: Final = (
+    *("--quiet", "--disable-pip-version-check", "--no-input"),
+    *("--require-hashes", "--only-binary", ":all:", "--no-deps"),
+)
+
+
+class InstallError(Exception):
+    """Dependencies that could not be installed; pip has said why."""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What a lock file becomes.
+
+    Attributes:
+        lock: names every wheel with its version and hash.
+        folder: a virtual environment, complete if a copy of the lock file is in it.
+        wheels: as they were fetched.
+    """
+
+    lock: Path
+    folder: Path
+    wheels: Path
+
+    @classmethod
+    def of(cls, lock: Path, temp: Path) -> Environment:
+        """Two versions of the action in one job have two environments."""
+        name = f"sim-action-{_digest(lock)[:12]}"
+        return cls(lock, temp / name, temp / f"{name}-wheels")
+
+    @property
+    def python(self) -> Path:
+        """Its interpreter."""
+        return self.folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+
+    @property
+    def key(self) -> str:
+        """What wheels depend on."""
+        machine = f"{os.environ['RUNNER_OS']}-{os.environ['RUNNER_ARCH']}"
+        return f"sim-action-{machine}-{sys.implementation.cache_tag}-{_digest(self.lock)}"
+
+    @property
+    def ready(self) -> bool:
+        """Whether an earlier step of the job has made it."""
+        copy = self.folder / self.lock.name
+        return copy.is_file() and copy.read_bytes() == self.lock.read_bytes()
+
+    def install(self) -> bool:
+        """Makes it; returns whether wheels had to be fetched. Raises InstallError."""
+        if self.wheels.is_dir():
+            try:
+                self._unpack()
+            except InstallError:
+                print("The cached wheels are not those of the lock file: fetching them.")
+                shutil.rmtree(self.wheels)
+            else:
+                return False
+        _pip("download", "--dest", self.wheels, "--requirement", self.lock)
+        self._unpack()
+        return True
+
+    def _unpack(self) -> None:
+        # pip serves from outside: to install it into the environment would take longer than to make it.
+        subprocess.run([sys.executable, "-I", "-m", "venv", "--clear", "--without-pip", self.folder], check=True)
+        # Most of what is installed is never imported, so nothing is compiled ahead.
+        _pip("install", "--no-compile", "--no-index", "--find-links", self.wheels, "--requirement", self.lock, on=self)
+        # Last: with it, the environment is complete.
+        shutil.copy(self.lock, self.folder)
+
+
+def look(environment: Environment) -> dict[str, object]:
+    """What the next steps have to know."""
+    wanted = os.environ.get("INPUT_CACHE", "false")
+    if wanted not in {"true", "false"}:
+        sys.exit("::error title=sim-action::the input cache must be true or false")
+    cached = wanted == "true" and os.environ.get("GITHUB_EVENT_NAME") not in _NEVER_CACHED_ON
+    return {
+        "wheels": environment.wheels,
+        "key": environment.key,
+        "cache": cached and not environment.ready,
+        "at": time.time(),
+    }
+
+
+def install(environment: Environment) -> dict[str, object]:
+    """What was done, and when."""
+    began = time.time()
+    fetched = not environment.ready and environment.install()
+    return {"python": environment.python, "fetched": fetched, "began": began, "ended": time.time()}
+
+
+def _pip(command: str, *arguments: str | Path, on: Environment | None = None) -> None:
+    # pip starts a second interpreter, which -I does not reach.
+    variables = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PYTHONHOME"}}
+    target: list[str | Path] = ["--python", on.python] if on else []
+    process = subprocess.run(
+        [sys.executable, "-I", "-m", "pip", *target, command, *_PIP_OPTIONS, *arguments], env=variables, check=False
+    )
+    if process.returncode:
+        raise InstallError
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _say(outputs: dict[str, object]) -> None:
+    """Booleans as expressions compare them, times in whole milliseconds."""
+    with Path(os.environ["GITHUB_OUTPUT"]).open("a", encoding="utf-8") as file:
+        for name, value in outputs.items():
+            text = str(value).lower() if isinstance(value, bool) else value
+            file.write(f"{name}={text:.3f}\n" if isinstance(text, float) else f"{name}={text}\n")
+
+
+def main() -> None:
+    """What the one argument says."""
+    environment = Environment.of(Path(os.environ["LOCK"]), Path(os.environ["RUNNER_TEMP"]))
+    try:
+        _say({"look": look, "install": install}[sys.argv[1]](environment))
+    except InstallError:
+        sys.exit("::error title=sim-action::the dependencies could not be installed; pip says why in the log above")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""Runs the subcommand of sim-action that its one argument names, with what the action's inputs say.
+
+Inputs come in as INPUT_ variables, which are kept from the scripts of scenarios. Exits as sim-action does.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from sim_action.cli import call, leave
+from sim_action.errors import ExitCode
+from sim_action.reports.annotations import complaint
+
+TRUE_OR_FALSE: Final = ("true", "false")
+
+
+class InputError(Exception):
+    """An input of the action that means nothing."""
+
+
+@dataclass(frozen=True)
+class Subcommand:
+    """How inputs become a command line. An input that is left empty is left out.
+
+    Attributes:
+        arguments: the input with one argument in each line.
+        lists: input -> option that is given for each line.
+        options: input -> option that takes its value.
+        switches: input -> the options that stand for true and for false.
+    """
+
+    arguments: str
+    lists: Mapping[str, str]
+    options: Mapping[str, str]
+    switches: Mapping[str, tuple[str, ...]]
+
+    def command_line(self, inputs: Mapping[str, str]) -> Iterator[str]:
+        """Its arguments. Raises InputError."""
+        for name, option in self.options.items():
+            if inputs[name].strip():
+                yield f"{option}={inputs[name]}"
+        for name, spellings in self.switches.items():
+            value = one_of(TRUE_OR_FALSE, name, inputs)
+            yield from spellings[TRUE_OR_FALSE.index(value) :][:1]
+        for name, option in self.lists.items():
+            yield from (f"{option}={line}" for line in lines(inputs[name]))
+        yield "--"
+        yield from lines(inputs[self.arguments])
+
+
+_REPORTS: Final = {"output-directory": "--output-dir", "junit-path": "--junit"}
+_SWITCHES: Final = {
+    "junit-strict": ("--junit-strict",),
+    "summary": ("--summary", "--no-summary"),
+    "annotations": ("--annotations", "--no-annotations"),
+}
+SUBCOMMANDS: Final = {
+    "run": Subcommand(
+        arguments="scenario",
+        lists={},
+        options={**_REPORTS, "jobs": "--jobs", "shard": "--shard", "allow-scripts": "--allow-scripts"},
+        switches=_SWITCHES,
+    ),
+    "matrix": Subcommand(
+        arguments="scenario", lists={}, options={"shards": "--shards", "durations": "--durations"}, switches={}
+    ),
+    "merge": Subcommand(arguments="results", lists={"scenario": "--scenarios"}, options=_REPORTS, switches=_SWITCHES),
+}
+
+
+def lines(text: str) -> list[str]:
+    """The lines of an input, those without text left out."""
+    return [line.strip() for line in text.split("\n") if line.strip()]
+
+
+def one_of(allowed: tuple[str, ...], name: str, inputs: Mapping[str, str]) -> str:
+    """The value of an input. Raises InputError."""
+    value = inputs[name].strip()
+    if value not in allowed:
+        raise InputError(f"the input {name} must be {' or '.join(allowed)}, and is '{value}'")
+    return value
+
+
+def enter(folder: str) -> None:
+    """Goes where paths start from. Raises InputError."""
+    try:
+        os.chdir(folder or ".")
+    except (OSError, ValueError) as error:
+        raise InputError(f"the input working-directory names no folder that can be entered: {error}") from None
+
+
+def set_up_time(instants: str) -> str:
+    """What the steps before this one took; `instants` in s: of the start, with Python, before and after installing."""
+    start, with_python, began, installed = map(float, instants.split())
+    python, install = with_python - start, installed - began
+    total = time.time() - start
+    cache = max(0.0, total - python - install)
+    return f"Set-up took {total:.0f} s: Python {python:.0f} s, install {install:.0f} s, cache {cache:.0f} s"
+
+
+def run(name: str, inputs: Mapping[str, str]) -> int:
+    """The exit code. Raises InputError."""
+    forgiving = "fail-on-failure" in inputs and one_of(TRUE_OR_FALSE, "fail-on-failure", inputs) == "false"
+    enter(inputs["working-directory"].strip())
+    code = call([name, *SUBCOMMANDS[name].command_line(inputs)])
+    return ExitCode.PASSED if forgiving and code == ExitCode.FAILED else code
+
+
+def main() -> None:
+    """What the one argument says."""
+    inputs = {
+        variable.removeprefix("INPUT_").lower().replace("_", "-"): value
+        for variable, value in os.environ.items()
+        if variable.startswith("INPUT_")
+    }
+    if instants := os.environ.get("SET_UP_INSTANTS"):
+        print(set_up_time(instants), file=sys.stderr, flush=True)
+    try:
+        code = run(sys.argv[1], inputs)
+    except InputError as error:
+        print(complaint(str(error), os.environ), file=sys.stderr)
+        code = ExitCode.INVALID
+    leave(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""The matrix of a GitHub job: which scenarios each of its runners is told to run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from statistics import fmean
+from typing import Final
+
+from sim_action.discovery import compared_name, file_name
+from sim_action.errors import UsageError
+from sim_action.messages import escaped_line
+from sim_action.outcome import Results
+from sim_action.sharding import balanced
+
+# s; no job of GitHub's lasts as long, so a file that says more is not believed.
+_LONGEST: Final = 1e6
+
+
+def matrix_text(files: Sequence[Path], empty: Sequence[str], count: int, known: Mapping[str, float]) -> str:
+    """One line of ASCII JSON for `strategy.matrix`, of at most so many shards.
+
+    Patterns that found nothing go to the first shard, whose run reports them. Raises UsageError for names that cannot
+    stand in a list that has one name in each line.
+    """
+    names = [path.as_posix() for path in files]
+    _refuse_unlistable([*names, *empty])
+    shards = balanced(names, _durations(files, known), count)
+    shards[:1] = [[*shard, *empty] for shard in shards[:1]]
+    entries = [
+        {"index": index, "shards": len(shards), "scenario": "\n".join(shard)}
+        for index, shard in enumerate(shards, start=1)
+    ]
+    return json.dumps({"include": entries}, separators=(",", ":"))
+
+
+def known_durations(results: Results) -> dict[str, float]:
+    """How long each scenario took in an earlier run, in s, by its file; what did not run is left out."""
+    longest: dict[str, float] = {}
+    for outcome in results.outcomes:
+        if 0 < outcome.wall_time < _LONGEST:
+            name = compared_name(outcome.file)
+            longest[name] = max(longest.get(name, 0.0), outcome.wall_time)
+    return longest
+
+
+def _durations(files: Sequence[Path], known: Mapping[str, float]) -> list[float]:
+    """Of a file that nobody knows, the mean of those that are known."""
+    found = [known.get(compared_name(file_name(path))) for path in files]
+    mean = fmean([duration for duration in found if duration] or [1.0])
+    return [duration or mean for duration in found]
+
+
+def _refuse_unlistable(names: Sequence[str]) -> None:
+    refused = [escaped_line(repr(name)) for name in _unlistable(names)]
+    if refused:
+        wrong = "a name with a line break, white space at an end or bytes that are no UTF-8 cannot stand in a matrix"
+        raise UsageError(f"{wrong}: {', '.join(refused)}; rename it, or use --shard I/N, which has no such limit")
+
+
+def _unlistable(names: Sequence[str]) -> Iterator[str]:
+    for name in names:
+        utf8 = name.encode(errors="replace").decode() == name
+        if not utf8 or name != name.strip() or len(name.splitlines()) != 1:
+            yield name

@@ -1,0 +1,71 @@
+"""From results to everything that is written of them, whichever command they come from."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from sim_action.errors import UsageError
+from sim_action.outcome import Results
+from sim_action.reports import REPORTS, ReportOptions, Verbosity
+
+
+@dataclass(frozen=True, slots=True)
+class ReportRequest:
+    """What the command line asks for, as it was typed; `silenced`: names of reports that are not wanted."""
+
+    folder: Path
+    junit: Path | None
+    junit_strict: bool
+    verbosity: Verbosity
+    silenced: frozenset[str]
+
+
+def report_options(request: ReportRequest) -> ReportOptions:
+    """Where reports go; makes the output folder. Raises UsageError."""
+    folder = _created(request.folder)
+    if request.junit is not None and request.junit.is_dir():
+        raise UsageError(f"--junit {request.junit} is a folder; name a file")
+    return ReportOptions(
+        folder=folder,
+        junit=request.junit or folder / "junit.xml",
+        junit_strict=request.junit_strict,
+        environment=os.environ,
+        workspace=Path(os.environ.get("GITHUB_WORKSPACE") or Path.cwd()),
+        verbosity=request.verbosity,
+        silenced=request.silenced,
+    )
+
+
+def write_reports(results: Results, options: ReportOptions, annotated: Results | None = None) -> None:
+    """Writes what can be written; raises UsageError for the rest.
+
+    Annotations are of `annotated` alone, if it is given: somebody else has annotated the others.
+    """
+    failed = []
+    of = {"annotations": annotated or results}
+    writers = {"results": lambda: results.write(options.folder)} | {
+        name: partial(REPORTS.load(name), of.get(name, results), options)
+        for name in REPORTS
+        if name not in options.silenced
+    }
+    for name, write in writers.items():
+        try:
+            write()
+        except BrokenPipeError:
+            # Whoever read the output has gone; that changes no verdict.
+            continue
+        except OSError as error:
+            failed.append(f"the {name} report cannot be written: {error.filename or name}: {error.strerror}")
+    if failed:
+        raise UsageError("; ".join(failed))
+
+
+def _created(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write to the output folder {folder}: {error.strerror}") from None
+    return folder

@@ -1,0 +1,52 @@
+"""Where traces are stored beside their results, and how they come from there to somewhere else."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from sim_action.regular_files import open_regular
+
+TRACE_FOLDER: Final = "traces"
+
+
+def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
+    """A file for each name, safe on every file system, no two alike whatever the case."""
+    taken: set[str] = set()
+    paths = []
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:80] or "scenario"
+        unique, number = plain, 1
+        while unique.lower() in taken:
+            number += 1
+            unique = f"{plain}-{number}"
+        taken.add(unique.lower())
+        paths.append(folder / TRACE_FOLDER / f"{unique}.npz")
+    return paths
+
+
+def stored_file(folder: Path, trace: str) -> Path | None:
+    """The file of a trace that results in `folder` name; None unless it is one, below the folder and behind no link."""
+    try:
+        root = folder.resolve()
+        path = Path(os.path.normpath(root / trace))
+        is_stored = path.is_relative_to(root) and path.resolve() == path and path.is_file()
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
+        return None
+    return path if is_stored else None
+
+
+def copy_trace(source: Path, target: Path) -> None:
+    """Copies a stored trace, all of it or nothing; raises OSError. What the target's name stands for is replaced."""
+    unfinished = target.with_name(f".{secrets.token_hex(8)}{target.suffix}")
+    try:
+        with open_regular(source, follow_link=False) as trace, unfinished.open("xb") as copy:
+            shutil.copyfileobj(trace, copy)
+        unfinished.replace(target)
+    finally:
+        unfinished.unlink(missing_ok=True)

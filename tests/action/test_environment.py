@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from action.environment import Environment, look
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def lock(tmp_path: Path) -> Path:
+    path = tmp_path / "requirements.lock"
+    path.write_text("click==8.1.8 --hash=sha256:0\n")
+    return path
+
+
+@pytest.fixture(autouse=True)
+def runner(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RUNNER_OS", "Linux")
+    monkeypatch.setenv("RUNNER_ARCH", "X64")
+    monkeypatch.setenv("INPUT_CACHE", "true")
+    monkeypatch.setenv("GITHUB_EVENT_NAME", "pull_request")
+
+
+def test_each_lock_file_has_its_own_environment(lock: Path, tmp_path: Path) -> None:
+    before = Environment.of(lock, tmp_path)
+    key = before.key
+    lock.write_text("click==8.1.9 --hash=sha256:0\n")
+    after = Environment.of(lock, tmp_path)
+    assert len({before.folder, before.wheels, after.folder, after.wheels}) == 4
+    assert key != after.key
+
+
+def test_key_has_everything_that_wheels_depend_on(lock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    environment = Environment.of(lock, tmp_path)
+    key = environment.key
+    assert f"Linux-X64-{sys.implementation.cache_tag}" in key
+    monkeypatch.setenv("RUNNER_ARCH", "ARM64")
+    assert environment.key != key
+
+
+def test_it_is_ready_when_the_copy_of_the_lock_file_is_there(lock: Path, tmp_path: Path) -> None:
+    environment = Environment.of(lock, tmp_path)
+    environment.folder.mkdir()
+    assert not environment.ready
+    copy = environment.folder / lock.name
+    copy.write_text("click")
+    assert not environment.ready
+    copy.write_bytes(lock.read_bytes())
+    assert environment.ready
+    assert not look(environment)["cache"]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "event", "cached"),
+    [
+        ("true", "push", True),
+        ("true", "pull_request", True),
+        ("false", "push", False),
+        ("true", "pull_request_target", False),
+        ("true", "workflow_run", False),
+    ],
+)
+def test_when_wheels_are_kept(
+    wanted: str, event: str, cached: bool, lock: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("INPUT_CACHE", wanted)
+    monkeypatch.setenv("GITHUB_EVENT_NAME", event)
+    assert look(Environment.of(lock, lock.parent))["cache"] is cached
+
+
+def test_cache_is_true_or_false(lock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("INPUT_CACHE", "maybe")
+    with pytest.raises(SystemExit, match="cache must be true or false"):
+        look(Environment.of(lock, tmp_path))

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time
+
+INPUTS = {
+    "scenario": "a.sim.yml\n\n  b *.sim.yml \r\n--help\n",
+    "working-directory": ".",
+    "output-directory": "what came out",
+    "junit-path": "",
+    "junit-strict": "false",
+    "jobs": "",
+    "shard": "2/3",
+    "summary": "true",
+    "annotations": "false",
+    "fail-on-failure": "true",
+    "allow-scripts": "auto",
+}
+
+
+def test_inputs_become_a_command_line() -> None:
+    assert list(SUBCOMMANDS["run"].command_line(INPUTS)) == [
+        "--output-dir=what came out",
+        "--shard=2/3",
+        "--allow-scripts=auto",
+        "--summary",
+        "--no-annotations",
+        "--",
+        "a.sim.yml",
+        "b *.sim.yml",
+        "--help",
+    ]
+
+
+def test_a_switch_without_an_opposite_is_left_out() -> None:
+    line = list(SUBCOMMANDS["run"].command_line({**INPUTS, "junit-strict": "true"}))
+    assert "--junit-strict" in line
+    assert "--junit-strict" not in list(SUBCOMMANDS["run"].command_line(INPUTS))
+
+
+def test_merge_names_each_scenario_that_must_be_there() -> None:
+    inputs = {**INPUTS, "results": "shards", "scenario": "a b\nc"}
+    line = list(SUBCOMMANDS["merge"].command_line(inputs))
+    assert [argument for argument in line if "scenarios" in argument] == ["--scenarios=a b", "--scenarios=c"]
+    assert line[-2:] == ["--", "shards"]
+
+
+@pytest.mark.parametrize("name", ["summary", "annotations", "junit-strict", "fail-on-failure"])
+@pytest.mark.parametrize("value", ["", "yes", "True", "true\nfalse"])
+def test_switches_are_true_or_false(name: str, value: str) -> None:
+    with pytest.raises(InputError, match=f"input {name} must be true or false, and is '{value}'"):
+        run("run", {**INPUTS, name: value})
+
+
+@pytest.mark.parametrize("folder", ["missing", "a.txt", "x" * 5000, "nul\0"])
+def test_working_directory_is_a_folder(folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.txt").touch()
+    with pytest.raises(InputError, match="working-directory"):
+        enter(folder)
+
+
+def test_lines_end_as_lines_of_yaml_do() -> None:
+    assert lines("a\u2028b\r\n\n \n c\x0bd\n") == ["a\u2028b", "c\x0bd"]
+
+
+def test_set_up_time_is_split() -> None:
+    now = time.time()
+    text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 6}")
+    assert text == "Set-up took 30 s: Python 3 s, install 14 s, cache 13 s"

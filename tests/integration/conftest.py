@@ -1,0 +1,60 @@
+"""One installation of what the actions need, for all tests that run them."""
+
+from __future__ import annotations
+
+import fcntl
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.integration.github import Runner
+
+ACTION = Path(__file__).parent.parent.parent
+
+# What a module does when it stands in for one of ours.
+IMPOSTOR = "open('pwned', 'w').close()\nraise SystemExit('an impostor was imported')\n"
+
+
+@pytest.fixture(scope="session")
+def runner_temp(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Iterator[Path]:
+    """A RUNNER_TEMP in which the actions have been once, shared by all workers of the session, removed by the last."""
+    session = tmp_path_factory.getbasetemp()
+    session = session if worker_id == "master" else session.parent
+    temp, users = session / "runner temp", session / "runner-temp-users"
+    with locked(session / "runner-temp-lock"):
+        others = users.read_text() if users.exists() else ""
+        if not others:
+            temp.mkdir(exist_ok=True)
+            install_among_impostors(temp, session / "impostors")
+        users.write_text(others + "+")
+    yield temp
+    with locked(session / "runner-temp-lock"):
+        users.write_text(users.read_text()[:-1])
+        if not users.read_text():
+            shutil.rmtree(temp)
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    with path.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def install_among_impostors(temp: Path, folder: Path) -> None:
+    for name in ("pip", "venv", "ensurepip", "sitecustomize", "click", "sim_action"):
+        write(folder / f"{name}.py", IMPOSTOR)
+    runner = Runner(folder, temp, variables={"PYTHONPATH": str(folder), "PYTHONHOME": str(folder)})
+    nothing_to_run, nothing_to_join = runner.run(ACTION), runner.run(ACTION / "merge", {"results": "nowhere"})
+    assert (nothing_to_run.exit_code, nothing_to_join.exit_code) == (5, 2), nothing_to_run.log + nothing_to_join.log
+    assert not (folder / "pwned").exists()
+
+
+def write(path: Path, text: str) -> Path:
+    """Writes a file, and makes the folders above it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -1,0 +1,231 @@
+"""Runs workflows: their jobs one after the other, each when those that it needs are done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from tests.integration.github import jobs, permissions
+from tests.integration.github.documents import load, mapping, one_or_more
+from tests.integration.github.errors import UnsupportedFeature
+from tests.integration.github.expressions import Status, evaluate, evaluate_value, holds
+from tests.integration.github.jobs import Job, Shared, run_job
+from tests.integration.github.machine import github_context
+from tests.integration.github.matrix import combinations
+from tests.integration.github.permissions import Permissions, declared, limit
+from tests.integration.github.provided import OWN_FOLDER, OWN_NAME, OWN_VERSION
+from tests.integration.github.results import JobResult, JobRun, WorkflowResult
+from tests.integration.github.stores import ArtifactStore, CacheStore
+from tests.integration.github.triggers import resolved_inputs, trigger
+from tests.integration.github.values import Known, Value, is_array, is_true, to_text
+
+_KEYS: Final = frozenset({"name", "run-name", "on", "permissions", "env", "defaults", "concurrency", "jobs"})
+_CALLER_KEYS: Final = frozenset({"name", "needs", "if", "strategy", "uses", "with", "permissions", "concurrency"})
+_STRATEGY_KEYS: Final = frozenset({"matrix", "fail-fast", "max-parallel"})
+
+
+def run_workflow(
+    file: Path,
+    repository: Path,
+    *,
+    temp: Path,
+    event_name: str = "push",
+    event: Mapping[str, Value] | None = None,
+    given: Mapping[str, Value] | None = None,
+    cache: CacheStore | None = None,
+    shared_temp: Path | None = None,
+    variables: Mapping[str, str] | None = None,
+    done: Mapping[str, JobResult] | None = None,
+) -> WorkflowResult:
+    """Runs a workflow file on an event. Raises UnsupportedFeature.
+
+    Args:
+        repository: what a checkout gives.
+        temp: a folder of its own, for all that comes up.
+        given: the inputs of a workflow that is dispatched, or called.
+        cache: of the repository; left out, it is empty.
+        shared_temp: RUNNER_TEMP of all jobs; left out, each job has a fresh one as it should.
+        variables: in the environment of all jobs.
+        done: jobs that are not run, because this is what became of them.
+    """
+    shared = Shared(
+        repository=repository,
+        folder=temp / "jobs",
+        cache=cache or CacheStore(temp / "caches"),
+        artifacts=ArtifactStore(temp / "artifacts"),
+        temp=shared_temp,
+        variables=variables or {},
+    )
+    workflow = _workflow(shared, file, github_context(event_name, event or {}), event_name, given=given or {})
+    workflow.results.update(done or {})
+    workflow.run()
+    return WorkflowResult(workflow.conclusion, workflow.results, shared.artifacts.folder, workflow.outputs())
+
+
+@dataclass(slots=True)
+class _Workflow:
+    """A workflow, and how far it has come.
+
+    Attributes:
+        started_by: what its `on` says of the event.
+        granted: what it may do at most; None for one that was not called.
+    """
+
+    shared: Shared
+    document: Mapping[str, Value]
+    started_by: Mapping[str, Value]
+    github: Known
+    inputs: Known
+    granted: Permissions | None
+    results: dict[str, JobResult] = field(default_factory=dict)
+
+    @property
+    def jobs(self) -> Mapping[str, Mapping[str, Value]]:
+        return {name: mapping(job, f"jobs.{name}") for name, job in mapping(self.document["jobs"], "jobs").items()}
+
+    @property
+    def conclusion(self) -> str:
+        results = {job.result for job in self.results.values()}
+        return next((result for result in ("failure", "cancelled", "success") if result in results), "skipped")
+
+    def run(self) -> None:
+        _check_concurrency(self.document, {"github": self.github, "inputs": self.inputs})
+        if unknown := self.results.keys() - self.jobs.keys():
+            raise UnsupportedFeature(f"jobs that are not there: {', '.join(sorted(unknown))}")
+        waiting = {name: job for name, job in self.jobs.items() if name not in self.results}
+        while waiting:
+            ready = next((name for name, job in waiting.items() if set(_needs(job)) <= self.results.keys()), None)
+            if ready is None:
+                raise UnsupportedFeature(f"jobs that need each other, or what is not there: {', '.join(waiting)}")
+            self.results[ready] = self._result(ready, waiting.pop(ready))
+
+    def outputs(self) -> dict[str, str]:
+        """They are handed on although a job failed."""
+        job_contexts = {name: Known(result=job.result, outputs=job.outputs) for name, job in self.results.items()}
+        contexts = {"github": self.github, "inputs": self.inputs, "jobs": Known(job_contexts)}
+        specs = mapping(self.started_by.get("outputs"), "outputs").items()
+        return {name: evaluate(to_text(mapping(spec, name)["value"]), contexts) for name, spec in specs}
+
+    def _result(self, name: str, job: Mapping[str, Value]) -> JobResult:
+        mapping(job, f"jobs.{name}", _CALLER_KEYS if "uses" in job else jobs.KEYS)
+        contexts = self._contexts(job)
+        if not holds(job.get("if"), contexts, self._status(job)):
+            return JobResult("skipped", runs=(JobRun(to_text(job.get("name", name)), "skipped"),))
+        outcomes = [*self._outcomes(name, job, contexts)]
+        return JobResult(
+            result=_joined([outcome.result for outcome in outcomes]),
+            outputs=_merged(outcome.outputs for outcome in outcomes),
+            runs=tuple(run for outcome in outcomes for run in outcome.runs),
+        )
+
+    def _contexts(self, job: Mapping[str, Value]) -> dict[str, Value]:
+        needs = {name: self.results[name] for name in _needs(job)}
+        known = {name: Known(result=need.result, outputs=need.outputs) for name, need in needs.items()}
+        return {"github": self.github, "inputs": self.inputs, "needs": Known(known)}
+
+    def _status(self, job: Mapping[str, Value]) -> Status:
+        results = {self.results[name].result for name in self._ancestors(job)}
+        # A job that was cancelled is no workflow that was.
+        return Status(success=results <= {"success"}, failure="failure" in results)
+
+    def _ancestors(self, job: Mapping[str, Value]) -> set[str]:
+        needs = set(_needs(job))
+        return needs.union(*(self._ancestors(self.jobs[name]) for name in needs))
+
+    def _outcomes(self, name: str, document: Mapping[str, Value], contexts: Mapping[str, Value]) -> Iterator[JobResult]:
+        strategy = mapping(_evaluated(document.get("strategy"), contexts), "strategy", _STRATEGY_KEYS)
+        matrix = combinations(strategy["matrix"]) if "matrix" in strategy else [{}]
+        fails_fast, has_failed = is_true(strategy.get("fail-fast", True)), False
+        for index, combination in enumerate(matrix):
+            about = Known({"job-index": index, "job-total": len(matrix), "fail-fast": fails_fast})
+            job = self._job(name, document, {**contexts, "strategy": about, "matrix": combination})
+            outcome = _cancelled(job) if fails_fast and has_failed else self._outcome(job)
+            has_failed = has_failed or outcome.result == "failure"
+            yield outcome
+
+    def _job(self, name: str, document: Mapping[str, Value], contexts: Mapping[str, Value]) -> Job:
+        _check_concurrency(document, contexts)
+        otherwise = permissions.DEFAULT if self.granted is None else self.granted
+        asked = declared(document.get("permissions"), declared(self.document.get("permissions"), otherwise))
+        granted = asked if self.granted is None else limit(asked, self.granted)
+        return Job(name, document, self.document, contexts, granted)
+
+    def _outcome(self, job: Job) -> JobResult:
+        if "uses" in job.document:
+            return self._called(job)
+        run = run_job(self.shared, job)
+        return JobResult("success" if run.is_forgiven else run.result, run.outputs, (run,))
+
+    def _called(self, job: Job) -> JobResult:
+        file = _callee(to_text(job.document["uses"]), self.shared.repository)
+        given = mapping(_evaluated(job.document.get("with"), job.contexts), "with")
+        granted = job.permissions
+        workflow = _workflow(self.shared, file, self.github, "workflow_call", given=given, granted=granted)
+        workflow.run()
+        runs = tuple(run for result in workflow.results.values() for run in result.runs)
+        named = tuple(replace(run, name=f"{job.name} / {run.name}") for run in runs)
+        return JobResult(workflow.conclusion, workflow.outputs(), named)
+
+
+def _workflow(
+    shared: Shared,
+    file: Path,
+    github: Known,
+    event_name: str,
+    *,
+    given: Mapping[str, Value],
+    granted: Permissions | None = None,
+) -> _Workflow:
+    document = mapping(load(file), file.name, _KEYS)
+    started_by = trigger(document.get("on"), event_name)
+    name = to_text(github["workflow"]) or to_text(document.get("name", f".github/workflows/{file.name}"))
+    known = Known({**github, "workflow": name})
+    inputs = resolved_inputs(started_by.get("inputs"), given, known)
+    return _Workflow(shared, document, started_by, known, inputs, granted)
+
+
+def _callee(uses: str, repository: Path) -> Path:
+    own, local = f"{OWN_NAME}/.github/workflows/", "./.github/workflows/"
+    if uses.startswith(local):
+        return repository / uses
+    if uses.startswith(own) and uses.endswith(f"@{OWN_VERSION}"):
+        return OWN_FOLDER / ".github/workflows" / uses.removeprefix(own).removesuffix(f"@{OWN_VERSION}")
+    raise UnsupportedFeature(f"uses: {uses}")
+
+
+def _needs(job: Mapping[str, Value]) -> list[str]:
+    return one_or_more(job.get("needs"))
+
+
+def _evaluated(value: Value, contexts: Mapping[str, Value]) -> Value:
+    if isinstance(value, str):
+        return evaluate_value(value, contexts)
+    if isinstance(value, Mapping):
+        return {name: _evaluated(member, contexts) for name, member in value.items()}
+    return [_evaluated(item, contexts) for item in value] if is_array(value) else value
+
+
+def _check_concurrency(document: Mapping[str, Value], contexts: Mapping[str, Value]) -> None:
+    """Jobs here never meet, but what is said of it must be right."""
+    said = _evaluated(document.get("concurrency"), contexts)
+    if said is not None and not isinstance(said, str):
+        mapping(said, "concurrency", {"group", "cancel-in-progress"})
+
+
+def _cancelled(job: Job) -> JobResult:
+    matrix = mapping(job.contexts["matrix"], "matrix")
+    return JobResult("cancelled", runs=(JobRun(job.name, "cancelled", matrix),))
+
+
+def _joined(results: Sequence[str]) -> str:
+    return next((result for result in ("failure", "cancelled", "skipped") if result in results), "success")
+
+
+def _merged(outputs: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """The last combination of a matrix that said something has its way."""
+    merged: dict[str, str] = {}
+    for some in outputs:
+        merged.update({name: value for name, value in some.items() if value or name not in merged})
+    return merged

@@ -1,0 +1,207 @@
+"""Runs of shards, joined, are one run: real processes, real files."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+SCENARIO = """\
+name: {name}
+robot: {{model: turtlebot3_burger}}
+commands: {{twist: [{{linear: {speed}}}]}}
+expect: [{{travel: {{at_least: {distance}}}}}, {{max_speed: {{linear: 0.2 m/s}}, severity: warning}}]
+time_limit: 2 s
+"""
+SCENARIOS = {
+    "c.sim.yml": SCENARIO.format(name="same", speed=1.0, distance="5 cm"),
+    "a.sim.yml": SCENARIO.format(name="same", speed=0.5, distance="5 cm"),
+    "invalid.sim.yml": "name: [",
+    "deep/b.sim.yml": SCENARIO.format(name="too far", speed=0.1, distance="9 m"),
+    "deep/same.sim.yml": SCENARIO.format(name="Same", speed=0.7, distance="5 cm"),
+}
+ASKED = (".", "nope*.sim.yml")
+
+
+def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    return subprocess.run(
+        [sys.executable, "-m", "sim_action", *arguments],
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(ROOT), **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def outcomes(folder: Path) -> list[dict[str, Any]]:
+    """Without what depends on the clock."""
+    found: list[dict[str, Any]] = json.loads((folder / "results.json").read_text())["outcomes"]
+    return [
+        {key: value for key, value in made.items() if key not in {"wall_time", "real_time_factor"}} for made in found
+    ]
+
+
+def junit(folder: Path) -> str:
+    """Without what depends on the clock."""
+    root = ET.parse(folder / "junit.xml").getroot()
+    for element in root.iter():
+        element.attrib.pop("time", None)
+        for child in [child for child in element if child.get("name") == "real_time_factor"]:
+            element.remove(child)
+    return ET.tostring(root, encoding="unicode")
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where everything was run at once, by `--shard` and by the matrix; each into a folder of its own."""
+    folder = tmp_path_factory.mktemp("shards")
+    for name, text in SCENARIOS.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    whole = sim_action(folder, "run", *ASKED, "--output-dir", "whole/out")
+    assert whole.returncode == 2, whole.stderr
+    for index in (1, 2, 3):
+        sim_action(folder, "run", *ASKED, "--shard", f"{index}/3", "--output-dir", f"by-shard/{index}")
+    planned = sim_action(folder, "matrix", *ASKED, "--shards", "3", "--durations", "whole/out/results.json")
+    for entry in json.loads(planned.stdout)["include"]:
+        paths = entry["scenario"].split("\n")
+        sim_action(folder, "run", *paths, "--output-dir", f"by-matrix/{entry['index']}")
+    return folder
+
+
+def test_each_shard_has_its_part_and_says_of_what(workspace: Path) -> None:
+    parts = [json.loads((workspace / f"by-shard/{index}/results.json").read_text()) for index in (1, 2, 3)]
+    assert [part["shard"] for part in parts] == [{"index": index, "count": 3, "total": 6} for index in (1, 2, 3)]
+    assert [[made["file"] for made in part["outcomes"]] for part in parts] == [
+        ["a.sim.yml", "deep/b.sim.yml", "nope*.sim.yml"],
+        ["c.sim.yml", "deep/same.sim.yml"],
+        ["invalid.sim.yml"],
+    ]
+
+
+@pytest.mark.parametrize("kind", ["by-shard", "by-matrix"])
+def test_joined_shards_are_one_run(workspace: Path, kind: str, tmp_path: Path) -> None:
+    arguments = ["--scenarios", ASKED[0], "--scenarios", ASKED[1]] if kind == "by-matrix" else []
+    # In an "out" of its own, so that the paths of traces in the JUnit XML are those of the one run.
+    merged = sim_action(workspace, "merge", kind, *arguments, "--output-dir", f"{tmp_path}/{kind}/out")
+    assert merged.returncode == 2, merged.stderr
+    assert "3 passed, 1 failed, 2 errors, 3 warnings" in merged.stdout
+    joined = tmp_path / kind / "out"
+    assert outcomes(joined) == outcomes(workspace / "whole/out")
+    assert [bool(made["digest"]) for made in outcomes(joined)] == [True, True, False, True, True, False]
+    assert junit(joined).replace(f"{tmp_path}/{kind}/", "whole/") == junit(workspace / "whole/out")
+    for trace in (workspace / "whole/out/traces").iterdir():
+        assert (joined / "traces" / trace.name).read_bytes() == trace.read_bytes()
+    assert len(list((joined / "traces").iterdir())) == 4
+
+
+def test_the_matrix_deals_everything_once(workspace: Path) -> None:
+    entries = json.loads(sim_action(workspace, "matrix", *ASKED, "--shards", "3").stdout)["include"]
+    assert [entry["index"] for entry in entries] == [1, 2, 3]
+    assert {entry["shards"] for entry in entries} == {3}
+    assert sorted("\n".join(entry["scenario"] for entry in entries).split("\n")) == sorted(
+        [*SCENARIOS, "nope*.sim.yml"]
+    )
+
+
+@pytest.mark.parametrize("text", [None, "", '{"version": 2}'])
+def test_without_durations_the_matrix_is_balanced_by_count(workspace: Path, tmp_path: Path, text: str | None) -> None:
+    durations = tmp_path / "results.json"
+    if text is not None:
+        durations.write_text(text)
+    made = sim_action(workspace, "matrix", "--shards", "2", "--durations", str(durations))
+    assert made.returncode == 0
+    assert re.search(r"results\.json is no results file: .+; every scenario counts the same", made.stderr)
+    assert made.stdout == sim_action(workspace, "matrix", "--shards", "2").stdout
+
+
+@pytest.fixture
+def lossy(workspace: Path, tmp_path: Path) -> Path:
+    """The results of shards 1 and 3 alone."""
+    for index in (1, 3):
+        shutil.copytree(workspace / f"by-shard/{index}", tmp_path / "by-shard" / str(index))
+    return tmp_path / "by-shard"
+
+
+def test_what_a_lost_shard_should_have_run_is_an_error(workspace: Path, lossy: Path, tmp_path: Path) -> None:
+    merged = sim_action(workspace, "merge", str(lossy), "--output-dir", str(tmp_path / "out"))
+    assert merged.returncode == 2, "of the shards that are there, one is invalid"
+    assert "shard 2 of 3 has left no results; 2 of 6 scenarios have none" in merged.stdout
+    sim_action(workspace, "merge", str(lossy), "--scenarios", ".", "--output-dir", str(tmp_path / "out"))
+    missing = [
+        made["file"]
+        for made in outcomes(tmp_path / "out")
+        if made["failures"][:1] and made["failures"][0]["kind"] == "missing"
+    ]
+    assert missing == ["c.sim.yml", "deep/same.sim.yml"]
+    assert "no shard has left a result of this scenario" in (tmp_path / "out/junit.xml").read_text()
+
+
+def test_an_empty_shard_passes_and_reads_well(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(SCENARIOS["a.sim.yml"])
+    ran = sim_action(tmp_path, "run", "--shard", "2/2", GITHUB_STEP_SUMMARY="summary.md", GITHUB_OUTPUT="outputs")
+    assert ran.returncode == 0, ran.stderr
+    assert re.match(r"no scenario in \d+\.\d s; shard 2 of 2 \(1 scenario in all\)\n", ran.stdout)
+    assert "✅ No scenario is left for shard 2 of 2" in (tmp_path / "summary.md").read_text()
+    assert "success" in (tmp_path / "outputs").read_text()
+    assert ET.parse(tmp_path / "sim-results/junit.xml").getroot().get("tests") == "0"
+    assert outcomes(tmp_path / "sim-results") == []
+
+
+def test_no_scenario_at_all_is_exit_code_5(tmp_path: Path) -> None:
+    assert sim_action(tmp_path, "run", "--shard", "1/2").returncode == 5
+    planned = sim_action(tmp_path, "matrix", "--shards", "2")
+    assert (planned.returncode, planned.stdout) == (5, "")
+    assert "no scenario in or at '.'" in planned.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("run", "--shard", "4/3"), "sim-action: --shard 4/3: must be I/N with 1 <= I <= N <= 256, such as 1/3"),
+        (("matrix", "--shards", "257"), "257 is not in the range 1<=x<=256"),
+        (("matrix",), "Missing option '--shards'"),
+        (("merge",), "Missing argument 'RESULTS...'"),
+        (("merge", "."), "sim-action: no results.json in or at '.'"),
+        (("merge", ".", "--scenarios", "nope*"), "sim-action: --scenarios finds none"),
+        (("merge", ".", "-v", "-q"), "--verbose and --quiet do not go together"),
+    ],
+)
+def test_a_wrong_call_is_exit_code_2_in_one_line(tmp_path: Path, arguments: tuple[str, ...], told: str) -> None:
+    (tmp_path / "a.sim.yml").touch()
+    called = sim_action(tmp_path, *arguments)
+    assert called.returncode == 2
+    assert told in called.stderr
+    assert "Traceback" not in called.stderr
+    assert called.stdout == ""
+
+
+@pytest.mark.parametrize("arguments", [("matrix", ".", "--shards", "2"), ("merge", "by-shard", "--output-dir")])
+def test_what_needs_no_engine_imports_none(workspace: Path, tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    folder = [str(tmp_path / "out")] if arguments[0] == "merge" else []
+    code = (
+        "import sys\nfrom sim_action.cli import call\n"
+        "call(sys.argv[1:])\nprint(sorted({'pybullet', 'numpy'} & set(sys.modules)))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code, *arguments, *folder],
+        cwd=workspace,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.stdout.splitlines()[-1] == "[]", ran.stdout + ran.stderr
+    assert folder == [] or Path(folder[0], "results.json").exists()

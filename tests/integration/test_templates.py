@@ -1,0 +1,134 @@
+"""Every workflow to copy, and this repository's own, run as GitHub would: with the real action, on real scenarios."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from junitparser import JUnitXml
+
+from tests.integration.conftest import ACTION, write
+from tests.integration.github import JobResult, WorkflowResult, run_workflow
+
+TEMPLATES = ACTION / "examples/workflows"
+TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
+STUCK = TUTORIAL.replace("linear: 1.0", "linear: 0.0").replace("30 s", "2 s")
+ASSERTION_LINE = next(number for number, line in enumerate(TUTORIAL.splitlines(), 1) if "travel:" in line)
+REPORTERS = ["reporter-dorny", "reporter-enricomi", "reporter-mikepenz"]
+FROM_FORK = {"pull_request": {"number": 7, "head": {"repo": {"full_name": "stranger/robot"}}}}
+
+RunTemplate = Callable[..., WorkflowResult]
+
+
+@pytest.fixture
+def repository(tmp_path: Path) -> Path:
+    """A user's repository: scenarios, and whatever workflow is to be tried."""
+    for name in ("a", "b", "c", "d"):
+        write(tmp_path / f"repository/simulation/{name}.sim.yml", TUTORIAL)
+    return tmp_path / "repository"
+
+
+@pytest.fixture
+def run_template(repository: Path, tmp_path: Path, runner_temp: Path) -> RunTemplate:
+    """Copies a template to where its first comment says, and runs it."""
+
+    def run(name: str, **options: object) -> WorkflowResult:
+        template = TEMPLATES / f"{name}.yml"
+        target = repository / template.read_text(encoding="utf-8").split(maxsplit=4)[3].rstrip(":,")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(template, target)
+        folder = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
+        return run_workflow(target, repository, temp=folder, shared_temp=runner_temp, **options)  # type: ignore[arg-type]  # passed on as given
+
+    return run
+
+
+def joined(result: WorkflowResult) -> dict[str, object]:
+    """The results that a workflow has left as an artifact."""
+    results: dict[str, object] = json.loads((result.artifacts / "sim-results/results.json").read_text(encoding="utf-8"))
+    return results
+
+
+def test_minimal(run_template: RunTemplate, repository: Path) -> None:
+    passing = run_template("simulation")
+    assert passing.conclusion == "success"
+    assert "All 4 scenarios passed" in passing.jobs["simulation"].summary
+    write(repository / "simulation/b.sim.yml", STUCK)
+    failing = run_template("simulation", event_name="pull_request")
+    assert failing.conclusion == "failure"
+    [annotation] = failing.jobs["simulation"].annotations
+    assert (annotation.file, annotation.line) == ("simulation/b.sim.yml", ASSERTION_LINE)
+
+
+def test_gate_keeps_the_results_of_failures(run_template: RunTemplate, repository: Path) -> None:
+    write(repository / "simulation/b.sim.yml", STUCK)
+    result = run_template("pull-request-gate", event_name="pull_request")
+    assert result.conclusion == "failure"
+    assert JUnitXml.fromfile(str(result.artifacts / "sim-results/junit.xml")).failures == 1
+
+
+def test_shards_are_reported_as_one_run(run_template: RunTemplate, repository: Path) -> None:
+    whole = run_template("sharded")
+    assert whole.conclusion == "success"
+    assert len(whole.jobs["shard"].runs) == 3
+    names = [outcome["file"] for outcome in joined(whole)["outcomes"]]  # type: ignore[attr-defined]  # results.json
+    assert names == [f"simulation/{name}.sim.yml" for name in "abcd"]
+    assert "All 4 scenarios passed" in whole.jobs["merge"].summary
+    write(repository / "simulation/c.sim.yml", STUCK)
+    assert run_template("sharded").jobs["merge"].result == "failure"
+
+
+def test_shards_that_are_lost_are_missed(run_template: RunTemplate) -> None:
+    lost = {"plan": JobResult("failure"), "shard": JobResult("skipped")}
+    result = run_template("sharded", done=lost)
+    assert result.jobs["merge"].result == "failure"
+
+
+@pytest.mark.parametrize("event", [{}, FROM_FORK], ids=["push", "fork"])
+@pytest.mark.parametrize("name", REPORTERS)
+def test_reporters_get_the_results(
+    name: str, event: dict[str, object], run_template: RunTemplate, repository: Path
+) -> None:
+    write(repository / "simulation/b.sim.yml", STUCK)
+    result = run_template(name, event_name="pull_request" if event else "push", event=event)
+    [report] = result.reports
+    assert [JUnitXml.fromfile(str(file)).failures for file in report.files] == [1]
+    # What a token that may only read can do; the third sees by itself which it has.
+    without_writing = {"reporter-dorny": "use-actions-summary", "reporter-mikepenz": "annotate_only"}
+    if name in without_writing:
+        assert report.inputs[without_writing[name]] == ("true" if event else "false")
+
+
+def test_reusable_workflow_hands_back_what_came_of_it(run_template: RunTemplate, repository: Path) -> None:
+    shutil.copytree(TEMPLATES, repository / ".github/workflows")
+    write(repository / "simulation/b.sim.yml", STUCK)
+    result = run_template("reusable-caller")
+    assert result.conclusion == "failure"
+    assert "simulation ended as failure, 1 failed" in result.jobs["follow-up"].log
+
+
+def test_every_template_is_tried() -> None:
+    tried = {"simulation", "pull-request-gate", "sharded", *REPORTERS, "reusable", "reusable-caller"}
+    assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
+
+
+def test_this_repositorys_own_workflow(tmp_path: Path, runner_temp: Path) -> None:
+    # What runs now is what those two would run.
+    done = {"lint": JobResult("success"), "test": JobResult("success")}
+    file = ACTION / ".github/workflows/ci.yml"
+    result = run_workflow(file, ACTION, temp=tmp_path, shared_temp=runner_temp, done=done)
+    failed = {name: job.log for name, job in result.jobs.items() if job.result != "success"}
+    assert not failed
+    assert len(result.jobs["runners"].runs) == 5
+
+
+def test_gate_of_this_repository_lets_no_failure_through(tmp_path: Path, runner_temp: Path) -> None:
+    file = ACTION / ".github/workflows/ci.yml"
+    names = {"lint", "test", "runners", "must-pass", "must-fail", "paths", "plan", "shard", "merge"}
+    for result in ("failure", "skipped", "cancelled"):
+        done = {name: JobResult("success") for name in names} | {"paths": JobResult(result)}
+        folder = tmp_path / result
+        assert run_workflow(file, ACTION, temp=folder, shared_temp=runner_temp, done=done).conclusion == "failure"

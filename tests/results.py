@@ -1,0 +1,43 @@
+"""Outcomes and results as runs leave them behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sim_action.location import Location
+from sim_action.outcome import ExpectationOutcome, Outcome, Results
+from sim_action.sharding import Shard
+from sim_action.verdict import Verdict
+
+
+def outcome(file: str, *, holds: bool = True, wall_time: float = 1.0, trace: str | None = None) -> Outcome:
+    """Of a scenario with one expectation."""
+    verdict = Verdict(holds, 1.5, 1.5, 0.0, "m", 2.0, "travelled 1.5 m")
+    expected = ExpectationOutcome(
+        name="travel", assertion="travel", severity="error", location=Location(file, 8, 5), verdict=verdict
+    )
+    return Outcome(
+        name=Path(file).name.partition(".")[0],
+        file=file,
+        status="passed" if holds else "failed",
+        expectations=(expected,),
+        wall_time=wall_time,
+        trace=trace,
+    )
+
+
+def results(*outcomes: Outcome, shard: tuple[int, int, int] | None = None, wall_time: float = 1.0) -> Results:
+    """Of one call; `shard`: its index, count and total."""
+    part = Shard(index=shard[0], count=shard[1], total=shard[2]) if shard else None
+    return Results(
+        sim_action="0.1.0", python="3.11.7", platform="Linux", wall_time=wall_time, shard=part, outcomes=outcomes
+    )
+
+
+def stored(folder: Path, written: Results) -> Path:
+    """`results.json` in a folder, and an own text for each trace below it."""
+    (folder / "traces").mkdir(parents=True)
+    for made in written.outcomes:
+        if made.trace:
+            (folder / made.trace).write_text(f"trace of {made.file}")
+    return written.write(folder)

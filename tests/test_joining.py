@@ -1,0 +1,157 @@
+"""Joining loses nothing, counts nothing twice, and says what is not there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.errors import ExitCode, UsageError
+from sim_action.joining import Listing, joined
+from sim_action.outcome import Outcome, Results
+from sim_action.result_files import ResultsFile
+from sim_action.sharding import Shard
+from tests.results import outcome, results
+
+
+def files(*parts: Results) -> list[ResultsFile]:
+    """In the folders 1, 2, ..."""
+    return [ResultsFile(Path(str(place), "results.json"), part) for place, part in enumerate(parts, start=1)]
+
+
+def names(parts: list[ResultsFile], listing: Listing | None = None) -> list[str]:
+    return [entry.outcome.file or entry.outcome.name for entry in joined(parts, listing)]
+
+
+def listed(*names: str, empty: tuple[str, ...] = ()) -> Listing:
+    return Listing([Path(name) for name in names], empty)
+
+
+def sharded(names: list[str], count: int, empty: tuple[str, ...] = ()) -> list[ResultsFile]:
+    """What `run --shard 1/count` and its siblings leave behind."""
+    total = len(names) + len(empty)
+    parts = []
+    for index in range(1, count + 1):
+        outcomes = [outcome(name) for name in Shard(index=index, count=count, total=total).dealt(names)]
+        outcomes += [Outcome.of_nothing(pattern) for pattern in empty if index == 1]
+        parts.append(results(*outcomes, shard=(index, count, total)))
+    return files(*parts)
+
+
+def refused(parts: list[ResultsFile]) -> str:
+    with pytest.raises(UsageError) as raised:
+        joined(parts, None)
+    assert str(raised.value).isprintable()
+    return str(raised.value)
+
+
+LISTS = st.lists(st.from_regex(r"[a-z]{1,3}(/[a-z]{1,3})?", fullmatch=True), max_size=20, unique=True)
+PATTERNS = st.lists(st.sampled_from(["nope*", "empty", "no/thing"]), unique=True)
+
+
+@given(names_of_run=LISTS, patterns=PATTERNS, count=st.integers(1, 8), data=st.data())
+def test_the_shards_of_a_list_become_that_list_again(
+    names_of_run: list[str], patterns: list[str], count: int, data: st.DataObject
+) -> None:
+    patterns = patterns if names_of_run else []
+    parts = data.draw(st.permutations(sharded(names_of_run, count, tuple(patterns))))
+    assert names(parts) == [*names_of_run, *patterns]
+    assert names(parts, listed(*names_of_run, empty=tuple(patterns))) == [*names_of_run, *patterns]
+
+
+@given(names_of_run=LISTS.filter(bool), count=st.integers(2, 8), data=st.data())
+def test_no_scenario_of_a_missing_shard_goes_unnoticed(
+    names_of_run: list[str], count: int, data: st.DataObject
+) -> None:
+    complete = sharded(names_of_run, count)
+    parts = data.draw(st.lists(st.sampled_from(complete), min_size=1, unique_by=id))
+    lost = [made.file for part in complete if part not in parts for made in part.results.outcomes]
+    by_shard = [entry.outcome for entry in joined(parts, None) if entry.origin is None]
+    absent = [str(part.results.shard) for part in complete if part not in parts]
+    assert [made.name for made in by_shard] == (absent if lost else [])
+    by_name = [entry.outcome for entry in joined(parts, listed(*names_of_run)) if entry.origin is None]
+    assert sorted(made.file for made in by_name) == sorted(lost)
+    assert all(made.exit_code is ExitCode.FAILED for made in [*by_shard, *by_name])
+    assert names(parts, listed(*names_of_run)) == names_of_run
+
+
+def test_a_missing_shard_says_how_much_is_lost() -> None:
+    parts = sharded(["a", "b", "c", "d", "e"], 3)
+    missing = joined([parts[0], parts[2]], None)[-1]
+    (failure,) = missing.outcome.failures
+    assert failure.message == "shard 2 of 3 has left no results; 2 of 5 scenarios have none; look at its job"
+    assert (missing.outcome.file, missing.outcome.location, failure.kind) == ("", None, "missing")
+
+
+def test_a_listing_that_does_not_name_all_that_is_lost_does_not_hide_the_missing_shard() -> None:
+    parts = sharded(["a", "b", "c", "d", "e"], 3)
+    assert names([parts[0], parts[2]], listed("a", "b")) == ["a", "b", "c", "d", "shard 2 of 3"]
+
+
+def test_results_that_are_not_of_shard_are_in_the_order_of_their_files() -> None:
+    parts = files(results(outcome("b/c"), outcome("b")), results(outcome("c"), outcome("a")))
+    assert names(parts) == ["a", "b", "b/c", "c"]
+    assert names(parts[:1]) == ["b/c", "b"], "of one run alone, its own order"
+
+
+def test_with_a_listing_they_are_in_its_order_and_what_is_not_in_it_comes_last() -> None:
+    parts = files(results(outcome("b/c"), outcome("b")), results(outcome("c"), outcome("a")))
+    assert names(parts, listed("c", "new", "b", "a")) == ["c", "new", "b", "a", "b/c"]
+
+
+def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already() -> None:
+    known = results(outcome("a"), Outcome.of_nothing("nope*"))
+    entries = joined(files(known), listed("a", empty=("nope*", "new*")))
+    assert [(entry.outcome.file, entry.origin is None) for entry in entries] == [
+        ("a", False),
+        ("nope*", False),
+        ("new*", True),
+    ]
+    assert entries[-1].outcome.exit_code is ExitCode.INVALID
+
+
+def test_names_are_compared_as_paths() -> None:
+    parts = files(results(outcome("./a"), outcome("b//c")))
+    assert names(parts, listed("a", "b/c")) == ["./a", "b//c"]
+
+
+def test_the_same_scenario_in_two_results_is_refused() -> None:
+    told = refused(files(results(outcome("a"), outcome("b")), results(outcome("./b"))))
+    assert told == "both 1/results.json and 2/results.json have results of ./b; nothing is counted twice"
+
+
+def test_outcomes_that_are_of_no_file_are_not_the_same() -> None:
+    parts = sharded(["a", "b", "c"], 3)
+    missing = joined(parts[:1], None)[-1]
+    again = files(results(outcome("x"), missing.outcome), results(outcome("y"), missing.outcome))
+    assert len(joined(again, None)) == 4
+
+
+def test_shards_of_different_counts_are_refused() -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 3, 2))))
+    assert told == "1/results.json is shard 1 of 2, and 2/results.json is shard 2 of 3: they are not of one run"
+
+
+def test_the_same_shard_twice_is_refused() -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(1, 2, 2))))
+    assert told == "both 1/results.json and 2/results.json are shard 1 of 2"
+
+
+def test_shards_of_lists_of_different_lengths_are_refused() -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 2, 3))))
+    assert told == (
+        "the shards saw different lists: 1/results.json is shard 1 of 2 of 2 scenarios, "
+        "and 2/results.json is shard 2 of 2 of 3"
+    )
+
+
+@pytest.mark.parametrize("second", [["b"], ["b", "c", "d"]])
+def test_shards_that_do_not_add_up_are_refused(second: list[str]) -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 3)), results(*map(outcome, second), shard=(2, 2, 3))))
+    assert told == f"the shards saw different lists: each is of 3 scenarios, and they have {1 + len(second)}"
+
+
+def test_more_outcomes_than_the_list_had_are_refused_before_the_shards_are_complete() -> None:
+    assert "they have 2" in refused(files(results(outcome("a"), outcome("b"), shard=(1, 2, 1))))

@@ -1,0 +1,97 @@
+"""The matrix of a job: what GitHub and the action make of it is what was meant."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.errors import UsageError
+from sim_action.matrix import known_durations, matrix_text
+from tests.results import outcome, results
+
+
+def dealt(names: list[str], count: int, known: dict[str, float] | None = None, empty: tuple[str, ...] = ()) -> Any:
+    text = matrix_text([Path(name) for name in names], empty, count, known or {})
+    assert text.isascii()
+    assert len(text.splitlines()) == 1
+    return json.loads(text)["include"]
+
+
+def scenarios(names: list[str], count: int, known: dict[str, float] | None = None) -> list[list[str]]:
+    return [entry["scenario"].split("\n") for entry in dealt(names, count, known)]
+
+
+def test_entries_have_an_index_how_many_there_are_and_a_scenario_on_each_line() -> None:
+    assert dealt(["a.sim.yml", "b.sim.yml", "ü c.sim.yml"], 2) == [
+        {"index": 1, "shards": 2, "scenario": "a.sim.yml\nü c.sim.yml"},
+        {"index": 2, "shards": 2, "scenario": "b.sim.yml"},
+    ]
+
+
+def test_no_shard_is_empty() -> None:
+    assert [entry["shards"] for entry in dealt(["a", "b"], 5)] == [2, 2]
+
+
+@given(
+    names=st.lists(st.from_regex(r"[a-z]{1,3}(/[a-z]{1,3})?", fullmatch=True), min_size=1, max_size=20, unique=True),
+    count=st.integers(1, 8),
+    data=st.data(),
+)
+def test_everything_is_there_once_and_in_order(names: list[str], count: int, data: st.DataObject) -> None:
+    known = data.draw(st.dictionaries(st.sampled_from(names), st.floats(0.01, 100.0)))
+    shards = scenarios(names, count, known)
+    assert sorted(name for shard in shards for name in shard) == sorted(names)
+    assert all(shard == [name for name in names if name in shard] for shard in shards)
+    assert 1 <= len(shards) <= count
+
+
+def test_the_longest_has_a_shard_of_its_own() -> None:
+    known = {"a": 1.0, "b": 1.0, "c": 10.0, "d": 1.0}
+    assert scenarios(["a", "b", "c", "d"], 2, known) == [["c"], ["a", "b", "d"]]
+
+
+def test_what_nobody_knows_counts_as_the_mean_of_what_is_known() -> None:
+    # 4, 2 and, as their mean, 3 and 3: equal halves.
+    assert scenarios(["a", "b", "new", "newer"], 2, {"a": 4.0, "b": 2.0}) == [["a", "b"], ["new", "newer"]]
+
+
+def test_durations_are_those_of_what_ran_by_the_names_of_files() -> None:
+    earlier = results(
+        outcome("./a.sim.yml", wall_time=2.0),
+        outcome("b//c.sim.yml", wall_time=3.0),
+        outcome("never-ran.sim.yml", wall_time=0.0),
+        outcome("nonsense.sim.yml", wall_time=1e300),
+    )
+    assert known_durations(earlier) == {"a.sim.yml": 2.0, "b/c.sim.yml": 3.0}
+    assert scenarios(["d.sim.yml", "a.sim.yml", "b/c.sim.yml"], 2, known_durations(earlier)) == [
+        ["b/c.sim.yml"],
+        ["d.sim.yml", "a.sim.yml"],
+    ]
+
+
+@given(st.permutations([("a", 3.0), ("b", 3.0), ("c", 2.0), ("d", 2.0), ("e", 2.0), ("a", 1.0), ("x", 9.0)]))
+def test_the_order_of_earlier_results_does_not_matter(order: list[tuple[str, float]]) -> None:
+    known = known_durations(results(*(outcome(name, wall_time=duration) for name, duration in order)))
+    assert scenarios(["a", "b", "c", "d", "e"], 2, known) == [["a", "c", "e"], ["b", "d"]]
+
+
+def test_what_holds_no_scenario_is_told_by_the_first_shard_alone() -> None:
+    entries = dealt(["a", "b"], 2, empty=("nope*", "empty/"))
+    assert [entry["scenario"] for entry in entries] == ["a\nnope*\nempty/", "b"]
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\rb", "a\u2028b", " a", "a ", "a\u00a0", os.fsdecode(b"a\xff")])
+def test_a_name_that_cannot_be_a_line_is_refused(name: str) -> None:
+    for names, empty in (["fine", name], []), (["fine"], [name]):
+        with pytest.raises(UsageError, match="cannot stand in a matrix") as raised:
+            matrix_text([Path(name) for name in names], empty, 2, {})
+        told = str(raised.value)
+        assert told.isprintable()
+        assert repr(name) in told
+        assert "fine" not in told
