@@ -20,6 +20,8 @@ from typing import Final
 
 # They run with the rights of the base branch, and so would what they leave in its cache.
 _NEVER_CACHED_ON: Final = frozenset({"pull_request_target", "workflow_run"})
+# A job's settings of pip say where packages come from, and must not say where they go.
+_PIP_VARIABLES: Final = ("PIP_PYTHON", "PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_USER", "PIP_DRY_RUN")
 _PIP_OPTIONS: Final = (
     *("--quiet", "--disable-pip-version-check", "--no-input"),
     *("--require-hashes", "--only-binary", ":all:", "--no-deps"),
@@ -27,7 +29,7 @@ _PIP_OPTIONS: Final = (
 
 
 class InstallError(Exception):
-    """Dependencies that could not be installed; pip has said why."""
+    """Dependencies that could not be installed; what ran has said why."""
 
 
 @dataclass(frozen=True)
@@ -77,15 +79,16 @@ class Environment:
                 shutil.rmtree(self.wheels)
             else:
                 return False
-        _pip("download", "--dest", self.wheels, "--requirement", self.lock)
+        _python("pip", "download", "--dest", self.wheels, *_PIP_OPTIONS, "--requirement", self.lock)
         self._unpack()
         return True
 
     def _unpack(self) -> None:
         # pip serves from outside: to install it into the environment would take longer than to make it.
-        subprocess.run([sys.executable, "-I", "-m", "venv", "--clear", "--without-pip", self.folder], check=True)
+        _python("venv", "--clear", "--without-pip", self.folder)
         # Most of what is installed is never imported, so nothing is compiled ahead.
-        _pip("install", "--no-compile", "--no-index", "--find-links", self.wheels, "--requirement", self.lock, on=self)
+        where = ("--no-index", "--find-links", self.wheels, "--requirement", self.lock)
+        _python("pip", "--isolated", "--python", self.python, "install", "--no-compile", *_PIP_OPTIONS, *where)
         # Last: with it, the environment is complete.
         shutil.copy(self.lock, self.folder)
 
@@ -99,25 +102,26 @@ def look(environment: Environment) -> dict[str, object]:
     return {
         "wheels": environment.wheels,
         "key": environment.key,
+        "ready": environment.ready,
         "cache": cached and not environment.ready,
         "at": time.time(),
     }
 
 
 def install(environment: Environment) -> dict[str, object]:
-    """What was done, and when."""
+    """What was done, and when. READY is what was there before anything came out of a cache."""
     began = time.time()
-    fetched = not environment.ready and environment.install()
+    ready = os.environ.get("READY", str(environment.ready).lower()) == "true"
+    fetched = not ready and environment.install()
     return {"python": environment.python, "fetched": fetched, "began": began, "ended": time.time()}
 
 
-def _pip(command: str, *arguments: str | Path, on: Environment | None = None) -> None:
+def _python(module: str, *arguments: str | Path) -> None:
     # pip starts a second interpreter, which -I does not reach.
-    variables = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PYTHONHOME"}}
-    target: list[str | Path] = ["--python", on.python] if on else []
-    process = subprocess.run(
-        [sys.executable, "-I", "-m", "pip", *target, command, *_PIP_OPTIONS, *arguments], env=variables, check=False
-    )
+    foreign = {"PYTHONPATH", "PYTHONHOME", *_PIP_VARIABLES}
+    variables = {name: value for name, value in os.environ.items() if name not in foreign}
+    variables["PIP_REQUIRE_VIRTUALENV"] = "0"
+    process = subprocess.run([sys.executable, "-I", "-m", module, *arguments], env=variables, check=False)
     if process.returncode:
         raise InstallError
 
@@ -140,7 +144,7 @@ def main() -> None:
     try:
         _say({"look": look, "install": install}[sys.argv[1]](environment))
     except InstallError:
-        sys.exit("::error title=sim-action::the dependencies could not be installed; pip says why in the log above")
+        sys.exit("::error title=sim-action::the dependencies could not be installed; the log above says why")
 
 
 if __name__ == "__main__":

@@ -42,8 +42,8 @@ class Subcommand:
     def command_line(self, inputs: Mapping[str, str]) -> Iterator[str]:
         """Its arguments. Raises InputError."""
         for name, option in self.options.items():
-            if inputs[name].strip():
-                yield f"{option}={inputs[name]}"
+            if value := inputs[name].strip():
+                yield f"{option}={value}"
         for name, spellings in self.switches.items():
             value = one_of(TRUE_OR_FALSE, name, inputs)
             yield from spellings[TRUE_OR_FALSE.index(value) :][:1]

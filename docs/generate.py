@@ -14,6 +14,7 @@ import yaml
 from sim_action import catalogue
 from sim_action.catalogue import Entry, FieldEntry
 from sim_action.errors import ExitCode
+from sim_action.models.findings import RULES
 from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import results_schema, scenario_schema, schema_text
 from sim_action.world import Body, Ground, Physics, Placement, Robot
@@ -26,7 +27,7 @@ BLOCK = re.compile(r"(<!-- generated: ([a-z-]+) -->\n).*?(<!-- end -->)", re.DOT
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
     ExitCode.FAILED: "a scenario failed, or has no verdict (crash, wall limit, script error)",
-    ExitCode.INVALID: "a scenario, or the command line, is invalid",
+    ExitCode.INVALID: "a scenario, or the command line, is invalid, or a result is missing",
     ExitCode.INTERNAL: "a fault of sim-action itself",
     ExitCode.NO_SCENARIO: "no scenario found",
     ExitCode.INTERRUPTED: "interrupted",
@@ -98,6 +99,11 @@ def _description(entry: dict[str, str]) -> str:
     return " ".join(entry["description"].split())
 
 
+def _rules() -> str:
+    means = {"fatal": "refused", "error": "refused, unless allowed", "warning": "a note"}
+    return table(("rule", "what it is", ""), ((f"`{name}`", r.summary, means[r.level]) for name, r in RULES.items()))
+
+
 def _templates() -> str:
     """Each template's first comment: where to copy it, and what it does."""
     rows = []
@@ -120,6 +126,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "matrix-outputs": lambda: _outputs("matrix/action.yml"),
     "merge-inputs": lambda: _inputs("merge/action.yml"),
     "templates": _templates,
+    "rules": _rules,
     "exit-codes": lambda: table(("code", "meaning"), ((str(code.value), text) for code, text in EXIT_CODES.items())),
 }
 

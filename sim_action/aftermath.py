@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from pydantic import ValidationError
 
@@ -19,25 +20,32 @@ from sim_action.native_output import split_output
 from sim_action.outcome import Failure, FailureKind, Outcome
 from sim_action.regular_files import open_regular
 from sim_action.scenario import LoadedScenario, Scenario
-from sim_action.worker import Job
+from sim_action.worker import Job, out_of_memory
 
 _MOST_OUTPUT: Final = 64_000
 _MOST_LAST_WORDS: Final = 2_000
+_MOST_LAST_LINES: Final = 20
 _MOST_OUTCOME: Final = 50_000_000
 
 
-def outcome_of(child: Child, status: int | None) -> Outcome:
-    """The outcome of a child that has ended with an exit status, or, with None, was ended at its wall limit."""
+Limit = Literal["wall limit", "output limit"]
+
+Ending = int | Limit
+"""The exit status of a child, as `Child.poll` has it, or the limit at which it was ended."""
+
+
+def outcome_of(child: Child, ending: Ending) -> Outcome:
+    """The outcome of a child that has ended."""
     job = child.job
     diagnostics, output = split_output(_end_of(job.output_file, _MOST_OUTPUT).decode("utf-8", errors="replace"))
-    outcome = _written(job) if status == 0 else None
-    if outcome is None:
-        outcome = without_verdict(job.loaded, _failure(child, status, output))
+    written = _written(job) if ending == 0 else None
+    outcome = written or without_verdict(job.loaded, _failure(child, ending, output))
     return outcome.model_copy(
         update={
             "name": job.loaded.scenario.name,
             "file": job.loaded.file,
             "trace": os.path.relpath(job.trace, job.results) if _is_regular(job.trace) else None,
+            "notes": (*outcome.notes, *(_left_behind(child) if written else ())),
             "diagnostics": diagnostics,
             "output": output,
             "wall_time": time.monotonic() - child.started,
@@ -74,21 +82,64 @@ def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
     return judged == asked and not outcome.failures and outcome.status == ("failed" if failed else "passed")
 
 
-def _failure(child: Child, status: int | None, output: str) -> Failure:
-    scenario, last_words = child.job.loaded.scenario, output[-_MOST_LAST_WORDS:]
-    at = f"sim time had come to {child.sim_time:.2f} s"
-    kind: FailureKind = "crash"
-    if status is None:
-        kind, title = "wall limit", "wall limit"
+def _left_behind(child: Child) -> tuple[str, ...]:
+    if not child.left:
+        return ()
+    which = "a process" if child.left == 1 else f"{child.left} processes"
+    return (f"ended {which} that its script had left behind",)
+
+
+def _failure(child: Child, ending: Ending, output: str) -> Failure:
+    kind, title, cause = _cause(child, ending, output)
+    message = "; ".join((cause, f"sim time had come to {child.sim_time:.2f} s", *_left_behind(child)))
+    return Failure(kind=kind, title=title, message=message, details=_last_words(output))
+
+
+def _last_words(output: str) -> str:
+    return "\n".join(output[-_MOST_LAST_WORDS:].split("\n")[-_MOST_LAST_LINES:])
+
+
+def _cause(child: Child, ending: Ending, output: str) -> tuple[FailureKind, str, str]:
+    """Kind, title and message of an end without a verdict."""
+    scenario = child.job.loaded.scenario
+    if ending == "wall limit":
         limit = f"no verdict after {scenario.wall_seconds:g} s of wall time"
-        message = f"{limit}; {at}; a stuck controller, or too low a wall_limit"
-    elif status < 0:
-        title = _signal_name(-status)
-        message = f"the process of this scenario was ended by {title}; {at}"
-    else:
-        title = f"exit {status}"
-        message = f"the process of this scenario ended by itself, with exit code {status} and no verdict; {at}"
-    return Failure(kind=kind, title=title, message=message, details=last_words)
+        return "wall limit", "wall limit", f"{limit} (wall_limit): a stuck controller, or too low a limit"
+    if ending == "output limit":
+        printed = f"more than {scenario.output_bytes / 1e6:.4g} MB were printed"
+        return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
+    if ending >= 0:
+        hint = "; has its script called os._exit()?" if scenario.runs_user_code else ""
+        message = f"the process of this scenario ended by itself, with exit code {ending} and no verdict{hint}"
+        return "crash", f"exit {ending}", message
+    return _cause_of_signal(child, -ending, output)
+
+
+def _cause_of_signal(child: Child, number: int, output: str) -> tuple[FailureKind, str, str]:
+    scenario, title = child.job.loaded.scenario, _signal_name(number)
+    by = f"the process of this scenario was ended by {title}"
+    is_full = child.peak_memory + _UNTOUCHED >= scenario.memory_bytes
+    if number in _CRASHES and (is_full or _BAD_ALLOC in output):
+        taken = f", when it had taken {child.peak_memory / 2**30:.2g} GiB" if child.peak_memory else ""
+        return "memory", "out of memory", f"{out_of_memory(scenario)}; {by}{taken}"
+    return "crash", title, f"{by}{_MEANINGS.get(number, '')}"
+
+
+_BAD_ALLOC: Final = "std::bad_alloc"
+# What native code dies of that was given no memory, and has not looked.
+_CRASHES: Final = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT)
+# The limit is on address space; of that, libraries take so much and use little.
+_UNTOUCHED: Final = 256 << 20
+
+_NATIVE: Final = ", which a fault in native code brings about: in the engine, or a library of the script"
+_MEANINGS: Final[Mapping[int, str]] = {
+    signal.SIGSEGV: _NATIVE,
+    signal.SIGBUS: _NATIVE,
+    signal.SIGILL: _NATIVE,
+    signal.SIGFPE: _NATIVE,
+    signal.SIGABRT: ", by which native code gives up: the engine, or a library of the script",
+    signal.SIGKILL: ": it did so itself, or the machine ran short of memory",
+}
 
 
 def _signal_name(number: int) -> str:

@@ -69,7 +69,8 @@ def call(arguments: Sequence[str]) -> int:
     except (click.Abort, KeyboardInterrupt):
         return ExitCode.INTERRUPTED
     except SimActionError as error:
-        _complain(error)
+        for line in str(error).split("\n"):
+            _complain(line)
         return error.exit_code
     except BrokenPipeError:
         # Whoever read our output has gone; there is nobody left to tell.
@@ -195,6 +196,9 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     for error in invalid.values():
         for problem in error.problems:
             click.echo(log_line(str(problem)))
+    for loaded in valid.values():
+        for remark in loaded.unchecked:
+            click.echo(log_line(f"{loaded.file}: not checked: {remark}"))
     click.echo(f"{len(valid)} valid, {len(invalid)} invalid", err=bool(invalid))
     if not files:
         return ExitCode.NO_SCENARIO
@@ -234,6 +238,26 @@ def models() -> None:
 
 
 @program.command()
+@click.argument("model")
+@click.option("--json", "as_json", is_flag=True, help="For programs.")
+@_ALLOW_OUTSIDE
+def inspect(model: str, as_json: bool, allow_outside: bool) -> ExitCode:
+    """Show what a robot model is: a built-in one, or a file. MODEL is as a scenario in this folder would name it.
+
+    Exit code: 2 if no engine could take it.
+    """
+    from pathlib import Path
+
+    from sim_action.inspection import inspect_model
+    from sim_action.inspection_text import inspection_text
+    from sim_action.workspace import Workspace
+
+    found = inspect_model(model, Workspace.around(Path("a scenario"), allow_outside=allow_outside))
+    click.echo(found.model_dump_json(indent=2) if as_json else inspection_text(found))
+    return ExitCode.PASSED
+
+
+@program.command()
 def assertions() -> None:
     """List what can stand below `expect:`."""
     from sim_action import catalogue
@@ -251,16 +275,19 @@ def commands() -> None:
 
 def _discovered(paths: Sequence[str]) -> tuple[list[Path], list[str]]:
     """The scenario files, and what was named but holds none."""
-    from sim_action.discovery import discover, unique
+    from sim_action.discovery import compared_name, discover, unique
 
     found = discover(paths or ["."])
-    empty = [pattern for pattern, files in found.items() if not files]
+    # However it is spelled, it is one outcome.
+    empty: dict[str, str] = {}
+    for pattern in (pattern for pattern, matches in found.items() if not matches):
+        empty.setdefault(compared_name(pattern), pattern)
     files = unique(found)
-    for pattern in empty:
+    for pattern in empty.values():
         # Beside others, it is in the reports.
         tell = _note if files else _complain
         tell(f"no scenario in or at '{pattern}'")
-    return files, empty
+    return files, list(empty.values())
 
 
 def _note(message: str) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Iterable, Iterator
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePath
 from typing import Final
 
-SUFFIX: Final = ".sim.yml"
+SUFFIXES: Final = (".sim.yml", ".sim.yaml")
 
 _NEVER_ENTERED: Final = frozenset({"node_modules", "__pycache__", "site-packages"})
 
@@ -16,18 +17,18 @@ _NEVER_ENTERED: Final = frozenset({"node_modules", "__pycache__", "site-packages
 def discover(patterns: Iterable[str]) -> dict[str, list[Path]]:
     """The scenario files behind each pattern, sorted.
 
-    A folder means the `*.sim.yml` in it and below, hidden folders left out. A name without wildcards is taken as a
-    file even if it does not exist, so that its absence is reported like any other fault of a scenario.
+    A folder means the `*.sim.yml` and `*.sim.yaml` in it and below, hidden folders left out. A name without wildcards
+    is taken as a file even if it does not exist, so that its absence is reported like any other fault of a scenario.
     """
     return {pattern: list(_matches(pattern)) for pattern in patterns}
 
 
-def unique(found: dict[str, list[Path]]) -> list[Path]:
+def unique(found: Mapping[str, Iterable[Path]]) -> list[Path]:
     """Each file once, as the first pattern that finds it names it."""
-    first: dict[Path, Path] = {}
+    first: dict[str, Path] = {}
     for files in found.values():
         for path in files:
-            first.setdefault(path.resolve(), path)
+            first.setdefault(compared_name(str(path)), path)
     return list(first.values())
 
 
@@ -37,8 +38,14 @@ def file_name(path: Path) -> str:
 
 
 def compared_name(name: str) -> str:
-    """The name of a file as reports have it, written in one way: `a`, `./a` and `.//a` are the same."""
-    return str(PurePosixPath(name.replace(os.sep, "/")))
+    """A name of a file in one way for all spellings: where it is, as seen from the current folder.
+
+    It need not be there; links that are there are followed.
+    """
+    try:
+        return os.path.realpath(name)
+    except ValueError:  # a NUL, or what is no text: no file is called so
+        return name
 
 
 def paths_of(pattern: str) -> list[Path]:
@@ -46,8 +53,18 @@ def paths_of(pattern: str) -> list[Path]:
     # A file whose name has brackets in it is that file.
     if not glob.has_magic(pattern) or os.path.lexists(pattern):
         return [Path(pattern)]
-    # Path.glob takes no absolute pattern.
-    return sorted(map(Path, glob.glob(pattern, recursive=True)))  # noqa: PTH207
+    # As in a shell, `**` beside something else is `*`.
+    whole = PurePath(pattern)
+    parts = [part if part == "**" else part.replace("**", "*") for part in whole.relative_to(whole.anchor).parts]
+    # Unlike glob.glob, this goes through no link to a folder for `**`: links may lead in circles.
+    found = Path(whole.anchor).glob(str(PurePath(*parts)))
+    return sorted(path for path in found if _is_shown(path, parts))
+
+
+def _is_shown(path: Path, parts: Iterable[str]) -> bool:
+    """Hidden files and folders are found only by patterns that say so."""
+    asked = [part for part in parts if part.startswith(".")]
+    return all(not part.startswith(".") or any(fnmatchcase(part, hidden) for hidden in asked) for part in path.parts)
 
 
 def _matches(pattern: str) -> Iterator[Path]:
@@ -61,4 +78,4 @@ def _matches(pattern: str) -> Iterator[Path]:
 def _below(folder: Path) -> Iterator[Path]:
     for parent, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in _NEVER_ENTERED)
-        yield from (Path(parent, name) for name in sorted(files) if name.endswith(SUFFIX))
+        yield from (Path(parent, name) for name in sorted(files) if name.endswith(SUFFIXES))

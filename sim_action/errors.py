@@ -4,6 +4,7 @@
     ├── UsageError                2    the command line asks for something that cannot be done
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     ├── ModelError                2    a robot model cannot be read
+    │   └── RefusedModel               a model file with what has to change in it
     └── RunError                  1    a valid scenario ran into something that leaves it without a verdict
         ├── EngineError                the physics engine refused the world
         ├── SimulationUnstable         the simulated state is no longer physics
@@ -64,6 +65,15 @@ class ModelError(SimActionError):
     def __init__(self, message: str, location: Location | None = None) -> None:
         self.location = location
         super().__init__(f"{location}: {message}" if location else message)
+
+
+class RefusedModel(ModelError):
+    """A model file that no engine should see, with everything that is wrong with it."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, self.problems)))
+        self.location = self.problems[0].location
 
 
 class RunError(SimActionError):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
-from sim_action.aftermath import interrupted, outcome_of
+from sim_action.aftermath import Ending, Limit, interrupted, outcome_of
 from sim_action.backends import BACKENDS, require
 from sim_action.interruption import Interruption
 from sim_action.isolation import CAN_FORK, Child
@@ -111,18 +111,27 @@ class _Scheduler:
     def _collect(self) -> None:
         for index, child in list(self._running.items()):
             child.listen()
-            status = child.poll()
-            if status is None and time.monotonic() < _deadline(child):
+            ending: Ending | None = child.poll()
+            if ending is None:
+                ending = _exceeded(child)
+                if ending is not None:
+                    child.kill()
+            if ending is None:
                 elapsed = time.monotonic() - child.started
                 self._listener.progress(child.job.loaded.scenario.name, child.sim_time, child.sim_time / elapsed)
                 continue
-            if status is None:
-                child.kill()
             child.close()
             del self._running[index]
-            self._outcomes[index] = outcome = outcome_of(child, status)
+            self._outcomes[index] = outcome = outcome_of(child, ending)
             self._listener.finished(outcome)
 
 
 def _deadline(child: Child) -> float:
     return child.started + child.job.loaded.scenario.wall_seconds
+
+
+def _exceeded(child: Child) -> Limit | None:
+    """The limit that a running child has come to."""
+    if time.monotonic() >= _deadline(child):
+        return "wall limit"
+    return "output limit" if child.job.printed > child.job.loaded.scenario.output_bytes else None

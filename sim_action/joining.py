@@ -13,7 +13,7 @@ from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
 from sim_action.outcome import Failure, Outcome
 from sim_action.result_files import ResultsFile
-from sim_action.sharding import Shard
+from sim_action.sharding import Shard, shards_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ def joined(files: Sequence[ResultsFile], listing: Listing | None) -> list[Entry]
     _check_files(files)
     _check_shards(sharded)
     entries = _ordered(files, sharded)
-    added = list(_not_run(entries, listing)) if listing else []
+    added = list(_not_run(entries, listing, left_any=bool(files))) if listing else []
     if listing:
         entries = _as_listed([*entries, *added], listing)
     return entries + [Entry(outcome) for outcome in _missing_shards(sharded, len(added))]
@@ -52,9 +52,18 @@ def _check_files(files: Iterable[ResultsFile]) -> None:
     seen: dict[str, Path] = {}
     for file in files:
         for outcome in file.results.outcomes:
-            first = seen.setdefault(compared_name(outcome.file), file.path) if outcome.file else file.path
-            if first != file.path:
-                _refuse(f"both {first} and {file.path} have results of {outcome.file}; nothing is counted twice")
+            name = _compared(outcome)
+            if name in seen:
+                both = f"both {seen[name]} and {file.path} have results of {outcome.file}"
+                twice = f"{file.path} has results of {outcome.file} twice"
+                _refuse(f"{twice if seen[name] == file.path else both}; nothing is counted twice")
+            if name:
+                seen[name] = file.path
+
+
+def _compared(outcome: Outcome) -> str:
+    """Its file, spelled in one way; empty if it is not of one."""
+    return compared_name(outcome.file) if outcome.file else ""
 
 
 def _check_shards(sharded: Sequence[tuple[Shard, ResultsFile]]) -> None:
@@ -95,7 +104,7 @@ def _entries(file: ResultsFile) -> list[Entry]:
 def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
     """What is not in the listing comes last."""
     places = {name: place for place, name in enumerate(_names(listing))}
-    return sorted(entries, key=lambda entry: places.get(compared_name(entry.outcome.file), len(places)))
+    return sorted(entries, key=lambda entry: places.get(_compared(entry.outcome), len(places)))
 
 
 def _names(listing: Listing) -> list[str]:
@@ -104,26 +113,28 @@ def _names(listing: Listing) -> list[str]:
     return [compared_name(name) for name in names]
 
 
-def _not_run(entries: Iterable[Entry], listing: Listing) -> Iterator[Entry]:
-    found = {compared_name(entry.outcome.file) for entry in entries}
-    outcomes = [*map(_without_result, listing.files), *map(Outcome.of_nothing, listing.empty)]
+def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> Iterator[Entry]:
+    found = {_compared(entry.outcome) for entry in entries}
+    lost = "a result of this scenario; look at the jobs that were to run it"
+    message = f"no shard has left {lost if left_any else 'any results; look at the jobs that were to run them'}"
+    outcomes = [_without_result(path, message) for path in listing.files] + [*map(Outcome.of_nothing, listing.empty)]
     return (Entry(outcome) for name, outcome in zip(_names(listing), outcomes, strict=True) if name not in found)
 
 
-def _without_result(path: Path) -> Outcome:
-    message = "no shard has left a result of this scenario; look at the jobs that were to run it"
+def _without_result(path: Path, message: str) -> Outcome:
     failure = Failure(kind="missing", title="no result", message=message)
     return Outcome(name=escaped_line(path.name), file=file_name(path), status="error", failures=(failure,))
 
 
 def _missing_shards(sharded: Sequence[tuple[Shard, ResultsFile]], added: int) -> Iterator[Outcome]:
-    """What they should have run is not known by its name; if all of it was added by its name, that is enough."""
+    """One for all: which of them should have run what is not known. If all was added by its name, that is enough."""
     for shard, _ in sharded[:1]:
         lost = shard.total - _count(sharded) - added
         missing = set(range(1, shard.count + 1)) - {present.index for present, _ in sharded}
-        for index in sorted(missing) if lost > 0 else ():
-            name = str(shard.model_copy(update={"index": index}))
-            message = f"{name} has left no results; {lost} of {shard.total} scenarios have none; look at its job"
+        if lost > 0:
+            name = shards_text(missing, shard.count)
+            has, job = ("has", "its job") if len(missing) == 1 else ("have", "their jobs")
+            message = f"{name} {has} left no results; {lost} of {shard.total} scenarios have none; look at {job}"
             failure = Failure(kind="missing", title="no results", message=message)
             yield Outcome(name=name, file="", status="error", failures=(failure,))
 

@@ -15,16 +15,17 @@ from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.discovery import file_name
 from sim_action.drives import DRIVES, Drive
-from sim_action.errors import InvalidScenario, ModelError
+from sim_action.errors import InvalidScenario, ModelError, RefusedModel
 from sim_action.location import Location, Problem
 from sim_action.messages import did_you_mean, escaped_line, shown
-from sim_action.models import load_model
+from sim_action.models import check_text, load_model
 from sim_action.permissions import Permissions
 from sim_action.registry import Table
-from sim_action.scenario import Expectation, ExpectationOptions, LoadedScenario, Scenario
+from sim_action.regular_files import open_regular
+from sim_action.scenario import DrivenRobot, Expectation, ExpectationOptions, LoadedScenario, Scenario
 from sim_action.scene import Scene, SpecProblems
 from sim_action.spec_errors import spec_errors
-from sim_action.workspace import Workspace
+from sim_action.workspace import PathError, Workspace
 from sim_action.yaml_document import MAX_BYTES, Document, KeyPath, location_after, read_document
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -32,13 +33,19 @@ Model = TypeVar("Model", bound=BaseModel)
 _PERMISSIONS: Final = Permissions()
 
 
-def load_scenario(path: Path, permissions: Permissions = _PERMISSIONS) -> LoadedScenario:
+def load_scenario(path: Path, permissions: Permissions = _PERMISSIONS, *, evaluate: bool = False) -> LoadedScenario:
     """Reads a scenario file, and checks everything that can be checked without running it.
 
-    Raises InvalidScenario with all problems; their file is named as `path` names it.
+    `evaluate`: whether xacro is, which runs what is written in it. Raises InvalidScenario with all problems; their file
+    is named as `path` names it.
     """
-    document = read_document(file_name(path), _read_text(path))
-    return _Loader(document, Workspace.around(path, allow_outside=permissions.outside), permissions).load()
+    try:
+        workspace = Workspace.around(path, allow_outside=permissions.outside)
+    except (PathError, OSError, RuntimeError) as error:
+        raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(str(error)))]) from None
+    loader = _Loader(read_document(file_name(path), _read_text(path)), workspace, permissions, evaluate=evaluate)
+    scenario = loader.load()
+    return LoadedScenario(scenario, path, file_name(path), workspace, loader.unchecked)
 
 
 def load_all(
@@ -57,15 +64,18 @@ def load_all(
 
 def build_scene(loaded: LoadedScenario) -> Scene:
     """The scene of a scenario, its model read. Raises ModelError."""
-    scenario, workspace = loaded.scenario, loaded.workspace
-    model = load_model(scenario.robot.model, workspace)
+    return _scene(loaded.scenario, loaded.workspace)
+
+
+def _scene(scenario: Scenario, workspace: Workspace) -> Scene:
+    model = load_model(scenario.robot, workspace)
     return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace)
 
 
 def _read_text(path: Path) -> str:
     where = Location(file_name(path))
     try:
-        with path.open("rb") as file:
+        with open_regular(path, follow_link=True) as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise InvalidScenario([Problem(where, f"cannot be read: {error.strerror}")]) from None
@@ -83,7 +93,9 @@ def _read_text(path: Path) -> str:
 class _Loader:
     """One document while it becomes a scenario."""
 
-    def __init__(self, document: Document, workspace: Workspace, permissions: Permissions) -> None:
+    def __init__(self, document: Document, workspace: Workspace, permissions: Permissions, *, evaluate: bool) -> None:
+        self.unchecked: tuple[str, ...] = ()
+        self._evaluate = evaluate
         self._document = document
         self._workspace = workspace
         self._permissions = permissions
@@ -91,7 +103,7 @@ class _Loader:
         self._command_paths: list[KeyPath] = []
         self._expect_paths: list[KeyPath] = []
 
-    def load(self) -> LoadedScenario:
+    def load(self) -> Scenario:
         data = self._document.data
         if not isinstance(data, dict):
             what = "the file is empty" if data is None else "the file holds no map of keys"
@@ -101,8 +113,13 @@ class _Loader:
         if scenario is not None:
             self._check(scenario, states_drive="drive" in data["robot"])
         if scenario is None or self._problems:
-            raise InvalidScenario(sorted(self._problems.values(), key=lambda p: (p.location.line, p.location.column)))
-        return LoadedScenario(scenario, self._document.file, self._workspace)
+            raise InvalidScenario(sorted(self._problems.values(), key=self._place))
+        return scenario
+
+    def _place(self, problem: Problem) -> tuple[bool, int, int]:
+        """Those of the scenario come first, in the order of its lines."""
+        where = problem.location
+        return where.file != self._document.file, where.line or 0, where.column or 0
 
     # --- families: the parts whose class depends on a key ---
 
@@ -204,16 +221,34 @@ class _Loader:
         """What a whole scenario must satisfy."""
         self._note_all((), scenario_checks.time_problems(scenario, self._expect_paths))
         self._note_all((), scenario_checks.rate_problems(scenario, self._command_paths))
+        self._note_all((), scenario_checks.rule_problems(scenario))
+        self._note_all((), scenario_checks.name_problems(scenario))
         try:
-            scene = build_scene(LoadedScenario(scenario, self._document.file, self._workspace))
+            if scenario.robot.is_xacro and not self._evaluate:
+                self._check_text(scenario.robot)
+                return
+            scene = _scene(scenario, self._workspace)
+        except RefusedModel as error:
+            # They are mended in the model's own file.
+            self._problems |= {((problem.location.file,), str(problem)): problem for problem in error.problems}
+            return
         except ModelError as error:
             self._note(("robot", "model"), str(error))
             return
+        self._check_scene(scenario, scene, states_drive=states_drive)
+
+    def _check_text(self, robot: DrivenRobot) -> None:
+        """What can be said before xacro has run; the rest is checked by the process that runs it."""
+        if self._permissions.scripts_refused:
+            self._note(("robot", "model"), self._permissions.scripts_refused)
+        name = f"{robot.model} is evaluated when it runs: until then, what is said of links and joints is not checked"
+        self.unchecked = (name, *check_text(robot, self._workspace))
+
+    def _check_scene(self, scenario: Scenario, scene: Scene, *, states_drive: bool) -> None:
         self._note_all((), scenario_checks.robot_problems(scenario, scene.model))
         # A drive that was written and refused is missing from the scenario: that is not a second problem.
         if not states_drive:
             self._note_all((), scenario_checks.wheel_problems(scenario, scene.model))
-        self._note_all((), scenario_checks.name_problems(scenario))
         for path, expectation in zip(self._expect_paths, scenario.expect, strict=True):
             self._note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
 

@@ -14,6 +14,12 @@ from sim_action.messages import escaped_line
 from sim_action.outcome import Results
 from sim_action.sharding import balanced
 
+MOST_BYTES: Final = (128 << 10) - len("INPUT_SCENARIO=\0")
+"""The action has the scenarios of a shard in this variable, and Linux takes no longer one."""
+
+# GitHub takes 1 MB as the output of a job, and counts 2 bytes for each character.
+_MOST_CHARACTERS: Final = 500_000
+
 # s; no job of GitHub's lasts as long, so a file that says more is not believed.
 _LONGEST: Final = 1e6
 
@@ -22,7 +28,7 @@ def matrix_text(files: Sequence[Path], empty: Sequence[str], count: int, known: 
     """One line of ASCII JSON for `strategy.matrix`, of at most so many shards.
 
     Patterns that found nothing go to the first shard, whose run reports them. Raises UsageError for names that cannot
-    stand in a list that has one name in each line.
+    stand in a list that has one name in each line, and for more of them than a runner or GitHub takes.
     """
     names = [path.as_posix() for path in files]
     _refuse_unlistable([*names, *empty])
@@ -32,7 +38,9 @@ def matrix_text(files: Sequence[Path], empty: Sequence[str], count: int, known: 
         {"index": index, "shards": len(shards), "scenario": "\n".join(shard)}
         for index, shard in enumerate(shards, start=1)
     ]
-    return json.dumps({"include": entries}, separators=(",", ":"))
+    text = json.dumps({"include": entries}, separators=(",", ":"))
+    _refuse_too_long(shards, text)
+    return text
 
 
 def known_durations(results: Results) -> dict[str, float]:
@@ -57,6 +65,19 @@ def _refuse_unlistable(names: Sequence[str]) -> None:
     if refused:
         wrong = "a name with a line break, white space at an end or bytes that are no UTF-8 cannot stand in a matrix"
         raise UsageError(f"{wrong}: {', '.join(refused)}; rename it, or use --shard I/N, which has no such limit")
+
+
+def _refuse_too_long(shards: Sequence[Sequence[str]], text: str) -> None:
+    other = "a matrix of folders or of `shard: I/N`, which needs no names"
+    for index, shard in enumerate(shards, start=1):
+        size = len("\n".join(shard).encode())
+        if size > MOST_BYTES:
+            names = f"shard {index} of {len(shards)} would be {len(shard)} names of {size / 1000:.1f} kB"
+            limit = "128 KiB is all that one variable of a runner holds"
+            raise UsageError(f"{names}, and {limit}; make more shards, or {other}")
+    if len(text) > _MOST_CHARACTERS:
+        limit = f"GitHub takes {_MOST_CHARACTERS / 1000:g} kB"
+        raise UsageError(f"the matrix would be {len(text) / 1000:.1f} kB long, and {limit}; make {other}")
 
 
 def _unlistable(names: Sequence[str]) -> Iterator[str]:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import platform
+import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
+from sim_action import __version__
+from sim_action.discovery import compared_name
 from sim_action.errors import ExitCode, UsageError
 from sim_action.joining import Entry, Listing, joined
-from sim_action.messages import escaped_line
+from sim_action.messages import escaped_line, log_line
 from sim_action.outcome import RESULTS_FILE, Outcome, Results
 from sim_action.reporting import ReportRequest, report_options, write_reports
-from sim_action.result_files import ResultsFile, read_all
+from sim_action.reports.escaping import shortened
+from sim_action.result_files import ResultsFile, find_all, read_all
 from sim_action.trace_files import TRACE_FOLDER, copy_trace, stored_file, trace_paths
+
+# Of what a stranger may have written; each JUnit suite has it.
+_LONGEST_VERSION: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +35,8 @@ class MergeRequest:
 
 def merge(request: MergeRequest) -> ExitCode:
     """Joins results, writes every report, and returns what the process says to its caller."""
-    files = read_all(request.results)
-    entries = joined(files, request.listing)
+    files = _read(request)
+    entries = _with_versions(joined(files, request.listing), files)
     sources = [_trace_source(entry) for entry in entries]
     _refuse_to_overwrite(files, sources, request.reports)
     options = report_options(request.reports)
@@ -38,19 +47,77 @@ def merge(request: MergeRequest) -> ExitCode:
     return results.exit_code
 
 
+def _read(request: MergeRequest) -> list[ResultsFile]:
+    """What is to be joined; none, if all of it is lost and there is a listing of what that was."""
+    found = find_all(request.results)
+    files = [file for file in read_all(found) if not _is_earlier_output(file, request)]
+    empty = [pattern for pattern, paths in found.items() if not paths or not files]
+    for pattern in empty:
+        lost = f"no {RESULTS_FILE} in or at '{pattern}'"
+        if not request.listing:
+            ask = "have the shards left their results there? With --scenarios, what has none is reported"
+            raise UsageError(escaped_line(f"{lost}: {ask}"))
+        _note(lost)
+    return files
+
+
+def _is_earlier_output(file: ResultsFile, request: MergeRequest) -> bool:
+    """Whether this call writes anew what it has found beside the results of shards, as the same call before it did."""
+    path = compared_name(str(file.path))
+    written = path == compared_name(str(request.reports.folder / RESULTS_FILE))
+    if not (file.results.merged and written) or path in map(compared_name, request.results):
+        return False
+    _note(f"{file.path} is left out: an earlier merge wrote it, and this one writes it anew")
+    return True
+
+
+def _with_versions(entries: Sequence[Entry], files: Iterable[ResultsFile]) -> list[Entry]:
+    """Each outcome, with a note of the version that it is of, if there are several."""
+    versions = {file.path: _distinct([file.results.sim_action]) for file in files}
+    if len(set(versions.values())) <= 1:
+        return list(entries)
+    _note(f"these results are of different versions of sim-action: {_distinct(versions.values())}")
+    return [_with_version(entry, versions[entry.origin]) if entry.origin else entry for entry in entries]
+
+
+def _with_version(entry: Entry, version: str) -> Entry:
+    return replace(entry, outcome=_noted(entry.outcome, f"it ran with sim-action {version}"))
+
+
+def _noted(outcome: Outcome, note: str) -> Outcome:
+    return outcome.model_copy(update={"notes": (*outcome.notes, note)})
+
+
+def _note(message: str) -> None:
+    sys.stderr.write(log_line(f"sim-action: {message}") + "\n")
+
+
 def _results(parts: Sequence[Results], outcomes: Iterable[Outcome]) -> Results:
+    parts = parts or [_nothing()]
     return Results(
         sim_action=_distinct(part.sim_action for part in parts),
         python=_distinct(part.python for part in parts),
         platform=_distinct(part.platform for part in parts),
         wall_time=max(part.wall_time for part in parts),
+        merged=True,
         outcomes=tuple(outcomes),
+    )
+
+
+def _nothing() -> Results:
+    """If nobody has left anything, that is what this call has found."""
+    return Results(
+        sim_action=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        wall_time=0.0,
+        outcomes=(),
     )
 
 
 def _distinct(texts: Iterable[str]) -> str:
     """Shards that were not alike are not called so."""
-    return ", ".join(dict.fromkeys(texts))
+    return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _LONGEST_VERSION)
 
 
 def _trace_source(entry: Entry) -> Path | None:
@@ -60,11 +127,12 @@ def _trace_source(entry: Entry) -> Path | None:
 
 def _refuse_to_overwrite(files: Iterable[ResultsFile], sources: Iterable[Path | None], request: ReportRequest) -> None:
     """What is joined is still there afterwards."""
-    written = [path.resolve() for path in (request.folder / RESULTS_FILE, request.junit) if path]
-    traces = (request.folder / TRACE_FOLDER).resolve()
-    for path in [file.path.resolve() for file in files] + [source for source in sources if source]:
-        if path in written or traces in path.parents:
-            why = f"{path} is to be joined, and would be overwritten"
+    written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
+    traces = compared_name(str(request.folder / TRACE_FOLDER))
+    for path in [file.path for file in files] + [source for source in sources if source]:
+        name = compared_name(str(path))
+        if name in written or Path(name).is_relative_to(traces):
+            why = f"{name} is to be joined, and would be overwritten"
             raise UsageError(escaped_line(f"{why}; choose another --output-dir or --junit"))
 
 
@@ -87,7 +155,7 @@ def _with_trace(outcome: Outcome, source: Path | None, target: Path | None, fold
         return outcome
     if source is None or target is None:
         note = escaped_line(f"its trace {outcome.trace} is not beside the results of its shard")
-        return outcome.model_copy(update={"trace": None, "notes": (*outcome.notes, note)})
+        return _noted(outcome.model_copy(update={"trace": None}), note)
     try:
         target.parent.mkdir(exist_ok=True)
         copy_trace(source, target)

@@ -15,6 +15,7 @@ from sim_action.regular_files import open_regular
 from sim_action.scenario import Severity
 from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
+from sim_action.whole_files import whole_file
 
 RESULTS_FILE = "results.json"
 
@@ -28,7 +29,7 @@ FailureKind = Literal[
 ]
 """missing: somebody should have run it, and there is nothing to show for it."""
 
-WallSeconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Failure(FrozenModel):
@@ -99,10 +100,10 @@ class Outcome(FrozenModel):
     expectations: tuple[ExpectationOutcome, ...] = ()
     failures: tuple[Failure, ...] = ()
     end: str | None = None
-    sim_time: float | None = None
-    wall_time: WallSeconds = 0.0
-    real_time_factor: float | None = None
-    travelled: float | None = None
+    sim_time: NotNegative | None = None
+    wall_time: NotNegative = 0.0
+    real_time_factor: NotNegative | None = None
+    travelled: NotNegative | None = None
     digest: str | None = None
     engine: str | None = None
     notes: tuple[str, ...] = ()
@@ -118,7 +119,7 @@ class Outcome(FrozenModel):
             return ExitCode.INTERRUPTED
         if "internal" in kinds:
             return ExitCode.INTERNAL
-        if "invalid" in kinds:
+        if kinds & {"invalid", "missing"}:
             return ExitCode.INVALID
         return ExitCode.PASSED if self.status == "passed" else ExitCode.FAILED
 
@@ -151,14 +152,16 @@ class Results(FrozenModel):
         sim_action: version; of shards that were not alike, each that there was.
         wall_time: s that the call took; of shards that were joined, what the longest took.
         shard: which part of a list of scenarios this is of; left out: of all.
+        merged: whether `sim-action merge` has written this, from the results of others.
     """
 
     version: Literal[1] = 1
     sim_action: str
     python: str
     platform: str
-    wall_time: WallSeconds
+    wall_time: NotNegative
     shard: Shard | None = None
+    merged: bool = False
     outcomes: tuple[Outcome, ...]
 
     @property
@@ -201,7 +204,8 @@ class Results(FrozenModel):
     def write(self, folder: Path) -> Path:
         """Writes `results.json` into a folder that exists; returns its path."""
         path = folder / RESULTS_FILE
-        path.write_text(self.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        with whole_file(path) as file:
+            file.write((self.model_dump_json(indent=2) + "\n").encode())
         return path
 
     @classmethod

@@ -8,8 +8,10 @@ from functools import partial
 from pathlib import Path
 
 from sim_action.errors import UsageError
+from sim_action.messages import escaped_line
 from sim_action.outcome import Results
 from sim_action.reports import REPORTS, ReportOptions, Verbosity
+from sim_action.trace_files import TRACE_FOLDER
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,8 @@ class ReportRequest:
 
 def report_options(request: ReportRequest) -> ReportOptions:
     """Where reports go; makes the output folder. Raises UsageError."""
+    for place in (request.folder / TRACE_FOLDER, *([request.junit.parent] if request.junit else [])):
+        _refuse_links(place)
     folder = _created(request.folder)
     if request.junit is not None and request.junit.is_dir():
         raise UsageError(f"--junit {request.junit} is a folder; name a file")
@@ -45,7 +49,7 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     Annotations are of `annotated` alone, if it is given: somebody else has annotated the others.
     """
     failed = []
-    of = {"annotations": annotated or results}
+    of = {"annotations": results if annotated is None else annotated}
     writers = {"results": lambda: results.write(options.folder)} | {
         name: partial(REPORTS.load(name), of.get(name, results), options)
         for name in REPORTS
@@ -69,3 +73,17 @@ def _created(folder: Path) -> Path:
     except OSError as error:
         raise UsageError(f"cannot write to the output folder {folder}: {error.strerror}") from None
     return folder
+
+
+def _refuse_links(path: Path) -> None:
+    """Raises UsageError if a folder of a path below the current one is a link: whoever wrote it chose the target."""
+    here = Path.cwd()
+    absolute = Path(os.path.abspath(path))  # noqa: PTH100 - links are what is looked for
+    if not absolute.is_relative_to(here):
+        return
+    for place in (absolute, *absolute.parents):
+        if place == here:
+            return
+        if place.is_symlink():
+            shown = place.relative_to(here)
+            raise UsageError(escaped_line(f"'{shown}' is a link: results are not written through one; remove it"))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Final, NoReturn
 
-from sim_action.discovery import paths_of
+from sim_action.discovery import paths_of, unique
 from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
 from sim_action.outcome import RESULTS_FILE, Outcome, Results
+
+MOST_OUTCOMES: Final = 50_000
+"""To join so many takes half a minute and most of a gigabyte."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,26 +25,32 @@ class ResultsFile:
     results: Results
 
 
-def read_all(patterns: Iterable[str]) -> list[ResultsFile]:
-    """The results behind files, folders (every `results.json` in and below) and globs; each file once.
+def find_all(patterns: Iterable[str]) -> dict[str, list[Path]]:
+    """The files behind each pattern: a file, a folder (every `results.json` in it and below), or a glob of these.
 
-    Raises UsageError for a pattern that finds none, and for a file that is not to be believed.
+    Raises UsageError for what cannot be looked into.
     """
-    paths: dict[Path, Path] = {}
-    for pattern in patterns:
-        found = list(_matches(pattern))
-        if not found:
-            _refuse(f"no {RESULTS_FILE} in or at '{pattern}'")
-        for path in found:
-            paths.setdefault(path.resolve(), path)
-    return [ResultsFile(path, _read(path)) for path in paths.values()]
+    return {pattern: list(_matches(pattern)) for pattern in patterns}
+
+
+def read_all(found: Mapping[str, Iterable[Path]], most: int = MOST_OUTCOMES) -> list[ResultsFile]:
+    """Each file once. Raises UsageError for one that is not to be believed, and for too many outcomes."""
+    files: list[ResultsFile] = []
+    count = 0
+    for path in unique(found):
+        results = _read(path)
+        count += len(results.outcomes)
+        if count > most:
+            _refuse(f"{path}: with its outcomes there are more than {most}, which is the most")
+        files.append(ResultsFile(path, results))
+    return files
 
 
 def _matches(pattern: str) -> Iterator[Path]:
     for path in paths_of(pattern):
         if path.is_dir():
             yield from _below(path)
-        elif path == Path(pattern) or path.suffix == ".json":
+        elif os.path.lexists(path) and (path == Path(pattern) or path.suffix == ".json"):
             yield path
 
 

@@ -1,4 +1,4 @@
-"""A robot model as data: links, joints, shapes. No file format and no engine in sight."""
+"""A robot model as data: links, joints, shapes, findings. No file format and no engine in sight."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Final, Literal
 
 from sim_action import units
 from sim_action.geometry import Pose, Vector3
+from sim_action.location import Location
 from sim_action.units import Dimension
 
 Reading = Literal["position", "velocity", "effort"]
@@ -33,11 +34,14 @@ class Shape:
         kind: "box", "cylinder", "sphere", "mesh", ...
         pose: in the link's frame.
         radius: m, for cylinders, capsules and spheres.
+        lower_xyz, upper_xyz: m, the corners of the box around it, in its own frame; None where they are not known.
     """
 
     kind: str
     pose: Pose
     radius: float | None = None
+    lower_xyz: Vector3 | None = None
+    upper_xyz: Vector3 | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,23 @@ class Joint:
         return self.type in ("revolute", "continuous", "prismatic")
 
 
+Level = Literal["fatal", "error", "warning"]
+"""fatal: no engine could take it; error: it would not be the robot that was meant, unless allowed; warning: odd."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One rule of the audit that does not hold, and where."""
+
+    rule: str
+    level: Level
+    message: str
+    location: Location
+
+    def __str__(self) -> str:
+        return f"{self.location}: {self.message} [{self.rule}]"
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """A loaded robot.
@@ -91,6 +112,7 @@ class RobotModel:
         name: what the model calls itself.
         source: the file it came from, absolute.
         urdf: clean, absolute, pretty-printed URDF text for the engine.
+        findings: what is odd about it, or was let go.
     """
 
     name: str
@@ -98,6 +120,7 @@ class RobotModel:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     urdf: str
+    findings: tuple[Finding, ...] = ()
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:

@@ -4,19 +4,36 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Final, Literal
 
+from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
-from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveHertz, PositiveSeconds
+from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveHertz, PositiveSeconds, Quantity
+from sim_action.units import Dimension
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 
 _STEP_ROUNDING = 1e-6
+# Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
+_LEAST_MEMORY: Final = 512 << 20
+_MOST_MEMORY: Final = 1 << 50
+_MEMORY: Final = 4 << 30
+_OUTPUT: Final = 100_000_000
+
+_DATA: Final = Dimension(
+    "amount of data",
+    "B",
+    MappingProxyType({"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}),
+)
+_Memory = Annotated[float, Ge(_LEAST_MEMORY), Le(_MOST_MEMORY), Quantity((_DATA,))]
+_Output = Annotated[float, Gt(0), Quantity((_DATA,))]
 
 Severity = Literal["error", "warning"]
 
@@ -76,12 +93,26 @@ class Scenario(FrozenModel):
     wall_limit: Annotated[
         PositiveSeconds | None, Field(description="guards against a stuck run; left out: max(60 s, 10 x time_limit)")
     ] = None
+    memory_limit: Annotated[
+        _Memory | None, Field(description="address space that a process of it may take; left out: 4 GiB")
+    ] = None
+    output_limit: Annotated[_Output | None, Field(description="how much it may print; left out: 100 MB")] = None
     trace: TraceSettings = TraceSettings()
 
     @property
     def wall_seconds(self) -> float:
         """After how many seconds of wall time a run is given up."""
         return self.wall_limit or max(60.0, 10 * self.time_limit)
+
+    @property
+    def memory_bytes(self) -> int:
+        """How much address space a process of it may take."""
+        return int(self.memory_limit or _MEMORY)
+
+    @property
+    def output_bytes(self) -> int:
+        """How much it may print."""
+        return int(self.output_limit or _OUTPUT)
 
     @property
     def trace_rate(self) -> float:
@@ -91,7 +122,7 @@ class Scenario(FrozenModel):
     @property
     def runs_user_code(self) -> bool:
         """Whether it needs an interpreter of its own."""
-        return any(source.runs_user_code for source in self.commands)
+        return self.robot.is_xacro or any(source.runs_user_code for source in self.commands)
 
     def steps(self, seconds: float) -> int:
         """The first physics step at or after a sim time."""
@@ -110,8 +141,17 @@ def rate_divides(physics_rate: float, rate: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LoadedScenario:
-    """A valid scenario, the file that it came from as reports show it, and where its own files are found."""
+    """A valid scenario.
+
+    Attributes:
+        path: of the file that it came from, as it was named.
+        file: the same, as reports show it.
+        workspace: where its own files are found.
+        unchecked: what nobody can know before code of the user's has run.
+    """
 
     scenario: Scenario
+    path: Path
     file: str
     workspace: Workspace
+    unchecked: tuple[str, ...] = ()

@@ -8,6 +8,7 @@ from typing import Final
 from sim_action import units
 from sim_action.drives import recognise
 from sim_action.messages import did_you_mean
+from sim_action.models.findings import ALLOWABLE, RULES
 from sim_action.robot_model import Joint, RobotModel
 from sim_action.scenario import Scenario, rate_divides
 from sim_action.scene import SpecProblems
@@ -80,6 +81,15 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     if robot.drive is not None:
         for below, message in robot.drive.problems(model):
             yield ("robot", "drive", robot.drive.key, *below), message
+
+
+def rule_problems(scenario: Scenario) -> SpecProblems:
+    """Rules that there are not, and those that cannot be let go."""
+    for index, name in enumerate(scenario.robot.allow):
+        if name not in ALLOWABLE:
+            path: KeyPath = ("robot", "allow", index)
+            fatal = "; no engine could take such a model" if name in RULES else ""
+            yield path, f"'{name}' is no rule that can be let go{fatal or did_you_mean(name, ALLOWABLE)}"
 
 
 def wheel_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:

@@ -13,7 +13,7 @@ from sim_action.backends import BACKENDS, Backend
 from sim_action.command import Command, JointTargets
 from sim_action.commands import Controller, OpenLoop
 from sim_action.drives import Drive, DriveMotion, recognise
-from sim_action.errors import RunError, SimulationUnstable
+from sim_action.errors import RunError
 from sim_action.geometry import Twist
 from sim_action.observation import Observation
 from sim_action.panel import End, Panel
@@ -21,6 +21,7 @@ from sim_action.scenario import Scenario
 from sim_action.scene import Scene
 from sim_action.trace import Digest, Trace
 from sim_action.verdict import Verdict
+from sim_action.watchdog import Watchdog
 
 ENGINE: Final = "pybullet"
 
@@ -32,11 +33,6 @@ _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD: Final = 0.1
 # How long the panel waits for its next look, in s: it looks at every step then, but looking costs.
 _PERIOD: Final = 0.5
-# Bullet's speeds saturate near 160 m/s when a simulation explodes.
-_FASTEST: Final = 100.0
-# In m and rad/s (m/s): no robot gets there, but a simulation that explodes slowly does.
-_FARTHEST: Final = 1e4
-_FASTEST_JOINT: Final = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +88,8 @@ class _Loop:
         self._scenario = scenario
         self._scene = scene
         self._backend = backend
-        self._notes: list[str] = []
+        self._watchdog = Watchdog.of(scene, backend.observe(0, contacts=False))
+        self._notes = list(map(str, scene.model.findings))
         self._motion = self._open_drive()
         self._twist: Twist | None = None
         self._last_step = scenario.steps(scenario.time_limit)
@@ -150,9 +147,9 @@ class _Loop:
         speed = 0.0
         while remaining > 0:
             steps = min(period, remaining)
+            self._backend.advance(-remaining, _padded(brake, steps))
             remaining -= steps
-            self._backend.advance(-steps, _padded(brake, steps))
-            trace, failure = _stable(self._backend.collect())
+            trace, failure = self._watchdog.watch(self._backend.collect())
             if failure is not None:
                 raise failure
             speed = _fastest(trace)
@@ -170,7 +167,7 @@ class _Loop:
                 self._tick(tickers, end)
         except RunError as error:
             failure = error
-        trace, unstable = _stable(self._backend.collect())
+        trace, unstable = self._watchdog.watch(self._backend.collect())
         return trace, unstable or failure
 
     def _tick(self, tickers: list[_Ticker], end: int) -> None:
@@ -223,35 +220,6 @@ class _Loop:
 def _padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:
     """One entry a step: the last target holds."""
     return [*targets, *[None] * (steps - len(targets))]
-
-
-def _stable(trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
-    """The moments that are still physics, and what is wrong with the next. A NaN would break no comparison."""
-    ok = (
-        np.isfinite(trace.state).all(axis=1)
-        & (trace.speed < _FASTEST)
-        & (np.abs(trace.base_position_xyz) < _FARTHEST).all(axis=1)
-        & (np.abs(trace.joint_velocity) < _FASTEST_JOINT).all(axis=1)
-    )
-    if ok.all():
-        return trace, None
-    first = int(np.argmin(ok))
-    message = f"simulation unstable at t = {trace.time[first]:.2f} s: {_fault(trace.rows(slice(first, first + 1)))}"
-    return trace.first(first) if first else trace.rows(slice(0)), SimulationUnstable(message)
-
-
-def _fault(moment: Trace) -> str:
-    """What is no physics in a moment that is not stable."""
-    if not np.isfinite(moment.state).all():
-        return "the state holds what is not a number"
-    if moment.speed[0] >= _FASTEST:
-        return f"the base moves at {moment.speed[0]:.3g} m/s"
-    x, y, z = moment.base_position_xyz[0].tolist()
-    if max(abs(x), abs(y), abs(z)) >= _FARTHEST:
-        return f"the base is at ({x:.3g}, {y:.3g}, {z:.3g}) m"
-    fastest = int(np.argmax(np.abs(moment.joint_velocity[0])))
-    name, speed = moment.joint_names[fastest], moment.joint_velocity[0, fastest]
-    return f"joint '{name}' moves at {speed:.3g} rad/s or m/s"
 
 
 def _fastest(trace: Trace) -> float:

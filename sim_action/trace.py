@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sim_action.geometry import Vector3
 from sim_action.observation import Contact, Observation
+from sim_action.whole_files import whole_file
 
 FloatArray = NDArray[np.float64]
 
@@ -202,7 +203,8 @@ class Trace:
             "contact_force": np.array([c.force for c in self.contacts], dtype=np.float64),
         }
         arrays: dict[str, Any] = {"joint_names": np.array(self.joint_names, dtype=np.str_), **columns, **contacts}
-        np.savez(path, **arrays)
+        with whole_file(path) as file:
+            np.savez(file, **arrays)
 
     @classmethod
     def load(cls, path: Path) -> Self:

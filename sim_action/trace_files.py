@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-import secrets
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from sim_action.regular_files import open_regular
+from sim_action.whole_files import whole_file
 
 TRACE_FOLDER: Final = "traces"
 
@@ -18,13 +18,16 @@ TRACE_FOLDER: Final = "traces"
 def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
     """A file for each name, safe on every file system, no two alike whatever the case."""
     taken: set[str] = set()
+    # Where to go on looking for the next that is free: many may have the same name.
+    numbers: dict[str, int] = {}
     paths = []
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:80] or "scenario"
-        unique, number = plain, 1
+        unique, number = plain, numbers.get(plain.lower(), 1)
         while unique.lower() in taken:
             number += 1
             unique = f"{plain}-{number}"
+        numbers[plain.lower()] = number
         taken.add(unique.lower())
         paths.append(folder / TRACE_FOLDER / f"{unique}.npz")
     return paths
@@ -43,10 +46,5 @@ def stored_file(folder: Path, trace: str) -> Path | None:
 
 def copy_trace(source: Path, target: Path) -> None:
     """Copies a stored trace, all of it or nothing; raises OSError. What the target's name stands for is replaced."""
-    unfinished = target.with_name(f".{secrets.token_hex(8)}{target.suffix}")
-    try:
-        with open_regular(source, follow_link=False) as trace, unfinished.open("xb") as copy:
-            shutil.copyfileobj(trace, copy)
-        unfinished.replace(target)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with open_regular(source, follow_link=False) as trace, whole_file(target) as copy:
+        shutil.copyfileobj(trace, copy)

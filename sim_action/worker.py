@@ -10,19 +10,26 @@ import signal
 import sys
 import time
 import traceback
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 
-from sim_action.errors import EngineError, ModelError, RunError, ScriptError, SimulationUnstable
-from sim_action.loading import build_scene
+from sim_action.errors import (
+    EngineError,
+    InvalidScenario,
+    ModelError,
+    RefusedModel,
+    RunError,
+    ScriptError,
+    SimulationUnstable,
+)
+from sim_action.loading import build_scene, load_scenario
 from sim_action.native_output import redirect_output
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
+from sim_action.permissions import Permissions
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.simulation import SimulationRun, simulate
-
-MEMORY_LIMIT: Final = 4 << 30
-"""Bytes of address space that one scenario may take."""
 
 _PROGRESS_PERIOD: Final = 0.1
 _PR_SET_PDEATHSIG: Final = 1  # of Linux's sys/prctl.h
@@ -53,42 +60,67 @@ class Job:
         """Where everything goes that the child prints."""
         return self.folder / "output.txt"
 
+    @property
+    def printed(self) -> int:
+        """How many bytes that has come to."""
+        try:
+            return self.output_file.lstat().st_size
+        except OSError:
+            return 0
+
 
 def run_job(job: Job, progress_descriptor: int) -> None:
     """Runs a scenario in this process, which is the scenario's own, and writes the outcome."""
     redirect_output(job.output_file)
-    _limit_resources()
+    _limit_resources(job.loaded.scenario.memory_bytes)
     started = time.perf_counter()
     outcome = _outcome(job, _Progress(progress_descriptor))
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
     job.outcome_file.write_text(outcome.model_dump_json(), encoding="utf-8")
 
 
-def main() -> None:
-    """The entry of a fresh interpreter: the job comes on standard input, the descriptor as the argument."""
+def main(progress_descriptor: int) -> NoReturn:
+    """Runs the job that comes on standard input, in an interpreter that has done nothing else."""
     job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
-    run_job(job, int(sys.argv[1]))
-    sys.stdout.flush()
-    sys.stderr.flush()
+    run_job(job, progress_descriptor)
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
     # Threads and exit handlers that the user's code has left must not hold up a verdict that is written.
     os._exit(0)
 
 
-def _limit_resources() -> None:
+def out_of_memory(scenario: Scenario) -> str:
+    """What to say of a scenario that has come to its limit of memory."""
+    return f"it needs more than the {scenario.memory_bytes / 2**30:.4g} GiB of memory that it may take (memory_limit)"
+
+
+def _limit_resources(memory: int) -> None:
     # A parent that is killed outright cannot end its children.
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    _limit(resource.RLIMIT_AS, memory)
+    # What it prints is bounded by the caller, who looks now and then; this holds while the caller is held up. A trace
+    # was in memory before it becomes a file. The number of processes is not limited: RLIMIT_NPROC counts those of the
+    # user, the rest of the job among them.
+    _limit(resource.RLIMIT_FSIZE, memory)
+    _limit(resource.RLIMIT_CORE, 0)
     # Ctrl-C goes to the whole foreground; the parent decides what to end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _limit(kind: int, most: int) -> None:
+    """Sets a limit of this process and all below it; a lower one that is there already stays."""
+    _, hard = resource.getrlimit(kind)
+    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(kind, (most, most))
 
 
 class _Progress:
     """Writes sim times to the parent's pipe, now and then."""
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
+        self.descriptor = descriptor
         os.set_blocking(descriptor, False)
         self._next = 0.0
 
@@ -97,7 +129,7 @@ class _Progress:
             return
         self._next = time.perf_counter() + _PROGRESS_PERIOD
         try:
-            os.write(self._descriptor, f"{sim_time:.3f}\n".encode())
+            os.write(self.descriptor, f"{sim_time:.3f}\n".encode())
         except OSError:
             # A parent that does not listen is no reason to stop.
             self._next = float("inf")
@@ -106,25 +138,63 @@ class _Progress:
 def _outcome(job: Job, progress: _Progress) -> Outcome:
     scenario = job.loaded.scenario
     try:
-        run = simulate(scenario, build_scene(job.loaded), progress)
+        _check_again(job.loaded)
+        run = _simulated(job, progress)
         job.trace.parent.mkdir(parents=True, exist_ok=True)
         run.trace.save(job.trace)
+    except InvalidScenario as error:
+        return Outcome.of_invalid(job.loaded.file, error)
     except (RunError, ModelError) as error:
+        if isinstance(error.__context__, MemoryError):
+            return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(scenario)}", error)
         return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
     except MemoryError:
-        message = f"needs more than the {MEMORY_LIMIT >> 30} GiB of memory that a scenario may take"
-        return _error(job, ("memory", "out of memory"), message)
+        return _error(job, _OUT_OF_MEMORY, out_of_memory(scenario))
     except Exception as error:  # noqa: BLE001 - a fault of ours is an outcome too
         message = f"a fault of sim-action: {type(error).__name__}: {error}; please report it"
         return _error(job, ("internal", "internal error"), message, details=traceback.format_exc())
     return _judged(job, scenario, run)
 
 
+def _check_again(loaded: LoadedScenario) -> None:
+    """What nobody could know before xacro had run, here where it may. Raises InvalidScenario."""
+    if loaded.scenario.robot.is_xacro:
+        load_scenario(loaded.path, Permissions(outside=loaded.workspace.allow_outside), evaluate=True)
+
+
+def _simulated(job: Job, progress: _Progress) -> SimulationRun:
+    """The run; only in the process that began it. Raises RunError, ModelError."""
+    born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
+    try:
+        run = simulate(job.loaded.scenario, build_scene(job.loaded), progress)
+    finally:
+        if os.getpid() != born:
+            # A copy that came of os.fork() in the user's code, and went on: the verdict is for the original to give.
+            os._exit(0)
+    closed = [f"{number} ({what})" for number, what in own.items() if not _is_open(number)]
+    if closed:
+        raise ScriptError(
+            f"the controller has closed descriptors that are not its own: {', '.join(closed)}; "
+            "what was printed is lost, and may be in other files"
+        )
+    return run
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
+
+
+_OUT_OF_MEMORY: Final[tuple[FailureKind, str]] = ("memory", "out of memory")
 _KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
     EngineError: ("engine", "engine error"),
     SimulationUnstable: ("unstable", "simulation unstable"),
     ScriptError: ("script", "script error"),
     ModelError: ("invalid", "invalid model"),
+    RefusedModel: ("invalid", "invalid model"),
 }
 
 
@@ -161,7 +231,3 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         notes=run.notes,
         trace=os.path.relpath(job.trace, job.results),
     )
-
-
-if __name__ == "__main__":
-    main()

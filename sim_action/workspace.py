@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,12 +26,18 @@ class Workspace:
 
     @classmethod
     def around(cls, scenario_file: Path, *, allow_outside: bool = False) -> Workspace:
-        """The workspace of a scenario: its repository, else the current directory, else its own folder."""
-        directory = scenario_file.resolve().parent
-        here = Path.cwd().resolve()
-        repository = next((folder for folder in (directory, *directory.parents) if (folder / ".git").exists()), None)
-        root = repository or (here if directory.is_relative_to(here) else directory)
-        return cls(directory, root, allow_outside)
+        """The workspace of a scenario: its repository, else the current directory, else its own folder.
+
+        A link does not take a scenario into another workspace. Raises PathError if it leads out of this one.
+        """
+        named = Path(os.path.abspath(scenario_file)).parent  # noqa: PTH100 - where it is, not where links lead
+        here = Path.cwd()
+        repository = next((folder for folder in (named, *named.parents) if (folder / ".git").exists()), None)
+        root = (repository or (here if named.is_relative_to(here) else named)).resolve()
+        file = scenario_file.resolve()
+        if not allow_outside and not file.is_relative_to(root):
+            raise PathError(f"is a link to {file}, outside the workspace {root}; --allow-outside lifts this")
+        return cls(file.parent, root, allow_outside)
 
     def file(self, path: str) -> Path:
         """The absolute path of a file that a scenario names. Raises PathError."""

@@ -5,7 +5,7 @@ The fields are the keys of a scenario file; the docstrings and descriptions are 
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -14,6 +14,7 @@ from sim_action.quantities import (
     FrozenModel,
     JointPosition,
     Metres,
+    MetresPerSecond,
     Name,
     NonNegativeRatio,
     NonNegativeSeconds,
@@ -21,9 +22,13 @@ from sim_action.quantities import (
     PositiveKilograms,
     PositiveMetres,
     Radians,
+    RadiansPerSecond,
 )
 
 GROUND = "ground"
+
+FASTEST: Final = 100.0
+"""m/s and rad/s at which Bullet stops the base and every joint, silently: what moves as fast is no physics any more."""
 
 
 class Placement(FrozenModel):
@@ -45,12 +50,26 @@ class Placement(FrozenModel):
 class Robot(FrozenModel):
     """The robot under test."""
 
-    model: Annotated[str, Field(min_length=1, description="the name of a built-in model, or the path of a URDF file")]
+    model: Annotated[
+        str, Field(min_length=1, description="the name of a built-in model, or the path of a URDF or xacro file")
+    ]
     base: Annotated[Literal["free", "fixed"], Field(description="fixed: bolted to the world")] = "free"
     pose: Annotated[Placement, Field(description="of the base link")] = Placement()
+    args: Annotated[dict[str, str | bool | int | float], Field(description="arguments of a xacro file, by name")] = (
+        Field(default_factory=dict)
+    )
+    packages: Annotated[dict[str, str], Field(description="folders of ROS packages, by name")] = Field(
+        default_factory=dict
+    )
+    allow: Annotated[tuple[str, ...], Field(description="rules of the model's audit that need not hold")] = ()
     joints: Annotated[dict[str, JointPosition], Field(description="where joints begin, by name")] = Field(
         default_factory=dict
     )
+
+    @property
+    def is_xacro(self) -> bool:
+        """Whether its model has to be evaluated."""
+        return self.model.endswith(".xacro")
 
 
 class Ground(FrozenModel):
@@ -106,3 +125,18 @@ class Physics(FrozenModel):
     settle: Annotated[
         NonNegativeSeconds, Field(le=60, description="longest time to come to rest before t = 0; 0: do not wait")
     ] = 2.0
+    max_speed: Annotated[
+        MetresPerSecond,
+        Field(gt=0, le=FASTEST, description="of the base and of joints that slide; from there on, it is unstable"),
+    ] = FASTEST
+    max_turn_rate: Annotated[
+        RadiansPerSecond,
+        Field(gt=0, le=FASTEST, description="of the base and of joints that turn; from there on, it is unstable"),
+    ] = FASTEST
+    max_distance: Annotated[
+        PositiveMetres, Field(description="of the base from where it began; from there on, it is unstable")
+    ] = 10_000.0
+    max_depth: Annotated[
+        PositiveMetres | None,
+        Field(description="of the base below the ground; left out: as far as its shapes are from it, and 1 m"),
+    ] = None

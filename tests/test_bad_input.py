@@ -8,12 +8,18 @@ import pytest
 
 from sim_action.errors import InvalidScenario
 from sim_action.loading import load_scenario
+from sim_action.models import load_model
 from sim_action.permissions import Permissions
+from sim_action.workspace import Workspace
+from sim_action.world import Robot
 from tests.scenarios import LEAST, load, told
 
 MODEL = "model: turtlebot3_burger"
 JOINTS = "(allowed: wheel_left_joint, wheel_right_joint)"
-KEYS = "(allowed: commands, duration, expect, name, physics, robot, time_limit, trace, version, wall_limit, world)"
+KEYS = (
+    "(allowed: commands, duration, expect, memory_limit, name, output_limit, physics, robot, time_limit, trace, "
+    "version, wall_limit, world)"
+)
 
 
 def only(folder: Path, text: str | bytes) -> str:
@@ -134,7 +140,7 @@ def test_a_version_of_the_format_that_is_not_there_yet(tmp_path: Path) -> None:
         ("../../etc/passwd", "3:3: robot.model: '../../etc/passwd' is outside the workspace "),
         ("/etc/passwd", "3:3: robot.model: '/etc/passwd' is outside the workspace "),
         ("./", "3:3: robot.model: './' is a folder (looked for "),
-        ("s.sim.yml", "3:3: robot.model: {file}:1: not well-formed XML: syntax error"),
+        ("s.sim.yml", "1: not well-formed XML: syntax error [bad-xml]"),
         ('"a\\0b.urdf"', "3:3: robot.model: 'a\\x00b.urdf' cannot be a file"),
         ('"a\\n::error::b.urdf"', "3:3: robot.model: 'a\\n::error::b.urdf' does not exist"),
         ("a" * 300 + ".urdf", "3:3: robot.model: 'aaaaaaa"),
@@ -147,7 +153,9 @@ def test_a_model_that_cannot_be_read(model: str, problem: str, tmp_path: Path) -
 
 
 def test_a_link_that_leads_outside_and_the_option_that_lifts_it(tmp_path: Path) -> None:
-    (tmp_path / "outside.urdf").write_text('<robot name="a"><link name="wheel"/></robot>')
+    (tmp_path / "outside.urdf").write_text(
+        load_model(Robot(model="turtlebot3_burger"), Workspace(tmp_path, tmp_path)).urdf
+    )
     root = tmp_path / "workspace"
     root.mkdir()
     (root / "link.urdf").symlink_to(tmp_path / "outside.urdf")
@@ -246,7 +254,7 @@ def test_a_missing_file(tmp_path: Path) -> None:
 
 
 def test_a_folder(tmp_path: Path) -> None:
-    assert refusal(tmp_path) == "cannot be read: Is a directory"
+    assert refusal(tmp_path) == "cannot be read: it is a folder"
 
 
 @pytest.mark.parametrize("size", [1_000_001, 100_000_000])
@@ -258,7 +266,7 @@ def test_a_huge_file_is_refused_unread(size: int, tmp_path: Path) -> None:
 
 
 def test_a_file_without_an_end() -> None:
-    assert "is not read" in refusal(Path("/dev/zero"))
+    assert refusal(Path("/dev/zero")) == "cannot be read: it is no regular file"
 
 
 @pytest.mark.parametrize("script", ["absent.py", "broken.py", "nameless.py", "../../x.py"])
@@ -273,3 +281,28 @@ def test_a_script_that_cannot_run(script: str, tmp_path: Path) -> None:
 
 def test_the_text_that_all_of_these_are_made_from_is_valid(tmp_path: Path) -> None:
     assert load(tmp_path, LEAST).scenario.name == "burger drives straight"
+
+
+@pytest.mark.parametrize("linked", ["s.sim.yml", "folder"])
+def test_a_scenario_is_read_from_its_workspace_alone(
+    linked: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outside, workspace = tmp_path / "outside", tmp_path / "workspace"
+    for folder in (outside, workspace):
+        folder.mkdir()
+    (outside / "s.sim.yml").write_text("password: hunter2\n")
+    (workspace / linked).symlink_to(outside / "s.sim.yml" if linked == "s.sim.yml" else outside)
+    monkeypatch.chdir(workspace)
+    path = Path("s.sim.yml") if linked == "s.sim.yml" else Path("folder/s.sim.yml")
+    message = refusal(path)
+    assert message.startswith(f"is a link to {outside}/s.sim.yml, outside the workspace {workspace}")
+    assert "hunter2" not in message
+    with pytest.raises(InvalidScenario, match="password"):
+        load_scenario(path, Permissions(outside=True))
+
+
+def test_a_link_within_the_workspace_is_a_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "real.sim.yml").write_text(LEAST)
+    (tmp_path / "link.sim.yml").symlink_to("real.sim.yml")
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario(Path("link.sim.yml")).workspace.root == tmp_path

@@ -58,3 +58,29 @@ class TestDiscover:
 
     def test_an_absolute_glob_works(self, tree: Path) -> None:
         assert names(f"{tree}/a*.yml") == [f"{tree}/a.sim.yml"]
+
+
+def test_links_that_lead_in_circles_are_not_followed(tree: Path) -> None:
+    for name in ("p", "q", "deep/r"):
+        (tree / name).symlink_to(tree)
+    assert names("**/*.sim.yml") == ["a.sim.yml", "b.sim.yml", "deep/er/c.sim.yml", "odd [1].sim.yml"]
+    assert sorted(names(".")) == names("**/*.sim.yml")
+
+
+def test_both_endings_of_yaml_are_scenarios(tree: Path) -> None:
+    (tree / "long.sim.yaml").touch()
+    assert "long.sim.yaml" in names(".")
+
+
+def test_hidden_files_are_found_by_patterns_that_say_so(tree: Path) -> None:
+    (tree / ".hidden.sim.yml").touch()
+    assert names("*.sim.yml") == ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml"]
+    assert names(".*.sim.yml") == [".hidden.sim.yml"]
+    assert names(".hidden/*.sim.yml") == [".hidden/d.sim.yml"]
+
+
+def test_a_glob_may_be_absolute_or_begin_above(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert names(f"{tree}/*/er/*.sim.yml") == [f"{tree}/deep/er/c.sim.yml"]
+    monkeypatch.chdir(tree / "deep")
+    assert names("../?.sim.yml") == ["../a.sim.yml", "../b.sim.yml"]
+    assert names("**.sim.yml") == []

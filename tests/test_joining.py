@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -69,12 +70,28 @@ def test_no_scenario_of_a_missing_shard_goes_unnoticed(
     parts = data.draw(st.lists(st.sampled_from(complete), min_size=1, unique_by=id))
     lost = [made.file for part in complete if part not in parts for made in part.results.outcomes]
     by_shard = [entry.outcome for entry in joined(parts, None) if entry.origin is None]
-    absent = [str(part.results.shard) for part in complete if part not in parts]
-    assert [made.name for made in by_shard] == (absent if lost else [])
+    absent = [part.results.shard.index for part in complete if part not in parts and part.results.shard]
+    assert [list(indices(made.name)) for made in by_shard] == ([absent] if lost else [])
     by_name = [entry.outcome for entry in joined(parts, listed(*names_of_run)) if entry.origin is None]
     assert sorted(made.file for made in by_name) == sorted(lost)
-    assert all(made.exit_code is ExitCode.FAILED for made in [*by_shard, *by_name])
+    assert all(made.exit_code is ExitCode.INVALID for made in [*by_shard, *by_name])
     assert names(parts, listed(*names_of_run)) == names_of_run
+
+
+def indices(name: str) -> Iterator[int]:
+    """Of shards, from how they are called, such as "shards 1-3, 5 of 9"."""
+    for part in name.removeprefix("shards").removeprefix("shard").partition(" of ")[0].split(","):
+        first, _, last = part.partition("-")
+        yield from range(int(first), int(last or first) + 1)
+
+
+def test_many_missing_shards_are_one_error() -> None:
+    lone = files(results(shard=(8, 9, 5)))
+    (entry,) = joined(lone, None)
+    (failure,) = entry.outcome.failures
+    assert entry.outcome.name == "shards 1-7, 9 of 9"
+    told = "shards 1-7, 9 of 9 have left no results; 5 of 5 scenarios have none; look at their jobs"
+    assert failure.message == told
 
 
 def test_a_missing_shard_says_how_much_is_lost() -> None:
@@ -110,6 +127,56 @@ def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already()
         ("new*", True),
     ]
     assert entries[-1].outcome.exit_code is ExitCode.INVALID
+
+
+def test_if_no_shard_has_left_anything_all_that_is_listed_is_an_error_that_says_so() -> None:
+    entries = joined([], listed("b", "a", empty=("nope*",)))
+    assert [(entry.outcome.file, entry.outcome.status) for entry in entries] == [
+        ("b", "error"),
+        ("a", "error"),
+        ("nope*", "error"),
+    ]
+    assert [failure.message for failure in entries[0].outcome.failures] == [
+        "no shard has left any results; look at the jobs that were to run them"
+    ]
+
+
+def test_an_outcome_that_is_of_no_file_is_not_taken_for_the_current_folder() -> None:
+    lost = joined(sharded(["a", "b"], 2)[:1], None)[-1].outcome
+    entries = joined(files(results(outcome("a"), lost)), listed("a", empty=(".",)))
+    assert [entry.outcome.file for entry in entries] == ["a", ".", ""]
+
+
+SPELLINGS = [
+    *("sim dir/s 1.sim.yml", "sim dir/../sim dir/s 1.sim.yml", "./sim dir//s 1.sim.yml"),
+    str(Path.cwd() / "sim dir/s 1.sim.yml"),
+]
+
+
+@pytest.mark.parametrize("second", SPELLINGS)
+@pytest.mark.parametrize("first", SPELLINGS)
+def test_the_same_scenario_is_the_same_however_it_is_spelled(first: str, second: str) -> None:
+    told = refused(files(results(outcome(first)), results(outcome(second))))
+    assert told == f"both 1/results.json and 2/results.json have results of {second}; nothing is counted twice"
+    told = refused(files(results(outcome("a"), outcome(first), outcome(second))))
+    assert told == f"1/results.json has results of {second} twice; nothing is counted twice"
+    assert names(files(results(outcome(first))), listed(second)) == [first]
+
+
+def test_a_link_is_what_it_leads_to_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    parts = files(results(outcome("real/a")), results(outcome("link/a")))
+    assert names(parts) == ["link/a", "real/a"]
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    assert "both 1/results.json and 2/results.json" in refused(parts)
+
+
+@pytest.mark.parametrize("name", ["a\0b", "x" * 5000, "loop", "\ud800"])
+def test_a_name_that_no_file_can_have_is_but_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop").symlink_to("loop")
+    assert names(files(results(outcome(name), outcome("z"))), listed("z")) == ["z", name]
 
 
 def test_names_are_compared_as_paths() -> None:

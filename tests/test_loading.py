@@ -210,8 +210,9 @@ def test_bodies_are_told_apart_by_name_and_shape(objects: str, problem: str, tmp
 
 def test_twists_for_a_robot_whose_wheels_are_not_plain_need_a_drive(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(
-        '<robot name="arm"><link name="a"/><link name="b"/>'
-        '<joint name="elbow" type="revolute"><parent link="a"/><child link="b"/></joint></robot>'
+        '<robot name="arm"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
+        'iyz="0" izz="1"/></inertial></link><link name="b"/><joint name="elbow" type="revolute"><parent link="a"/>'
+        '<child link="b"/><limit lower="-1" upper="1"/></joint></robot>'
     )
     (problem,) = told(tmp_path, LEAST.replace("turtlebot3_burger", "arm.urdf"))
     assert problem == (
@@ -222,8 +223,10 @@ def test_twists_for_a_robot_whose_wheels_are_not_plain_need_a_drive(tmp_path: Pa
 
 def test_a_broken_model_is_told_with_its_own_line(tmp_path: Path) -> None:
     (tmp_path / "bad.urdf").write_text("<robot>\n<link/>\n</robot>")
-    (problem,) = told(tmp_path, LEAST.replace("turtlebot3_burger", "bad.urdf"))
-    assert problem == f"3:3: robot.model: {tmp_path}/bad.urdf:2: <link> without 'name'"
+    (tmp_path / "a.sim.yml").write_text(LEAST.replace("turtlebot3_burger", "bad.urdf"))
+    with pytest.raises(InvalidScenario) as refused:
+        load_scenario(tmp_path / "a.sim.yml")
+    assert str(refused.value) == f"{tmp_path}/bad.urdf:2: <link> without 'name' [missing-part]"
 
 
 def test_a_joint_of_an_expectation_is_looked_up_in_the_model(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from tests.results import outcome, results
 
 
 def dealt(names: list[str], count: int, known: dict[str, float] | None = None, empty: tuple[str, ...] = ()) -> Any:
-    text = matrix_text([Path(name) for name in names], empty, count, known or {})
+    earlier = results(*(outcome(name, wall_time=duration) for name, duration in (known or {}).items()))
+    text = matrix_text([Path(name) for name in names], empty, count, known_durations(earlier))
     assert text.isascii()
     assert len(text.splitlines()) == 1
     return json.loads(text)["include"]
@@ -68,7 +70,7 @@ def test_durations_are_those_of_what_ran_by_the_names_of_files() -> None:
         outcome("never-ran.sim.yml", wall_time=0.0),
         outcome("nonsense.sim.yml", wall_time=1e300),
     )
-    assert known_durations(earlier) == {"a.sim.yml": 2.0, "b/c.sim.yml": 3.0}
+    assert list(known_durations(earlier).values()) == [2.0, 3.0]
     assert scenarios(["d.sim.yml", "a.sim.yml", "b/c.sim.yml"], 2, known_durations(earlier)) == [
         ["b/c.sim.yml"],
         ["d.sim.yml", "a.sim.yml"],
@@ -84,6 +86,46 @@ def test_the_order_of_earlier_results_does_not_matter(order: list[tuple[str, flo
 def test_what_holds_no_scenario_is_told_by_the_first_shard_alone() -> None:
     entries = dealt(["a", "b"], 2, empty=("nope*", "empty/"))
     assert [entry["scenario"] for entry in entries] == ["a\nnope*\nempty/", "b"]
+
+
+def passed_on(scenario: str) -> None:
+    """As a runner hands it to the action."""
+    subprocess.run(["true"], env={"INPUT_SCENARIO": scenario}, check=True)
+
+
+def names_of(size: int, each: int = 1000) -> list[str]:
+    """So many bytes with the line ends between them, in names of that length and a last one."""
+    names = [f"{place:0{each}}" for place in range(size // (each + 1))]
+    return [*names, "x" * (size - len(names) * (each + 1))]
+
+
+MOST_BYTES = 128 * 1024 - len("INPUT_SCENARIO=") - 1
+
+
+def test_the_scenarios_of_a_shard_are_as_many_as_can_be_passed_on() -> None:
+    (entry,) = dealt(names_of(MOST_BYTES), 1)
+    passed_on(entry["scenario"])
+    with pytest.raises(OSError, match="Argument list too long"):
+        passed_on(entry["scenario"] + "x")
+    with pytest.raises(UsageError) as raised:
+        dealt(names_of(MOST_BYTES + 1), 1)
+    assert str(raised.value) == (
+        "shard 1 of 1 would be 131 names of 131.1 kB, and 128 KiB is all that one variable of a runner holds; "
+        "make more shards, or a matrix of folders or of `shard: I/N`, which needs no names"
+    )
+    assert len(dealt(names_of(MOST_BYTES + 1), 2)) == 2
+
+
+def test_bytes_are_counted_and_not_characters() -> None:
+    with pytest.raises(UsageError, match=r"shard 1 of 2 would be 50 names of 150\.1 kB"):
+        dealt([f"{place:02}" + "\u20ac" * 998 + "x" * 5 for place in range(100)], 2)
+
+
+def test_the_matrix_is_no_longer_than_an_output_may_be() -> None:
+    names = names_of(499_000)
+    assert len(matrix_text([Path(name) for name in names], [], 8, {})) <= 500_000
+    with pytest.raises(UsageError, match=r"would be 501\.\d kB long, and GitHub takes 500 kB.*`shard: I/N`"):
+        dealt(names_of(501_000), 8)
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\rb", "a\u2028b", " a", "a ", "a\u00a0", os.fsdecode(b"a\xff")])

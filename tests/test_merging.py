@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import time
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.joining import Listing
 from sim_action.location import Location, Problem
 from sim_action.merging import MergeRequest, merge
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Failure, Outcome, Results
 from sim_action.reporting import ReportRequest
 from tests.results import outcome, results, stored
 
@@ -87,12 +89,44 @@ def test_what_people_waited_for_is_the_longest_shard() -> None:
     assert (read().wall_time, read().shard) == (2.0, None)
 
 
-def test_shards_that_were_not_alike_are_not_called_so() -> None:
+def test_shards_that_were_not_alike_are_not_called_so(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), outcome("c"))
     path = shard(2, outcome("b"))
     Results.read(path).model_copy(update={"sim_action": "0.2.0", "platform": "Other"}).write(path.parent)
-    merge(request())
+    assert merge(request()) is ExitCode.PASSED
     assert (read().sim_action, read().python, read().platform) == ("0.1.0, 0.2.0", "3.11.7", "Linux, Other")
+    assert [made.notes for made in read().outcomes] == [
+        ("it ran with sim-action 0.1.0",),
+        ("it ran with sim-action 0.2.0",),
+        ("it ran with sim-action 0.1.0",),
+    ]
+    told = "sim-action: these results are of different versions of sim-action: 0.1.0, 0.2.0\n"
+    assert capsys.readouterr().err == told
+
+
+def test_of_shards_that_were_alike_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    shard(1, outcome("a"), outcome("c"))
+    shard(2, outcome("b"))
+    assert merge(request()) is ExitCode.PASSED
+    assert [made.notes for made in read().outcomes] == [(), (), ()]
+    assert capsys.readouterr().err == ""
+
+
+def test_a_version_that_a_stranger_made_up_is_a_short_line_of_text(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    shard(1, outcome("a"), outcome("c"))
+    path = shard(2, outcome("b"))
+    forged = "\n::error::forged\n##[error]forged" + "x" * 100_000
+    Results.read(path).model_copy(update={"sim_action": forged, "python": forged}).write(path.parent)
+    merge(request())
+    assert len(read().sim_action) <= 200
+    assert len(read().python) <= 200
+    assert all(len(note) < 300 for made in read().outcomes for note in made.notes)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "##[" not in line
+    assert len(line) < 300
 
 
 def test_a_missing_shard_is_in_every_report_and_in_the_exit_code(
@@ -101,7 +135,7 @@ def test_a_missing_shard_is_in_every_report_and_in_the_exit_code(
     for name in ("GITHUB_STEP_SUMMARY", "GITHUB_OUTPUT"):
         monkeypatch.setenv(name, name)
     shard(1, outcome("a"), outcome("c"))
-    assert merge(request()) is ExitCode.FAILED
+    assert merge(request()) is ExitCode.INVALID
     assert 'name="shard 2 of 2"' in Path("joined/junit.xml").read_text()
     assert "shard 2 of 2 has left no results" in Path("GITHUB_STEP_SUMMARY").read_text()
     assert "\nfailure\n" in Path("GITHUB_OUTPUT").read_text()
@@ -114,7 +148,7 @@ def test_only_what_no_shard_has_annotated_is_annotated(
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a", holds=False), outcome("c"))
     listing = Listing([Path("a"), Path("b.sim.yml"), Path("c")], [])
-    assert merge(request(listing=listing)) is ExitCode.FAILED
+    assert merge(request(listing=listing)) is ExitCode.INVALID
     commands = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("::error", "::warning"))]
     (command,) = commands
     assert command.startswith("::error file=b.sim.yml,title=b.sim.yml%3A no result::no shard has left a result")
@@ -154,6 +188,106 @@ def test_nothing_that_is_joined_is_overwritten(patterns: list[str], folder: str,
     with pytest.raises(UsageError, match="would be overwritten; choose another"):
         merge(request(*patterns, folder=folder, junit=junit))
     assert {file: file.read_bytes() for file in path.parent.rglob("*") if file.is_file()} == before
+
+
+def test_the_same_call_again_leaves_out_what_it_has_written(capsys: pytest.CaptureFixture[str]) -> None:
+    shard(1, outcome("a", trace="traces/x.npz"), outcome("c"))
+    shard(2, outcome("b", trace="traces/x.npz"))
+    for patterns in (["shards"], ["."], ["shards/*", "shards/results.json*"]):
+        merge(request(*patterns, folder="shards"))
+        first = read("shards")
+        capsys.readouterr()
+        assert merge(request(*patterns, folder="shards")) is ExitCode.PASSED
+        assert read("shards") == first
+        told = "sim-action: shards/results.json is left out: an earlier merge wrote it, and this one writes it anew\n"
+        assert capsys.readouterr().err == told
+
+
+def test_what_was_joined_elsewhere_is_joined_like_anything_else() -> None:
+    shard(1, outcome("a"), outcome("c"))
+    shard(2, outcome("b"))
+    merge(request(folder="joined"))
+    with pytest.raises(UsageError, match="have results of"):
+        merge(request(".", folder="again"))
+    assert merge(request("joined", folder="again")) is ExitCode.PASSED
+    assert len(read("again").outcomes) == 3
+
+
+def test_an_earlier_merge_that_is_named_itself_is_not_overwritten() -> None:
+    shard(1, outcome("a"), total=1)
+    merge(request())
+    listing = Listing([Path("a")], [])
+    with pytest.raises(UsageError, match="would be overwritten; choose another"):
+        merge(request("joined/results.json", listing=listing))
+
+
+def test_what_an_earlier_merge_has_left_is_no_result_of_a_shard(capsys: pytest.CaptureFixture[str]) -> None:
+    shard(1, outcome("a"), total=1)
+    merge(request())
+    with pytest.raises(UsageError, match=r"no results\.json in or at 'joined'"):
+        merge(request("joined"))
+    assert merge(request("joined", listing=Listing([Path("a")], []))) is ExitCode.INVALID
+    assert "no shard has left any results" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("made", [True, False])
+def test_if_all_shards_are_lost_every_listed_scenario_is_an_error_in_every_report(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], made: bool
+) -> None:
+    for name in ("GITHUB_STEP_SUMMARY", "GITHUB_OUTPUT"):
+        monkeypatch.setenv(name, name)
+    if made:
+        Path("shards").mkdir()
+    listing = Listing([Path("a.sim.yml"), Path("deep/b.sim.yml")], [])
+    assert merge(request(listing=listing)) is ExitCode.INVALID
+    assert [(made.file, made.exit_code) for made in read().outcomes] == [
+        ("a.sim.yml", ExitCode.INVALID),
+        ("deep/b.sim.yml", ExitCode.INVALID),
+    ]
+    captured = capsys.readouterr()
+    assert captured.err == "sim-action: no results.json in or at 'shards'\n"
+    assert captured.out.count("no shard has left any results") == 2
+    assert ET.parse("joined/junit.xml").getroot().get("errors") == "2"
+    assert "2 of 2 scenarios did not pass" in Path("GITHUB_STEP_SUMMARY").read_text()
+    assert "\nfailure\n" in Path("GITHUB_OUTPUT").read_text()
+
+
+@pytest.mark.parametrize("pattern", ["nope", "nope.json", "no/pe", "nope*", "empty"])
+def test_without_a_listing_nobody_knows_what_is_lost(pattern: str) -> None:
+    Path("empty").mkdir()
+    shard(1, outcome("a"), total=1)
+    with pytest.raises(UsageError) as raised:
+        merge(request("shards", pattern))
+    assert str(raised.value) == (
+        f"no results.json in or at '{pattern}': have the shards left their results there? "
+        "With --scenarios, what has none is reported"
+    )
+    assert not Path("joined").exists()
+
+
+def test_with_a_listing_a_place_without_results_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    shard(1, outcome("a"), total=1)
+    assert merge(request("shards", "nope", listing=Listing([Path("a")], []))) is ExitCode.PASSED
+    assert capsys.readouterr().err == "sim-action: no results.json in or at 'nope'\n"
+
+
+def test_a_link_that_leads_in_a_circle_is_but_a_name() -> None:
+    Path("loop").symlink_to("loop")
+    shard(1, outcome("loop"), total=1)
+    assert merge(request()) is ExitCode.PASSED
+    assert ET.parse("joined/junit.xml").find("testsuite[@file='loop']") is not None
+    for folder, junit in (("loop", None), ("again", "loop/junit.xml")):
+        with pytest.raises(UsageError, match="'loop' is a link"):
+            merge(request(folder=folder, junit=junit))
+
+
+def test_very_many_outcomes_of_one_name_take_no_longer_than_others() -> None:
+    failure = Failure(kind="crash", title="SIGSEGV", message="it was ended")
+    made = Outcome(name="same", file="", status="error", failures=(failure,))
+    stored(Path("shards"), results(*[made] * 20_000))
+    started = time.process_time()
+    assert merge(request()) is ExitCode.FAILED
+    assert time.process_time() - started < 30, "when it grows with the square, it takes minutes"
 
 
 def test_silenced_reports_are_not_written(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,27 +9,34 @@ import pytest
 from sim_action.errors import ModelError
 from sim_action.models import BUILT_IN, load_model
 from sim_action.workspace import Workspace
+from sim_action.world import Robot
 
-URDF = '<robot name="box"><link name="base"/></robot>'
+URDF = """\
+<robot name="box">
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+  </link>
+</robot>
+"""
 
 
 @pytest.mark.parametrize("name", sorted(BUILT_IN))
 def test_a_built_in_model_is_named_without_a_path(name: str, tmp_path: Path) -> None:
-    assert load_model(name, Workspace(tmp_path, tmp_path)).name == name
+    assert load_model(Robot(model=name), Workspace(tmp_path, tmp_path)).name == name
 
 
 def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
     (tmp_path / "box.urdf").write_text(URDF)
-    assert load_model("box.urdf", Workspace(tmp_path, tmp_path)).source == str(tmp_path / "box.urdf")
+    assert load_model(Robot(model="box.urdf"), Workspace(tmp_path, tmp_path)).source == str(tmp_path / "box.urdf")
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
         ("turtlebot3", "unknown robot 'turtlebot3'; did you mean 'turtlebot3_burger'?"),
-        ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf file"),
-        ("package://a/b.urdf", "addresses are not read yet; give the path of the file"),
-        ("robot.urdf.xacro", "xacro is not read yet; expand it first: xacro robot.urdf.xacro > robot.urdf"),
+        ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf or .xacro file"),
+        ("package://a/b.urdf", "refers to the package 'a', which is not there"),
+        ("absent.xacro", "'absent.xacro' does not exist"),
         ("absent.urdf", "'absent.urdf' does not exist"),
         ("../box.urdf", "is outside the workspace"),
         (".", "'.' is a folder"),
@@ -38,5 +45,5 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
 )
 def test_what_is_no_model_is_told_with_what_would_be(name: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(ModelError) as raised:
-        load_model(name, Workspace(tmp_path, tmp_path))
+        load_model(Robot(model=name), Workspace(tmp_path, tmp_path))
     assert message in str(raised.value)

@@ -31,7 +31,7 @@ def results(*outcomes: Outcome) -> Results:
         ([outcome()], 0, "success"),
         ([outcome(), outcome(passed=False)], 1, "failure"),
         ([outcome(kind="crash")], 1, "failure"),
-        ([outcome(kind="missing")], 1, "failure"),
+        ([outcome(kind="missing")], 2, "failure"),
         ([outcome(passed=False), outcome(kind="invalid")], 2, "failure"),
         ([outcome(kind="invalid"), outcome(kind="internal")], 3, "failure"),
         ([outcome(kind="internal"), outcome(kind="interrupted"), outcome(passed=False)], 130, "cancelled"),
@@ -96,7 +96,7 @@ def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None
 
 def test_a_pipe_is_no_results_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "results.json")
-    with pytest.raises(UsageError, match="not a regular file"):
+    with pytest.raises(UsageError, match="no regular file"):
         Results.read(tmp_path / "results.json")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.errors import UsageError
-from sim_action.result_files import read_all
+from sim_action.result_files import find_all, read_all
 from tests.results import outcome, results, stored
 
 
@@ -22,12 +22,12 @@ def shards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def found(*patterns: str) -> list[str]:
-    return [file.path.as_posix() for file in read_all(patterns)]
+    return [file.path.as_posix() for file in read_all(find_all(patterns))]
 
 
 def refused(*patterns: str) -> str:
     with pytest.raises(UsageError) as raised:
-        read_all(patterns)
+        found(*patterns)
     assert str(raised.value).isprintable()
     return str(raised.value)
 
@@ -52,12 +52,26 @@ class TestFound:
     def test_each_file_counts_once(self) -> None:
         assert found("shards/1", "./shards/1/results.json", "shards/*/results.json") == ["shards/1/results.json"]
 
-    @pytest.mark.parametrize("pattern", ["shards/1/traces", "nope*", "shards/*/*.xml"])
-    def test_where_there_is_none_is_an_error(self, pattern: str) -> None:
-        assert refused("shards/1", pattern) == f"no results.json in or at '{pattern}'"
+    @pytest.mark.parametrize("pattern", ["shards/1/traces", "nope*", "shards/*/*.xml", "nope", "nope.json", "no/pe"])
+    def test_where_there_is_none_nothing_is_found(self, pattern: str) -> None:
+        assert find_all(["shards/1", pattern]) == {"shards/1": [Path("shards/1/results.json")], pattern: []}
 
-    def test_a_file_that_is_not_there_is_an_error(self) -> None:
-        assert refused("nope.json") == "nope.json is no results file: No such file or directory"
+    @pytest.mark.parametrize(
+        ("target", "told"), [("nowhere", "No such file or directory"), ("link", "Too many levels of symbolic links")]
+    )
+    def test_a_link_that_leads_nowhere_is_an_error(self, target: str, told: str) -> None:
+        Path("link").symlink_to(target)
+        assert refused("link") == f"link is no results file: {told}"
+
+
+def test_more_outcomes_than_anybody_has_are_not_read(shards: Path) -> None:
+    stored(shards / "4", results(outcome("4.sim.yml")))
+    (shards / "5").mkdir()
+    (shards / "5" / "results.json").write_text("not read")
+    assert len(read_all(find_all(["shards/[124]", "shards/.3"]), most=4)) == 4
+    with pytest.raises(UsageError) as raised:
+        read_all(find_all(["shards"]), most=3)
+    assert str(raised.value) == "shards/4/results.json: with its outcomes there are more than 3, which is the most"
 
 
 def test_a_link_is_not_followed_but_told(shards: Path) -> None:

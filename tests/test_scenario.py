@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -58,6 +59,40 @@ def test_the_wall_limit_is_ten_times_the_time_limit_but_a_minute_at_least(limit:
     assert changed(time_limit=limit, wall_limit=5.0).wall_seconds == 5.0
 
 
+def test_memory_and_output_have_limits_unless_told_otherwise() -> None:
+    assert (SIMPLE.memory_bytes, SIMPLE.output_bytes) == (4 << 30, 100_000_000)
+
+
+@pytest.mark.parametrize(
+    ("key", "written", "size"),
+    [
+        ("memory_limit", "512 MiB", 1 << 29),
+        ("memory_limit", "1.5 GiB", 3 << 29),
+        ("memory_limit", 8e9, 8_000_000_000),
+        ("output_limit", "2 kB", 2000),
+        ("output_limit", "1 B", 1),
+    ],
+)
+def test_limits_are_amounts_of_data(key: str, written: object, size: int) -> None:
+    read = Scenario.model_validate({**dict(SIMPLE), key: written})
+    assert {"memory_limit": read.memory_bytes, "output_limit": read.output_bytes}[key] == size
+
+
+@pytest.mark.parametrize(
+    ("key", "written"),
+    [
+        ("memory_limit", "511 MiB"),
+        ("memory_limit", "2e9 GiB"),
+        ("memory_limit", "4 Gb"),
+        ("output_limit", 0),
+        ("output_limit", "1 s"),
+    ],
+)
+def test_limits_that_nothing_could_run_in_are_refused(key: str, written: object) -> None:
+    with pytest.raises(ValidationError, match=key):
+        Scenario.model_validate({**dict(SIMPLE), key: written})
+
+
 def test_the_trace_is_kept_at_the_fastest_rate_of_a_command() -> None:
     assert SIMPLE.trace_rate == 10.0
     assert changed(commands=(DRIVES, ScriptCommands(script="a.py", rate=5.0))).trace_rate == 20.0
@@ -84,5 +119,5 @@ def test_a_time_limit_is_within_a_day(limit: float) -> None:
 
 
 def test_a_loaded_scenario_goes_to_its_child_as_a_pickle() -> None:
-    loaded = LoadedScenario(changed(commands=(DRIVES,)), "s.sim.yml", HERE)
+    loaded = LoadedScenario(changed(commands=(DRIVES,)), Path("s.sim.yml"), "s.sim.yml", HERE)
     assert pickle.loads(pickle.dumps(loaded)) == loaded

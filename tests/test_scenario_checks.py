@@ -8,6 +8,8 @@ import pytest
 
 from tests.scenarios import load, told
 
+INERTIA = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+INERTIAL = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
 ARM = """\
 <robot name="arm">
   <link name="base">{inertial}</link>
@@ -17,20 +19,21 @@ ARM = """\
 """
 
 
-def arm(folder: Path, robot: str = "", inertial: str = "", limits: str = 'lower="-1" upper="1.5707963"') -> str:
+def arm(folder: Path, robot: str = "", inertial: str = INERTIAL, limits: str = 'lower="-1" upper="1.5707963"') -> str:
     """A scenario with an arm in it, and with keys of `robot`."""
     (folder / "arm.urdf").write_text(ARM.format(inertial=inertial, limits=limits))
     return f"name: arm\nrobot: {{model: arm.urdf{robot}}}\nexpect: [upright]\ntime_limit: 1 s\n"
 
 
 def test_a_free_base_without_mass_would_stand_still(tmp_path: Path) -> None:
-    massless = '<inertial><mass value="0"/></inertial>'
-    (found,) = told(tmp_path, arm(tmp_path, inertial=massless))
+    massless = f'<inertial><mass value="0"/>{INERTIA}</inertial>'
+    allowed = ", allow: [zero-mass, massless-model]"
+    (found,) = told(tmp_path, arm(tmp_path, allowed, massless))
     assert found == (
         "2:9: robot.model: the base link 'base' has no mass, so the engine would hold it still; "
         "say base: fixed, or give it a mass"
     )
-    assert load(tmp_path, arm(tmp_path, ", base: fixed", massless))
+    assert load(tmp_path, arm(tmp_path, f"{allowed}, base: fixed", massless))
     assert load(tmp_path, arm(tmp_path))
 
 
@@ -52,7 +55,20 @@ def test_a_joint_begins_within_its_limits(position: str, problem: str, tmp_path:
     [("90 deg", 'lower="-1" upper="1.5707963"'), ("9", 'effort="1"'), ("9", 'lower="0" upper="-1"')],
 )
 def test_a_joint_may_begin_at_its_limit_and_anywhere_without_one(position: str, limits: str, tmp_path: Path) -> None:
-    assert load(tmp_path, arm(tmp_path, f", joints: {{elbow: {position}}}", limits=limits))
+    allowed = "allow: [missing-limits, reversed-limits]"
+    assert load(tmp_path, arm(tmp_path, f", {allowed}, joints: {{elbow: {position}}}", limits=limits))
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("missing-limit", "'missing-limit' is no rule that can be let go; did you mean 'missing-limits'?"),
+        ("two-parents", "'two-parents' is no rule that can be let go; no engine could take such a model"),
+    ],
+)
+def test_only_rules_that_can_be_let_go_are_allowed(name: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, arm(tmp_path, f", allow: [{name}]"))
+    assert problem in found
 
 
 def test_a_typo_in_a_drive_is_one_problem_whatever_the_model(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.errors import UsageError
-from sim_action.sharding import Shard, balanced
+from sim_action.sharding import Shard, balanced, shards_text
 
 COUNTS = st.integers(1, 20)
 DURATIONS = st.lists(st.floats(0.001, 1000.0), max_size=40)
@@ -36,6 +36,19 @@ def test_what_is_no_shard_is_told_with_what_is_one(text: str) -> None:
 def test_results_of_a_shard_that_cannot_be_are_refused() -> None:
     with pytest.raises(ValidationError, match="there is no shard 3 of 2"):
         Shard(index=3, count=2, total=9)
+
+
+@pytest.mark.parametrize(
+    ("indices", "text"),
+    [
+        ([2], "shard 2 of 9"),
+        ([1, 2], "shards 1-2 of 9"),
+        ([9, 3, 2, 1, 5], "shards 1-3, 5, 9 of 9"),
+        (range(1, 10), "shards 1-9 of 9"),
+    ],
+)
+def test_some_shards_have_one_name(indices: list[int], text: str) -> None:
+    assert shards_text(indices, 9) == text
 
 
 def test_every_n_th_beginning_with_the_i_th() -> None:

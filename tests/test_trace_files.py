@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,19 @@ def test_paths_stay_in_the_folder_and_differ_whatever_the_case(names: list[str])
     assert all(path.parent == Path("out/traces") and path.suffix == ".npz" for path in paths)
     assert len({str(path).lower() for path in paths}) == len(names)
     assert all(len(path.name.encode()) < 120 for path in paths)
+
+
+def test_of_equal_names_each_has_the_first_number_that_is_free() -> None:
+    names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
+    assert [path.stem for path in trace_paths(names, Path())] == [
+        *("a", "A-2", "a-2-2", "b", "a-4", "a-3", "a-5", "a-2-3")
+    ]
+
+
+def test_very_many_equal_names_take_no_longer_than_others() -> None:
+    started = time.process_time()
+    assert len({path.stem for path in trace_paths(["same"] * 40_000, Path())}) == 40_000
+    assert time.process_time() - started < 20, "when it grows with the square, it takes minutes"
 
 
 @pytest.fixture

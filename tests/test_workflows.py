@@ -245,3 +245,15 @@ def test_what_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
 def test_a_bad_gitlab_template_is_refused(tmp_path: Path) -> None:
     template = spoiled(ROOT / "examples/gitlab/.gitlab-ci.yml", tmp_path, "always", "allways")
     assert_refused(lint_workflows(GITLAB=template), "'allways' is not one of")
+
+
+@pytest.mark.parametrize("path", ["action.yml", "matrix/action.yml", "merge/action.yml"])
+def test_every_input_reaches_the_command_and_every_output_comes_back(path: str) -> None:
+    action = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+    last = action["runs"]["steps"][-1]
+    passed = {name: value for name, value in last["env"].items() if name.startswith("INPUT_")}
+    # Whether wheels are kept is decided before anything is installed.
+    inputs = action["inputs"].keys() - {"cache"}
+    assert passed == {f"INPUT_{name.upper().replace('-', '_')}": f"${{{{ inputs.{name} }}}}" for name in inputs}
+    outputs = {name: output["value"] for name, output in action["outputs"].items()}
+    assert outputs == {name: f"${{{{ steps.{last['id']}.outputs.{name} }}}}" for name in outputs}

@@ -18,6 +18,13 @@ def test_the_least_world_is_flat_and_empty() -> None:
     assert Physics() == Physics(rate=240.0, settle=2.0)
 
 
+def test_bounds_of_physics_are_the_engines_or_lower() -> None:
+    assert Physics.model_validate({"max_speed": "36 km/h", "max_turn_rate": "60 rpm"}).max_speed == pytest.approx(10.0)
+    for key, bound in [("max_speed", 101.0), ("max_turn_rate", 101.0), ("max_speed", 0.0), ("max_depth", 0.0)]:
+        with pytest.raises(ValidationError, match=key):
+            Physics.model_validate({key: bound})
+
+
 def test_a_placement_left_out_stands_on_the_ground_unturned() -> None:
     assert Placement().z is None
     assert Placement().orientation_xyzw == (0.0, 0.0, 0.0, 1.0)

@@ -20,7 +20,7 @@ from sim_action.scene import Scene
 from sim_action.trace import FloatArray, Trace
 from sim_action.verdict import Verdict
 from sim_action.workspace import Workspace
-from sim_action.world import Body, Physics, Sphere, World
+from sim_action.world import Body, Physics, Robot, Sphere, World
 
 BURGER = "turtlebot3_burger"
 WHEELS = ("wheel_left_joint", "wheel_right_joint")
@@ -77,7 +77,7 @@ def contact(time: float, body: str = "wall", link: str = "base_footprint", force
 
 
 def burger() -> RobotModel:
-    return load_model(BURGER, HERE)
+    return load_model(Robot(model=BURGER), HERE)
 
 
 def scene(model: RobotModel | None = None) -> Scene:

@@ -35,8 +35,8 @@ _ABOVE_GROUND: Final = 100.0
 _UNLIMITED_EFFORT: Final = 1000.0
 # Bullet's own default. It outlives a connection, so it is set for every one.
 _CONTACT_BREAKING_THRESHOLD: Final = 0.02
-# Hull cylinders ride 1 mm high and cost twice as much.
-_LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER
+# Hull cylinders ride 1 mm high and cost twice as much. Inertia would be that of the collision shapes, filled evenly.
+_LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 
 
 class PyBulletBackend:

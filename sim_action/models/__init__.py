@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 from sim_action.errors import ModelError
 from sim_action.messages import did_you_mean
-from sim_action.models.urdf import read_urdf
+from sim_action.models.packages import PackageError, Packages
+from sim_action.models.urdf import model_of, read_urdf
 from sim_action.robot_model import RobotModel
 from sim_action.workspace import PathError, Workspace
+from sim_action.world import Robot
 
 _BUILT_IN_FOLDER: Final = Path(__file__).parent / "built_in"
 
@@ -20,17 +23,38 @@ BUILT_IN: Final = MappingProxyType(
 """Name of each model that comes with sim-action -> what it is."""
 
 
-def load_model(name: str, workspace: Workspace) -> RobotModel:
-    """Reads the model that a scenario names: a built-in one, or the path of a URDF file. Raises ModelError."""
-    if name in BUILT_IN:
-        return read_urdf(_BUILT_IN_FOLDER / f"{name}.urdf")
+def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
+    """Reads the model that a robot names: a built-in one, or a file. Raises ModelError.
+
+    Evaluates xacro, which runs what is written in it.
+    """
+    if robot.model in BUILT_IN:
+        return read_urdf(_BUILT_IN_FOLDER / f"{robot.model}.urdf")
+    packages = Packages(workspace, robot.packages)
+    path = _path(robot.model, packages)
+    if not robot.is_xacro:
+        return read_urdf(path, packages, robot.allow)
+    # xacro takes 40 ms to import.
+    from sim_action.models.expansion import read_xacro
+
+    document, warnings = read_xacro(path, robot.args, packages)
+    model = model_of(document, path, packages, robot.allow)
+    return replace(model, findings=(*model.findings, *warnings))
+
+
+def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
+    """Looks at a xacro file without evaluating it; returns what was left unchecked. Raises ModelError."""
+    from sim_action.models import expansion
+
+    packages = Packages(workspace, robot.packages)
+    return expansion.check_text(_path(robot.model, packages), robot.args, packages)
+
+
+def _path(name: str, packages: Packages) -> Path:
     if "/" not in name and "." not in name:
-        raise ModelError(f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}, or the path of a .urdf file")
-    if "://" in name:
-        raise ModelError(f"'{name}': addresses are not read yet; give the path of the file from the scenario's folder")
-    if name.endswith(".xacro"):
-        raise ModelError(f"'{name}': xacro is not read yet; expand it first: xacro robot.urdf.xacro > robot.urdf")
+        raise ModelError(f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}, or the path of a .urdf or .xacro file")
+    workspace = packages.workspace
     try:
-        return read_urdf(workspace.file(name), workspace)
-    except PathError as error:
+        return packages.resolve(name, workspace.directory / "scenario").path if "://" in name else workspace.file(name)
+    except (PathError, PackageError) as error:
         raise ModelError(str(error)) from None

@@ -6,7 +6,6 @@ each reason is a testcase with an error.
 
 from __future__ import annotations
 
-import secrets
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import PurePosixPath
@@ -18,20 +17,16 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.paths import place, seen_from, stored_trace
 from sim_action.reports.wording import measurements, own_output
 from sim_action.reports.xml_elements import add_attachment, add_child, add_line, add_properties, element
+from sim_action.whole_files import whole_file
 
 
 def write_junit(results: Results, options: ReportOptions) -> None:
     """Writes the JUnit XML to `options.junit`, all of it or nothing; folders above it are made."""
     root = _Document(results, options).root()
     ET.indent(root)
-    path = options.junit
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{secrets.token_hex(8)}.xml")
-    try:
-        ET.ElementTree(root).write(unfinished, encoding="utf-8", xml_declaration=True)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    options.junit.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(options.junit) as file:
+        ET.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
 
 
 class _Document:
@@ -41,6 +36,8 @@ class _Document:
         self._results = results
         self._options = options
         self._taken: set[tuple[str, str]] = set()
+        # Where to go on looking for the next that is free: many may have the same names.
+        self._numbers: dict[tuple[str, str], int] = {}
 
     def root(self) -> ET.Element:
         suites = [self._suite(outcome) for outcome in self._results.outcomes]
@@ -119,10 +116,11 @@ class _Document:
 
     def _unique(self, classname: str, name: str) -> str:
         """Tools know a testcase by its two names, across suites."""
-        unique, number = name, 1
+        unique, number = name, self._numbers.get((classname, name), 1)
         while (classname, unique) in self._taken:
             number += 1
             unique = f"{name} ({number})"
+        self._numbers[classname, name] = number
         self._taken.add((classname, unique))
         return unique
 

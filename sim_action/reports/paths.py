@@ -15,8 +15,8 @@ def seen_from(workspace: Path, file: str | Path) -> str:
         absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links are kept as they are written
         candidates = [(absolute, Path(os.path.abspath(workspace)))]  # noqa: PTH100
         candidates.append((absolute.resolve(), workspace.resolve()))
-    except (OSError, ValueError):
-        # A text that can be no path, such as one with a NUL in it.
+    except (OSError, ValueError, RuntimeError):
+        # A text that can be no path, such as one with a NUL in it, or a link that leads in a circle.
         return str(file)
     for path, root in candidates:
         if path.is_relative_to(root):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from action.environment import Environment, look
+from action.environment import Environment, InstallError, install, look
 
 ROOT = Path(__file__).parents[2]
 
@@ -76,3 +76,17 @@ def test_cache_is_true_or_false(lock: Path, tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setenv("INPUT_CACHE", "maybe")
     with pytest.raises(SystemExit, match="cache must be true or false"):
         look(Environment.of(lock, tmp_path))
+
+
+def test_an_environment_that_came_out_of_a_cache_counts_for_nothing(
+    lock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment = Environment.of(lock, tmp_path)
+    assert not look(environment)["ready"]
+    monkeypatch.setenv("READY", "false")
+    environment.folder.mkdir()
+    (environment.folder / lock.name).write_bytes(lock.read_bytes())
+    with pytest.raises(InstallError):
+        install(environment)
+    monkeypatch.setenv("READY", "true")
+    assert not install(environment)["fetched"]

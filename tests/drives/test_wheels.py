@@ -15,7 +15,10 @@ from tests.traces import burger
 # The axle is turned a quarter about z and the wheel hangs on it: 1 m forward of the axle is 1 m to the left.
 NESTED = """
 <robot name="nested">
-  <link name="base"/><link name="axle"/>
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+  </link>
+  <link name="axle"/>
   <link name="wheel">
     <collision><geometry><box size="1 1 1"/></geometry></collision>
     <collision><geometry><cylinder radius="0.25" length="0.1"/></geometry></collision>

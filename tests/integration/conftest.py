@@ -1,4 +1,4 @@
-"""One installation of what the actions need, for all tests that run them."""
+"""What tests of the actions share: one installation of what they need, and scenarios that pass, fail and run code."""
 
 from __future__ import annotations
 
@@ -10,9 +10,29 @@ from pathlib import Path
 
 import pytest
 
-from tests.integration.github import Runner
+from tests.integration.github import ActionResult, Runner
 
 ACTION = Path(__file__).parent.parent.parent
+TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
+STUCK = TUTORIAL.replace("linear: 1.0", "linear: 0.0")
+INVALID = TUTORIAL.replace("travel:", "travle:")
+ASSERTION_LINE = next(number for number, line in enumerate(TUTORIAL.splitlines(), 1) if "travel:" in line)
+
+BOX = """\
+<robot name="box">
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><geometry><box size="1 1 1"/></geometry></collision>
+  </link>
+</robot>
+"""
+SCRIPTED = """\
+name: box stands still
+robot: {model: box.urdf}
+commands: {script: controller.py}
+expect: [{travel: {at_least: 1 m}}]
+time_limit: 1 s
+"""
 
 # What a module does when it stands in for one of ours.
 IMPOSTOR = "open('pwned', 'w').close()\nraise SystemExit('an impostor was imported')\n"
@@ -48,8 +68,10 @@ def install_among_impostors(temp: Path, folder: Path) -> None:
     for name in ("pip", "venv", "ensurepip", "sitecustomize", "click", "sim_action"):
         write(folder / f"{name}.py", IMPOSTOR)
     runner = Runner(folder, temp, variables={"PYTHONPATH": str(folder), "PYTHONHOME": str(folder)})
-    nothing_to_run, nothing_to_join = runner.run(ACTION), runner.run(ACTION / "merge", {"results": "nowhere"})
-    assert (nothing_to_run.exit_code, nothing_to_join.exit_code) == (5, 2), nothing_to_run.log + nothing_to_join.log
+    nothing_to_run, nothing_to_deal = runner.run(ACTION), runner.run(ACTION / "matrix", {"shards": "2"})
+    assert (nothing_to_run.exit_code, nothing_to_deal.exit_code) == (5, 5), nothing_to_run.log + nothing_to_deal.log
+    nothing_to_join = runner.run(ACTION / "merge", {"results": "nowhere"})
+    assert nothing_to_join.exit_code == 2, nothing_to_join.log
     assert not (folder / "pwned").exists()
 
 
@@ -58,3 +80,20 @@ def write(path: Path, text: str) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     return path
+
+
+@pytest.fixture
+def runner(tmp_path: Path, runner_temp: Path) -> Runner:
+    workspace = tmp_path / "work space"
+    workspace.mkdir()
+    return Runner(workspace, runner_temp)
+
+
+def counts(result: ActionResult) -> dict[str, str]:
+    return {name: result.outputs[name] for name in ("total", "passed", "failed", "errors")}
+
+
+def environment(temp: Path) -> Path:
+    """Where the action has installed what simulates."""
+    [marker] = temp.glob("sim-action-*/requirements.lock")
+    return marker.parent

@@ -73,7 +73,7 @@ DEATHS: Mapping[str, tuple[str, str, str, float]] = {
     "abort": ("import os; print('last words', flush=True); os.abort()", "crash", "SIGABRT", 60),
     "exit zero": ("import os; os._exit(0)", "crash", "exit code 0", 60),
     "hang": ("while True: pass", "wall limit", "after 2 s of wall time", 2),
-    "hog": ("hog = [bytearray(1 << 28) for _ in range(1000)]", "script", "MemoryError", 60),
+    "hog": ("hog = [bytearray(1 << 28) for _ in range(1000)]", "memory", "MemoryError", 60),
     "raise": ("return 1 / 0", "script", "ZeroDivisionError", 60),
     "sys exit": ("import sys; sys.exit(0)", "script", "SystemExit", 60),
     "nonsense": ("return 'forward'", "script", "returned a str", 60),
@@ -194,12 +194,14 @@ def test_joint_targets_drive_as_a_twist_does(tmp_path: Path) -> None:
 
 
 def test_what_the_engine_says_becomes_diagnostics(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "bare.urdf").write_text('<robot name="bare"><link name="only"/></robot>')
+    inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    link = f'<link name="only"><inertial><mass value="1"/>{inertia}</inertial><contact><stiffness/></contact></link>'
+    (tmp_path / "bare.urdf").write_text(f'<robot name="bare">{link}</robot>')
     path = tmp_path / "bare.sim.yml"
     path.write_text("name: bare\nrobot: {model: bare.urdf}\nexpect: [upright]\ntime_limit: 0.1 s\n")
     (outcome,) = run([path], tmp_path)
-    assert outcome.status == "passed"
-    assert any("No inertial data for link" in diagnostic.message for diagnostic in outcome.diagnostics)
+    assert [failure.kind for failure in outcome.failures] == ["engine"]
+    assert any("stiffness element must have" in diagnostic.message for diagnostic in outcome.diagnostics)
     assert outcome.output == ""
     assert capfd.readouterr() == ("", "")
 

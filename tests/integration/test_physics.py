@@ -11,9 +11,7 @@ import pytest
 
 from sim_action.backends.pybullet import PyBulletBackend
 from sim_action.loading import build_scene, load_scenario
-from sim_action.simulation import SimulationRun, _stable, simulate
-from sim_action.trace import Trace
-from tests.traces import WHEELS, trace
+from sim_action.simulation import SimulationRun, simulate
 
 SEPARATION = 0.160
 ACCELERATION = 1.0
@@ -130,19 +128,3 @@ def test_settling_lasts_as_long_as_its_limit(
 
 def test_a_robot_that_came_to_rest_in_a_short_time_is_not_noted(tmp_path: Path) -> None:
     assert settled(tmp_path, "{x: 1}", "{settle: 0.04 s}").notes == ()
-
-
-@pytest.mark.parametrize(
-    ("moments", "problem"),
-    [
-        (trace([1.0, 2.0], speed=[0.0, math.nan]), "the state holds what is not a number"),
-        (trace([1.0, 2.0], x=[0.0, math.inf]), "the state holds what is not a number"),
-        (trace([1.0, 2.0], speed=[0.0, 120.0]), "the base moves at 120 m/s"),
-        (trace([1.0, 2.0], z=[0.0, -2e4]), "the base is at (0, 0, -2e+04) m"),
-        (trace([1.0, 2.0], velocity=[0.0, -2e4]), f"joint '{WHEELS[0]}' moves at -2e+04 rad/s or m/s"),
-    ],
-)
-def test_what_is_no_physics_is_named(moments: Trace, problem: str) -> None:
-    kept, failure = _stable(moments)
-    assert len(kept) == 1
-    assert str(failure) == f"simulation unstable at t = 2.00 s: {problem}"

@@ -149,6 +149,54 @@ def test_what_a_lost_shard_should_have_run_is_an_error(workspace: Path, lossy: P
     assert "no shard has left a result of this scenario" in (tmp_path / "out/junit.xml").read_text()
 
 
+def test_if_every_shard_is_lost_every_scenario_is_reported(workspace: Path, tmp_path: Path) -> None:
+    asked = ("merge", "nope", "--output-dir", str(tmp_path / "out"))
+    unlisted = sim_action(workspace, *asked)
+    assert unlisted.returncode == 2
+    assert unlisted.stderr.startswith("sim-action: no results.json in or at 'nope': have the shards left")
+    assert list(tmp_path.iterdir()) == []
+    merged = sim_action(workspace, *asked, "--scenarios", ".", GITHUB_OUTPUT=str(tmp_path / "outputs"))
+    assert merged.returncode == 2
+    assert merged.stderr == "sim-action: no results.json in or at 'nope'\n"
+    assert [made["file"] for made in outcomes(tmp_path / "out")] == sorted(
+        SCENARIOS, key=lambda name: ("/" in name, name)
+    )
+    assert ET.parse(tmp_path / "out/junit.xml").getroot().get("errors") == "5"
+    assert "\n5\n" in (tmp_path / "outputs").read_text()
+
+
+def test_a_scenario_that_ran_twice_is_refused_however_it_was_named(workspace: Path, tmp_path: Path) -> None:
+    spelled = {"relative": "a.sim.yml", "absolute": str(workspace / "a.sim.yml"), "winding": "deep/../a.sim.yml"}
+    for kind, name in spelled.items():
+        sim_action(workspace, "run", name, "--output-dir", str(tmp_path / kind))
+    for kind in ("absolute", "winding"):
+        parts = [str(tmp_path / "relative"), str(tmp_path / kind)]
+        merged = sim_action(workspace, "merge", *parts, "--output-dir", str(tmp_path / "out"))
+        assert (merged.returncode, merged.stdout) == (2, "")
+        assert f"have results of {spelled[kind]}; nothing is counted twice" in merged.stderr
+        assert sim_action(workspace, "merge", parts[1], "--scenarios", "a.sim.yml").returncode == 0
+
+
+def test_what_holds_no_scenario_is_one_outcome_however_it_is_spelled(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(SCENARIOS["invalid.sim.yml"])
+    (tmp_path / "empty").mkdir()
+    sim_action(tmp_path, "run", ".", "empty", "nope*", "./empty/", "--output-dir", "out/1")
+    assert [made["file"] for made in outcomes(tmp_path / "out/1")] == ["a.sim.yml", "empty", "nope*"]
+    merged = sim_action(tmp_path, "merge", "out", "--scenarios", ".", "--scenarios", "./empty")
+    assert "3 errors" in merged.stdout, merged.stderr
+
+
+def test_more_names_than_a_runner_passes_on_are_refused(tmp_path: Path) -> None:
+    folder = tmp_path / ("f" * 200)
+    folder.mkdir()
+    for place in range(700):
+        (folder / f"{place}.sim.yml").touch()
+    planned = sim_action(tmp_path, "matrix", "--shards", "1")
+    assert (planned.returncode, planned.stdout) == (2, "")
+    assert "make more shards, or a matrix of folders or of `shard: I/N`" in planned.stderr
+    assert len(json.loads(sim_action(tmp_path, "matrix", "--shards", "2").stdout)["include"]) == 2
+
+
 def test_an_empty_shard_passes_and_reads_well(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(SCENARIOS["a.sim.yml"])
     ran = sim_action(tmp_path, "run", "--shard", "2/2", GITHUB_STEP_SUMMARY="summary.md", GITHUB_OUTPUT="outputs")
@@ -176,11 +224,13 @@ def test_no_scenario_at_all_is_exit_code_5(tmp_path: Path) -> None:
         (("merge",), "Missing argument 'RESULTS...'"),
         (("merge", "."), "sim-action: no results.json in or at '.'"),
         (("merge", ".", "--scenarios", "nope*"), "sim-action: --scenarios finds none"),
+        (("merge", "loop"), "loop is no results file: Too many levels of symbolic links"),
         (("merge", ".", "-v", "-q"), "--verbose and --quiet do not go together"),
     ],
 )
 def test_a_wrong_call_is_exit_code_2_in_one_line(tmp_path: Path, arguments: tuple[str, ...], told: str) -> None:
     (tmp_path / "a.sim.yml").touch()
+    (tmp_path / "loop").symlink_to("loop")
     called = sim_action(tmp_path, *arguments)
     assert called.returncode == 2
     assert told in called.stderr

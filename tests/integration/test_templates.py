@@ -85,6 +85,10 @@ def test_shards_that_are_lost_are_missed(run_template: RunTemplate) -> None:
     lost = {"plan": JobResult("failure"), "shard": JobResult("skipped")}
     result = run_template("sharded", done=lost)
     assert result.jobs["merge"].result == "failure"
+    assert [outcome["file"] for outcome in joined(result)["outcomes"]] == [  # type: ignore[attr-defined]  # results.json
+        f"simulation/{name}.sim.yml" for name in "abcd"
+    ]
+    assert "4 of 4 scenarios did not pass" in result.jobs["merge"].summary
 
 
 @pytest.mark.parametrize("event", [{}, FROM_FORK], ids=["push", "fork"])
@@ -107,7 +111,7 @@ def test_reusable_workflow_hands_back_what_came_of_it(run_template: RunTemplate,
     write(repository / "simulation/b.sim.yml", STUCK)
     result = run_template("reusable-caller")
     assert result.conclusion == "failure"
-    assert "simulation ended as failure, 1 failed" in result.jobs["follow-up"].log
+    assert "simulation ended as failure, 1 failed, 0 without a verdict" in result.jobs["follow-up"].log
 
 
 def test_every_template_is_tried() -> None:

@@ -1,0 +1,114 @@
+"""Parts and attributes that elements must have, and numbers where they are due (wiki.ros.org/urdf/XML)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+from xml.etree.ElementTree import Element
+
+from sim_action.models.document import ModelDocument
+from sim_action.models.values import is_expression
+from sim_action.robot_model import Finding
+
+_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_REQUIRED: Final = {
+    "link": ("name",),
+    "joint": ("name", "type"),
+    "joint/parent": ("link",),
+    "joint/child": ("link",),
+    "link/inertial/mass": ("value",),
+    "link/inertial/inertia": _MOMENTS,
+    "link/collision/geometry/box": ("size",),
+    "link/collision/geometry/sphere": ("radius",),
+    "link/collision/geometry/cylinder": ("radius", "length"),
+    "link/collision/geometry/mesh": ("filename",),
+    "link/visual/geometry/mesh": ("filename",),
+    "link/visual/material": ("name",),
+}
+_CHILDREN: Final = {"joint": ("parent", "child"), "link/collision": ("geometry",), "link/inertial": ("mass", "inertia")}
+
+_NUMBERS: Final = {
+    "link/inertial/origin": {"xyz": 3, "rpy": 3},
+    "link/inertial/mass": {"value": 1},
+    "link/inertial/inertia": dict.fromkeys(_MOMENTS, 1),
+    "link/collision/origin": {"xyz": 3, "rpy": 3},
+    "link/visual/origin": {"xyz": 3, "rpy": 3},
+    "link/collision/geometry/box": {"size": 3},
+    "link/collision/geometry/sphere": {"radius": 1},
+    "link/collision/geometry/cylinder": {"radius": 1, "length": 1},
+    "link/collision/geometry/capsule": {"radius": 1, "length": 1},
+    "link/collision/geometry/mesh": {"scale": 3},
+    "joint/origin": {"xyz": 3, "rpy": 3},
+    "joint/axis": {"xyz": 3},
+    "joint/limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
+    "joint/dynamics": {"damping": 1, "friction": 1},
+}
+"""Path -> attribute -> how many numbers it holds."""
+
+
+def robot(document: ModelDocument) -> Iterator[Finding]:
+    """Whether it is a URDF at all."""
+    root = document.root
+    if root.tag != "robot":
+        yield document.finding("not-a-robot", root, f"a URDF begins with <robot>, this file with <{root.tag}>")
+    elif root.find("link") is None:
+        yield document.finding("not-a-robot", root, "a model has at least one <link>, this one has none")
+
+
+def required(document: ModelDocument) -> Iterator[Finding]:
+    """Attributes that must be there."""
+    for path, names in _REQUIRED.items():
+        for element in document.elements(path):
+            for name in names:
+                if not element.get(name):
+                    yield document.finding("missing-part", element, f"<{element.tag}> without '{name}'")
+
+
+def children(document: ModelDocument) -> Iterator[Finding]:
+    """Elements that must be in others."""
+    for path, tags in _CHILDREN.items():
+        for element in document.elements(path):
+            for tag in tags:
+                if element.find(tag) is None:
+                    yield document.finding("missing-part", element, f"<{element.tag}> without <{tag}>")
+    for collision in document.elements("link/collision"):
+        geometry = collision.find("geometry")
+        if geometry is not None and len(geometry) == 0:
+            yield document.finding("missing-part", collision, "a <geometry> without a shape")
+
+
+def numbers(document: ModelDocument) -> Iterator[Finding]:
+    """Every attribute that holds numbers holds as many as it should, and they are finite."""
+    for path, counts in _NUMBERS.items():
+        for element in document.elements(path):
+            for name, count in counts.items():
+                yield from _not_numbers(document, element, name, count, required=name in _REQUIRED.get(path, ()))
+
+
+def _not_numbers(
+    document: ModelDocument, element: Element, name: str, count: int, *, required: bool
+) -> Iterator[Finding]:
+    text = element.get(name)
+    if text is None:
+        return
+    wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+    message = f'<{element.tag} {name}="{text}">: expected {wanted}'
+    if is_expression(text):
+        message += "; this is an expression of xacro: expand it, or name the .xacro file"
+    if is_expression(text) and not required:
+        yield document.finding("unexpanded-expression", element, message)
+    elif not is_numbers(text, count):
+        yield document.finding("bad-number", element, message)
+
+
+def is_numbers(text: str, count: int) -> bool:
+    """Whether a text is so many finite numbers with white space between them."""
+    words = text.split()
+    # Python reads digits of every script, and underscores between them; no engine does.
+    if len(words) != count or not text.isascii() or "_" in text:
+        return False
+    try:
+        return all(math.isfinite(float(word)) for word in words)
+    except ValueError:
+        return False

@@ -1,0 +1,68 @@
+"""Links and joints form a tree: one root, no name twice, no two parents. An engine dies of anything else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, get_args
+
+from sim_action.models.document import ModelDocument
+from sim_action.models.values import child_of, parent_of
+from sim_action.robot_model import Finding, JointType
+
+MOST_JOINTS: Final = 1_000
+"""Of moving joints; well below what PyBullet's own tables hold."""
+
+
+def names(document: ModelDocument) -> Iterator[Finding]:
+    """No name is there twice."""
+    for tag in ("link", "joint"):
+        seen = set[str]()
+        for element in document.elements(tag):
+            name = element.attrib["name"]
+            if name in seen:
+                yield document.finding("duplicate-name", element, f"a second {tag} named '{name}'")
+            seen.add(name)
+
+
+def joint_types(document: ModelDocument) -> Iterator[Finding]:
+    """Each is one of URDF's, and there are not too many."""
+    joints = list(document.elements("joint"))
+    for joint in joints:
+        if joint.attrib["type"] not in get_args(JointType):
+            message = f"joint type '{joint.attrib['type']}' is none of {', '.join(get_args(JointType))}"
+            yield document.finding("joint-type", joint, message)
+    if len(joints) > MOST_JOINTS:
+        message = f"{len(joints)} joints; the engine takes {MOST_JOINTS}"
+        yield document.finding("too-many-joints", joints[MOST_JOINTS], message)
+
+
+def tree(document: ModelDocument) -> Iterator[Finding]:
+    """Every link can be reached from one root, in one way."""
+    links = {link.attrib["name"] for link in document.elements("link")}
+    children: dict[str, list[str]] = {}
+    has_parent = set[str]()
+    for joint in document.elements("joint"):
+        name, parent, child = joint.attrib["name"], parent_of(joint), child_of(joint)
+        for link in (parent, child):
+            if link not in links:
+                yield document.finding("unknown-link", joint, f"joint '{name}' names the unknown link '{link}'")
+        if child in has_parent:
+            yield document.finding("two-parents", joint, f"link '{child}' is the child of two joints")
+        has_parent.add(child)
+        children.setdefault(parent, []).append(child)
+    roots = sorted(links - has_parent)
+    if len(roots) != 1:
+        found = f"{len(roots)}: {', '.join(roots)}" if roots else "none: its joints form a loop"
+        yield document.finding("one-root", document.root, f"a model has one root link, this one has {found}")
+    elif lost := sorted(links - _reached(roots[0], children)):
+        yield document.finding("loop", document.root, f"joints form a loop among the links {', '.join(lost)}")
+
+
+def _reached(root: str, children: dict[str, list[str]]) -> set[str]:
+    reached, waiting = set[str](), [root]
+    while waiting:
+        link = waiting.pop()
+        if link not in reached:
+            reached.add(link)
+            waiting += children.get(link, [])
+    return reached

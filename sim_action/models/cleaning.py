@@ -1,0 +1,63 @@
+"""A model made into what an engine cannot misread."""
+
+from __future__ import annotations
+
+from typing import Final, cast
+from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
+
+from sim_action.models.audit.inertia import principal_moments
+from sim_action.models.document import ModelDocument
+from sim_action.models.values import is_expression, number
+
+# Of a link that does not say what it weighs: this share of what the others weigh, as a ball of this radius in m.
+_NEGLIGIBLE_SHARE: Final = 1e-4
+_NEGLIGIBLE_RADIUS: Final = 0.05
+_LEAST_MASS: Final = 1e-6
+
+
+def fill_in_inertia(document: ModelDocument) -> None:
+    """Gives links without <inertial> a negligible one; an engine would take 1 kg."""
+    stated = sum(number(mass, "value") or 0.0 for mass in document.elements("link/inertial/mass"))
+    mass = max(_LEAST_MASS, _NEGLIGIBLE_SHARE * stated)
+    for link in document.elements("link"):
+        if link.find("inertial") is None:
+            link.append(_ball(mass))
+
+
+def _ball(mass: float) -> Element:
+    moment = f"{0.4 * mass * _NEGLIGIBLE_RADIUS**2:.6g}"
+    inertial = Element("inertial")
+    ET.SubElement(inertial, "mass", value=f"{mass:.6g}")
+    axes = {"ixx": moment, "iyy": moment, "izz": moment, "ixy": "0", "ixz": "0", "iyz": "0"}
+    ET.SubElement(inertial, "inertia", axes)
+    return inertial
+
+
+def mend_inertia(document: ModelDocument) -> None:
+    """A body that resists no turning would turn without end: what was let go as that is a ball of the same mass."""
+    for inertial in document.elements("link/inertial"):
+        inertia = inertial.find("inertia")
+        if inertia is not None and principal_moments(inertia)[0] <= 0:
+            ball = _ball(number(inertial.find("mass"), "value") or _LEAST_MASS)
+            inertia.attrib.update(cast(Element, ball.find("inertia")).attrib)
+
+
+def drop_expressions(document: ModelDocument) -> None:
+    """What was let go as an expression is left out."""
+    for element in document.root.iter():
+        for name in [name for name, text in element.attrib.items() if is_expression(text)]:
+            del element.attrib[name]
+
+
+def drop_textures(document: ModelDocument) -> None:
+    """A texture is one more file that an engine would open."""
+    for material in document.root.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
+
+
+def engine_text(document: ModelDocument) -> str:
+    """The model on short lines: the engine's parser cuts long ones inside a token."""
+    ET.indent(document.root)
+    return ET.tostring(document.root, encoding="unicode")

@@ -1,0 +1,100 @@
+"""XML of a model with the place of each element, read from bytes that may be a stranger's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
+from xml.parsers import expat
+
+from sim_action.discovery import file_name
+from sim_action.errors import ModelError
+from sim_action.location import Location
+from sim_action.models.findings import finding, refuse_errors
+from sim_action.regular_files import open_regular
+from sim_action.robot_model import Finding
+
+_MAX_BYTES: Final = 20_000_000
+_MAX_DEPTH: Final = 100
+
+
+@dataclass(frozen=True, eq=False)
+class ModelDocument:
+    """A parsed file."""
+
+    root: Element
+    places: Mapping[Element, Location] = field(repr=False)
+
+    def finding(self, rule: str, element: Element, message: str) -> Finding:
+        """A finding at an element."""
+        return finding(rule, message, self.places[element])
+
+    def elements(self, *paths: str) -> Iterator[Element]:
+        """All elements at paths below the root, in the order of the paths."""
+        for path in paths:
+            yield from self.root.findall(path)
+
+
+def read_document(path: Path) -> ModelDocument:
+    """Reads and parses a file. Raises ModelError."""
+    file = shown_file(path)
+    return _Parser(file).parse(_bytes(path, Location(file)))
+
+
+def shown_file(path: Path) -> str:
+    """How reports call a file: as people name it, seen from the current folder."""
+    return file_name(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _bytes(path: Path, where: Location) -> bytes:
+    try:
+        with open_regular(path, follow_link=True) as file:
+            data = file.read(_MAX_BYTES + 1)
+    except OSError as error:
+        raise ModelError(f"cannot be read: {error.strerror}", where) from None
+    if len(data) > _MAX_BYTES:
+        raise ModelError(f"a model of more than {_MAX_BYTES // 1_000_000} MB is not read", where)
+    return data
+
+
+class _Parser:
+    """One file while it is parsed: elements, and the place of each."""
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+        self._builder = ET.TreeBuilder()
+        self._expat = expat.ParserCreate()
+        self._expat.StartElementHandler, self._expat.EndElementHandler = self._start, self._end
+        self._expat.CharacterDataHandler, self._expat.StartDoctypeDeclHandler = self._builder.data, self._doctype
+        self._places: dict[Element, Location] = {}
+        self._depth = 0
+
+    def parse(self, data: bytes) -> ModelDocument:
+        try:
+            self._expat.Parse(data, True)
+            return ModelDocument(self._builder.close(), self._places)
+        except expat.ExpatError as error:
+            self._refuse(f"not well-formed XML: {expat.errors.messages[error.code]}", error.lineno)
+        except (LookupError, ValueError) as error:  # an encoding that Python does not know
+            self._refuse(f"{error}; save the model as UTF-8", 1)
+        raise AssertionError("unreachable")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._depth += 1
+        if self._depth > _MAX_DEPTH:
+            self._refuse(f"more than {_MAX_DEPTH} elements inside each other", self._expat.CurrentLineNumber)
+        place = Location(self._file, self._expat.CurrentLineNumber)
+        self._places[self._builder.start(tag, attributes)] = place
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self._builder.end(tag)
+
+    def _doctype(self, *_: object) -> None:
+        self._refuse("a DOCTYPE is not allowed in a model", self._expat.CurrentLineNumber)
+
+    def _refuse(self, message: str, line: int) -> None:
+        refuse_errors([finding("bad-xml", message, Location(self._file, line))])

@@ -1,0 +1,82 @@
+"""What is wrong or odd about a model. Each finding has the name of its rule, by which `robot.allow` lets it go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from sim_action.errors import RefusedModel
+from sim_action.location import Location, Problem
+from sim_action.messages import escaped_line
+from sim_action.robot_model import Finding, Level
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """What is looked for."""
+
+    level: Level
+    summary: str
+
+
+RULES: Final[Mapping[str, Rule]] = MappingProxyType(
+    {
+        "bad-xml": Rule("fatal", "XML that is not well-formed, too deep, or has a DOCTYPE"),
+        "bad-xacro": Rule("fatal", "xacro that cannot be evaluated"),
+        "unknown-argument": Rule("fatal", "an argument in `robot.args` that the xacro file does not have"),
+        "missing-include": Rule("fatal", "a file that xacro is to include and that is not there"),
+        "missing-package": Rule("fatal", "a package that is not there"),
+        "outside-workspace": Rule("fatal", "a file that xacro is to include from outside the workspace"),
+        "bad-reference": Rule("fatal", "an address that names no file"),
+        "not-a-robot": Rule("fatal", "a file that is no URDF"),
+        "missing-part": Rule("fatal", "an element without a part or an attribute that it must have"),
+        "bad-number": Rule("fatal", "text where finite numbers are due"),
+        "duplicate-name": Rule("fatal", "two links, or two joints, of one name"),
+        "unknown-link": Rule("fatal", "a joint that names a link that is not there"),
+        "two-parents": Rule("fatal", "a link that is the child of two joints"),
+        "one-root": Rule("fatal", "no root link, or several"),
+        "loop": Rule("fatal", "joints that lead back to where they began"),
+        "joint-type": Rule("fatal", "a type of joint that URDF does not know"),
+        "too-many-joints": Rule("fatal", "more joints than the engine takes"),
+        "unknown-shape": Rule("fatal", "a shape that URDF does not know"),
+        "bad-shape": Rule("fatal", "a size that is not greater than zero"),
+        "zero-axis": Rule("fatal", "a moving joint about an axis of length 0"),
+        "negative-mass": Rule("fatal", "a mass below zero"),
+        "missing-mesh": Rule("fatal", "a collision mesh that is not there"),
+        "unexpanded-expression": Rule("error", "a ${...} or $(...) of xacro; let go, it counts as left out"),
+        "missing-visual": Rule("error", "a mesh to look at that is not there"),
+        "missing-limits": Rule("error", "a revolute or prismatic joint without limits"),
+        "reversed-limits": Rule("error", "a lower limit above the upper one"),
+        "zero-mass": Rule("error", "an <inertial> whose mass is 0"),
+        "impossible-inertia": Rule("error", "an inertia that no body can have; let go, one of zero is a small ball's"),
+        "massless-model": Rule("error", "a model in which no link has a mass"),
+        "absurd-size": Rule("error", "a part larger than any robot: millimetres taken for metres"),
+        "xacro-warning": Rule("warning", "what xacro itself warned of"),
+        "several-packages": Rule("warning", "a package that is there twice: the nearer one is taken"),
+        "missing-inertia": Rule("warning", "a link without <inertial>: it gets a negligible mass"),
+        "no-collision-shape": Rule("warning", "a model without any collision shape: nothing can touch it"),
+    }
+)
+
+
+ALLOWABLE: Final = tuple(name for name, rule in RULES.items() if rule.level == "error")
+"""What `robot.allow` may name."""
+
+
+def finding(rule: str, message: str, location: Location) -> Finding:
+    """A finding of a rule."""
+    return Finding(rule, RULES[rule].level, escaped_line(message), location)
+
+
+def refuse_errors(findings: Iterable[Finding], allowed: Iterable[str] = ()) -> None:
+    """Raises RefusedModel if there is an error among them that nobody allowed."""
+    lenient = set(allowed)
+    problems = [
+        Problem(finding.location, f"{finding.message} [{finding.rule}]")
+        for finding in findings
+        if finding.level == "fatal" or (finding.level == "error" and finding.rule not in lenient)
+    ]
+    if problems:
+        raise RefusedModel(problems)

@@ -1,0 +1,112 @@
+"""What the action installs, where from, and what it keeps between runs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.integration.conftest import (
+    ACTION,
+    environment,
+    write,
+)
+from tests.integration.github import (
+    CacheStore,
+    Runner,
+    base_python,
+)
+
+
+def test_second_use_in_a_job_installs_nothing(runner: Runner) -> None:
+    configuration = environment(runner.temp) / "pyvenv.cfg"
+    made = configuration.stat().st_mtime_ns
+    runner.run(ACTION)
+    assert configuration.stat().st_mtime_ns == made
+
+
+def test_package_with_another_hash_is_refused(tmp_path: Path) -> None:
+    action = action_with_lock(tmp_path / "action", f"click==8.1.8 --hash=sha256:{'0' * 64}\n")
+    result = Runner(tmp_path, tmp_path).run(action)
+    assert result.exit_code != 0
+    assert result.steps[-1] == "Install dependencies"
+    assert "DO NOT MATCH THE HASHES" in result.log
+    assert "could not be installed" in result.annotations[0].message
+    assert not list(tmp_path.glob("sim-action-*/requirements.lock"))
+
+
+def action_with_lock(folder: Path, lock: str) -> Path:
+    shutil.copytree(ACTION / "action", folder / "action")
+    shutil.copy(ACTION / "action.yml", folder)
+    write(folder / "requirements.lock", lock)
+    return folder
+
+
+def small_lock() -> str:
+    """One small wheel without dependencies, for all of them."""
+    lock = (ACTION / "requirements.lock").read_text(encoding="utf-8")
+    found = re.search(r"^mdurl==.*(?:\n +--hash.*)+", lock, re.MULTILINE)
+    assert found
+    return f"{found[0]}\n"
+
+
+def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path) -> None:
+    action = action_with_lock(tmp_path / "action", small_lock())
+    cache = CacheStore(tmp_path / "cache")
+
+    def steps_on(machine: str, event: str = "push") -> tuple[str, ...]:
+        temp = tmp_path / machine
+        temp.mkdir()
+        result = Runner(tmp_path, temp, event_name=event, cache=cache).run(action)
+        assert list(temp.glob("sim-action-*/lib/python3.11/site-packages/mdurl")), result.log
+        return result.steps
+
+    assert "Restore wheels" not in steps_on("privileged", "pull_request_target")
+    assert "Save wheels" not in steps_on("privileged too", "workflow_run")
+    assert "Save wheels" in steps_on("first")
+    assert "Save wheels" not in steps_on("second")
+    [wheel] = (tmp_path / "cache").rglob("*.whl")
+    wheel.write_bytes(b"poison")
+    assert "Save wheels" in steps_on("third")
+
+
+@pytest.mark.parametrize(("system", "arch"), [("Windows", "X64"), ("macOS", "ARM64"), ("Linux", "ARM64")])
+def test_other_machines_are_told_what_to_do_before_anything_is_installed(
+    tmp_path: Path, system: str, arch: str
+) -> None:
+    result = Runner(tmp_path, tmp_path, os=system, arch=arch).run(ACTION)
+    assert result.exit_code == 2
+    assert result.steps == ("Check the runner",)
+    [annotation] = result.annotations
+    assert f"{system} {arch}" in annotation.message
+    assert "ubuntu-latest" in annotation.message
+
+
+def test_base_python_is_what_the_action_asks_for() -> None:
+    version = subprocess.run([base_python(), "--version"], capture_output=True, text=True, check=True).stdout
+    assert version.startswith("Python 3.11.")
+
+
+def test_set_up_time_is_told(runner: Runner) -> None:
+    result = runner.run(ACTION)
+    assert re.search(r"^Set-up took \d+ s: Python \d+ s, install \d+ s, cache \d+ s$", result.log, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"PIP_TARGET": "elsewhere"},
+        {"PIP_PREFIX": "elsewhere", "PIP_USER": "1"},
+        {"PIP_ROOT": "elsewhere", "PIP_DRY_RUN": "1"},
+        {"PIP_REQUIRE_VIRTUALENV": "true", "PIP_PYTHON": "/nowhere"},
+    ],
+    ids="+".join,
+)
+def test_settings_of_pip_that_a_job_has_lead_no_package_elsewhere(settings: dict[str, str], tmp_path: Path) -> None:
+    action = action_with_lock(tmp_path / "action", small_lock())
+    result = Runner(tmp_path, tmp_path, variables=settings).run(action, {"cache": "false"})
+    assert list(tmp_path.glob("sim-action-*/lib/python3.11/site-packages/mdurl")), result.log
+    assert not (tmp_path / "elsewhere").exists()

@@ -1,0 +1,158 @@
+"""What strangers can write into inputs, names, models and scripts stays text."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+from xml.sax.saxutils import quoteattr
+
+import pytest
+
+from tests.integration.conftest import (
+    ACTION,
+    BOX,
+    IMPOSTOR,
+    SCRIPTED,
+    STUCK,
+    TUTORIAL,
+    counts,
+    write,
+)
+from tests.integration.github import (
+    ActionResult,
+    Runner,
+)
+
+HOSTILE = [
+    "$(touch pwned)",
+    "'; touch pwned #",
+    '"; touch pwned #',
+    "`touch pwned`",
+    "${{ github.token }}",
+    "--help",
+    "::set-output name=conclusion::forged",
+    "##[error]forged",
+    "spaces  in it, and \u00fcn\u00efc\u00f6d\u00e9 \U0001f916",
+    "<script>alert(1)</script>&amp;",
+]
+CHOICES = ["junit-strict", "jobs", "shard", "summary", "annotations", "fail-on-failure", "cache", "allow-scripts"]
+HOSTILE_CHOICES = [
+    "$(touch pwned)",
+    "'; touch pwned #",
+    "true\n::error::forged\n##[error]forged",
+    "${{ github.token }}",
+]
+CHATTER = "::error::forged\n##[error]forged\n::set-output name=conclusion::forged\n::stop-commands::forged\n"
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_paths_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    as_scenario = runner.run(ACTION, {"scenario": text})
+    assert as_scenario.exit_code in {2, 5}, as_scenario.log
+    assert_harmless(as_scenario, runner)
+    folders = {"working-directory": text, "output-directory": f"{text}/out", "junit-path": f"{text}/junit.xml"}
+    as_missing_folder = runner.run(ACTION, folders)
+    assert as_missing_folder.exit_code == 2
+    assert_harmless(as_missing_folder, runner)
+    write(runner.workspace / text / "straight.sim.yml", TUTORIAL)
+    as_folder = runner.run(ACTION, folders)
+    assert as_folder.exit_code == 0, as_folder.log
+    assert as_folder.outputs["junit-path"] == str(runner.workspace / text / text / "junit.xml")
+    assert (runner.workspace / text / text / "out/results.json").is_file()
+    assert_harmless(as_folder, runner)
+
+
+@pytest.mark.parametrize("text", HOSTILE_CHOICES)
+@pytest.mark.parametrize("name", CHOICES)
+def test_choices_are_refused_and_not_executed(runner: Runner, name: str, text: str) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    result = runner.run(ACTION, {name: text})
+    assert result.exit_code != 0
+    assert not list(runner.workspace.rglob("results.json"))
+    assert_harmless(result, runner)
+
+
+def assert_harmless(result: ActionResult, runner: Runner) -> None:
+    """Nothing was executed, no command was injected, no output forged."""
+    assert not list(runner.workspace.rglob("pwned"))
+    assert "Usage: sim-action [OPTIONS]" not in result.log
+    assert "##[" not in result.log
+    assert "forged" not in {annotation.message for annotation in result.annotations}
+    assert result.outputs["conclusion"] in {"", "success", "failure"}
+
+
+def test_names_of_strangers_are_nothing_but_names(runner: Runner) -> None:
+    model = BOX.replace("base", quoteattr("::error::forged ##[error]forged $(touch pwned)")[1:-1])
+    write(runner.workspace / "box.urdf", model)
+    write(runner.workspace / "controller.py", f"def control(observation):\n    print({CHATTER!r})\n    return None\n")
+    for number, text in enumerate([*HOSTILE, "::error::forged", "::stop-commands::forged"]):
+        folder = runner.workspace / text / "below"
+        write(folder / f"{text}.sim.yml", STUCK.replace("30 s", "1 s"))
+        write(folder / "named.sim.yml", TUTORIAL.replace("burger drives straight", json.dumps(f"{text}|{number}")))
+    write(runner.workspace / "box.sim.yml", SCRIPTED)
+    result = runner.run(ACTION)
+    assert result.exit_code == 2, result.log
+    assert counts(result)["passed"] == "0"
+    assert len(result.annotations) == 10
+    assert all(annotation.file for annotation in result.annotations[:-1])
+    assert "more" in result.annotations[-1].message
+    assert result.outputs["conclusion"] == "failure"
+    assert_harmless(result, runner)
+    assert "<script" not in result.summary
+    junit = ET.parse(result.outputs["junit-path"]).getroot()
+    assert junit.get("tests") == str(len(list(junit.iter("testcase"))))
+
+
+@pytest.mark.parametrize("event", ["pull_request_target", "workflow_run"])
+def test_scripts_of_strangers_wait_for_permission(runner: Runner, event: str) -> None:
+    write(runner.workspace / "box.urdf", BOX)
+    write(runner.workspace / "controller.py", "def control(observation):\n    open('pwned', 'w').close()\n")
+    write(runner.workspace / "box.sim.yml", SCRIPTED)
+    privileged = replace(runner, event_name=event)
+    refused = privileged.run(ACTION)
+    assert refused.exit_code == 2
+    assert event in refused.annotations[0].message
+    assert (refused.annotations[0].file, refused.annotations[0].line) == ("box.sim.yml", 3)
+    assert not (runner.workspace / "pwned").exists()
+    assert runner.run(ACTION, {"allow-scripts": "false"}).exit_code == 2
+    assert privileged.run(ACTION, {"allow-scripts": "true"}).exit_code == 1
+    assert (runner.workspace / "pwned").exists()
+
+
+def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
+    for name in ("click", "yaml", "sim_action", "sitecustomize"):
+        write(runner.workspace / f"{name}.py", IMPOSTOR)
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    variables = {"PYTHONPATH": str(runner.workspace), "PYTHONHOME": str(runner.workspace)}
+    result = Runner(runner.workspace, runner.temp, variables=variables).run(ACTION)
+    assert result.exit_code == 0, result.log
+    assert not (runner.workspace / "pwned").exists()
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
+    write(runner.workspace / text / f"{text}.sim.yml", TUTORIAL)
+    inputs = {"shards": "2", "scenario": f"{text}.sim.yml", "working-directory": text, "durations": text}
+    dealt = runner.run(ACTION / "matrix", inputs)
+    assert dealt.exit_code == 0, dealt.log
+    assert json.loads(dealt.outputs["matrix"])["include"][0]["scenario"] == f"{text}.sim.yml"
+    paths = {"results": text, "scenario": text, "output-directory": f"{text}/out", "junit-path": f"{text}/junit.xml"}
+    joined = runner.run(ACTION / "merge", paths)
+    assert joined.exit_code == 2
+    for result in (dealt, joined):
+        assert not list(runner.workspace.rglob("pwned"))
+        assert "##[" not in result.log
+        assert "forged" not in {annotation.message for annotation in result.annotations}
+
+
+@pytest.mark.parametrize("text", HOSTILE_CHOICES)
+def test_choices_of_matrix_and_merge_are_refused(runner: Runner, text: str) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    assert runner.run(ACTION / "matrix", {"shards": text}).exit_code == 2
+    for name in ("junit-strict", "summary", "annotations", "fail-on-failure"):
+        refused = runner.run(ACTION / "merge", {"results": ".", name: text})
+        assert refused.exit_code == 2
+        assert f"the input {name} must be" in refused.annotations[0].message
+    assert not list(runner.workspace.rglob("pwned"))

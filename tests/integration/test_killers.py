@@ -1,0 +1,321 @@
+"""A suite with ten scenarios that kill, hang, hog, flood and hide: real processes, two at a time.
+
+Everyone else gets a verdict, each of the ten an error with its cause, and nothing is left: no process, no memory.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import junitparser
+import pytest
+
+from sim_action.outcome import Outcome, Results
+
+ROOT: Final = Path(__file__).parents[2]
+TOTAL: Final = 200
+
+HONEST: Final = """\
+name: honest {number}
+robot: {{model: turtlebot3_burger}}
+physics: {{settle: 0}}
+expect: [upright]
+time_limit: 0.1 s
+"""
+
+KILLER: Final = """\
+name: {name}
+robot: {{model: turtlebot3_burger}}
+physics: {{settle: 0}}
+commands: {{script: {script}}}
+expect: [upright]
+time_limit: 0.1 s
+{limits}
+"""
+
+LEAVES_A_SESSION: Final = """\
+if os.fork() == 0:
+    os.setsid()
+    for _ in range(3):
+        os.fork()
+    time.sleep(600)
+time.sleep(0.3)
+os.abort()
+"""
+
+# Name -> what the script does when it is asked, the limits of the scenario, the kind of the error, and its cause.
+KILLERS: Final = {
+    "segfault": ("os.kill(os.getpid(), signal.SIGSEGV)", "", "crash", "ended by SIGSEGV, which a fault in native code"),
+    "abort": ("print('last words', flush=True); os.abort()", "", "crash", "ended by SIGABRT"),
+    "endless loop": ("while True: pass", "wall_limit: 1 s", "wall limit", "no verdict after 1 s of wall time"),
+    "memory hog": (
+        "hog = [bytearray(1 << 26) for _ in range(1000)]",
+        "memory_limit: 1 GiB",
+        "memory",
+        "more than the 1 GiB of memory that it may take (memory_limit)",
+    ),
+    "exit": ("os._exit(0)", "", "crash", "with exit code 0 and no verdict; has its script called os._exit()?"),
+    "forks and leaves": (
+        "if os.fork() == 0: time.sleep(600)\nos._exit(7)",
+        "",
+        "crash",
+        "sim time had come to 0.00 s; ended a process that its script had left behind",
+    ),
+    "leaves a session": (
+        LEAVES_A_SESSION,
+        "",
+        "crash",
+        "ended 8 processes that its script had left behind",
+    ),
+    "endless output": (
+        "while True: print('flood ' * 100)",
+        "output_limit: 1 MB",
+        "crash",
+        "more than 1 MB were printed (output_limit)",
+    ),
+    "system exit": ("raise SystemExit", "", "script", "the controller raised SystemExit"),
+    "closes descriptors": (
+        "os.closerange(0, 4096)",
+        "",
+        "script",
+        "the controller has closed descriptors that are not its own: 1 (standard output), 2 (standard error)",
+    ),
+}
+
+
+def script(folder: Path, name: str, body: str, limits: str = "") -> Path:
+    lines = "\n".join(f"    {line}" for line in body.splitlines())
+    stem = name.replace(" ", "_")
+    (folder / f"{stem}.py").write_text(
+        f"import os, signal, subprocess, sys, time\n\ndef control(observation):\n{lines}\n"
+    )
+    path = folder / f"{stem}.sim.yml"
+    path.write_text(KILLER.format(name=name, script=f"{stem}.py", limits=limits))
+    return path
+
+
+def write_suite(folder: Path) -> None:
+    """Killers among the others, so that each runs beside one that is honest."""
+    for number in range(TOTAL - len(KILLERS)):
+        (folder / f"{number:03}.sim.yml").write_text(HONEST.format(number=number))
+    for index, (name, (body, limits, _, _)) in enumerate(KILLERS.items()):
+        path = script(folder, name, body, limits)
+        path.rename(folder / f"{index * 19:03}-{path.name}")
+
+
+def start(folder: Path, *options: str) -> subprocess.Popen[str]:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    return subprocess.Popen(
+        [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "2", *options],
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(ROOT), "KILLERS": str(folder)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def outcomes(folder: Path) -> dict[str, Outcome]:
+    run = start(folder)
+    run.communicate(timeout=120)
+    results = Results.read(folder / "sim-results/results.json")
+    return {outcome.name: outcome for outcome in results.outcomes}
+
+
+def processes_of(folder: Path) -> list[int]:
+    """Processes that were born of a call in this folder."""
+    numbers = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit())
+    return [number for number in numbers if is_of(number, folder)]
+
+
+def is_of(process: int, folder: Path) -> bool:
+    try:
+        variables = Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    return f"KILLERS={folder}".encode() in variables
+
+
+def are_gone(folder: Path, within: float = 10.0) -> bool:
+    deadline = time.monotonic() + within
+    while processes_of(folder) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return not processes_of(folder)
+
+
+def resident_megabytes(process: int) -> float:
+    (line,) = (line for line in Path(f"/proc/{process}/status").read_text().splitlines() if line.startswith("VmRSS:"))
+    return int(line.split()[1]) / 1024
+
+
+def resident_after_each(run: subprocess.Popen[str]) -> Iterator[float]:
+    """MB of the caller, measured when it reports a scenario."""
+    assert run.stdout is not None
+    for line in run.stdout:
+        if line.startswith("["):
+            yield resident_megabytes(run.pid)
+        if line.startswith(f"[{TOTAL}/"):
+            return
+
+
+def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path) -> None:
+    write_suite(tmp_path)
+    run = start(tmp_path)
+    resident = list(resident_after_each(run))
+    run.communicate(timeout=60)
+    assert run.returncode == 1
+    # Asked at once: the call itself must have waited for all of them.
+    assert processes_of(tmp_path) == []
+
+    results = Results.read(tmp_path / "sim-results/results.json")
+    assert (results.total, results.count("passed"), results.count("error")) == (TOTAL, TOTAL - len(KILLERS), 10)
+    found = {outcome.name: outcome.failures for outcome in results.outcomes if outcome.failures}
+    assert found.keys() == KILLERS.keys()
+    for name, (_, _, kind, cause) in KILLERS.items():
+        (failure,) = found[name]
+        assert (name, failure.kind) == (name, kind)
+        assert cause in failure.message
+
+    junit = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
+    assert (junit.tests, junit.errors, junit.failures) == (TOTAL, len(KILLERS), 0)
+    assert len(list(junit)) == TOTAL
+
+    assert len(resident) == TOTAL
+    early, late = statistics.median(resident[20:40]), statistics.median(resident[-20:])
+    # An outcome is kept of each: a few kB. A trace or an output that stays would be more.
+    assert late - early < 4.0, f"grew from {early:.1f} to {late:.1f} MB"
+
+
+def test_a_call_that_is_killed_outright_leaves_no_process(tmp_path: Path) -> None:
+    script(tmp_path, "hider", "subprocess.Popen(['sleep', '600'], start_new_session=True)\ntime.sleep(600)")
+    run = start(tmp_path)
+    deadline = time.monotonic() + 30
+    # The call, the supervisor, the scenario, and what it hides.
+    while len(processes_of(tmp_path)) < 4 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert len(processes_of(tmp_path)) == 4
+    run.kill()
+    run.communicate(timeout=30)
+    assert are_gone(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("body", "cause"),
+    [
+        ("os.killpg(os.getpgid(os.getppid()), signal.SIGKILL)\ntime.sleep(600)", "ended by SIGKILL"),
+        ("os.killpg(0, signal.SIGKILL)", "ended by SIGKILL"),
+        ("os.kill(os.getppid(), signal.SIGTERM)\ntime.sleep(600)", "ended by SIGTERM"),
+        ("os.kill(os.getppid(), signal.SIGSTOP)\ntime.sleep(600)", "no verdict after 2 s of wall time"),
+    ],
+)
+def test_signals_to_whom_it_descends_from_cost_the_script_its_own_scenario_only(
+    tmp_path: Path, body: str, cause: str
+) -> None:
+    child = "subprocess.Popen(['sleep', '600'])\n"
+    script(tmp_path, "patricide", child + body, "wall_limit: 2 s")
+    (tmp_path / "honest.sim.yml").write_text(HONEST.format(number=1))
+    found = outcomes(tmp_path)
+    assert found["honest 1"].status == "passed"
+    (failure,) = found["patricide"].failures
+    assert cause in failure.message
+    assert are_gone(tmp_path)
+
+
+def test_what_a_script_leaves_behind_is_ended_and_said_and_costs_no_verdict(tmp_path: Path) -> None:
+    leave = "subprocess.Popen(['sleep', '600'], start_new_session=True)"
+    script(tmp_path, "untidy", f"if observation.time == 0:\n    {leave}\n    {leave}")
+    (outcome,) = outcomes(tmp_path).values()
+    assert processes_of(tmp_path) == []
+    assert outcome.status == "passed"
+    assert "ended 2 processes that its script had left behind" in outcome.notes
+
+
+HYDRA = """\
+end = time.monotonic() + 30
+if os.fork() == 0:
+    # A new process in a new session every 2 ms, whose parent is gone.
+    while time.monotonic() < end:
+        if os.fork():
+            os._exit(0)
+        os.setsid()
+        time.sleep(0.002)
+    os._exit(0)
+time.sleep(0.2)
+os._exit(5)
+"""
+
+
+def test_a_process_that_keeps_changing_its_number_is_caught(tmp_path: Path) -> None:
+    script(tmp_path, "hydra", HYDRA)
+    (outcome,) = outcomes(tmp_path).values()
+    assert processes_of(tmp_path) == []
+    assert outcome.failures[0].title == "exit 5"
+
+
+def test_a_forked_copy_of_a_run_gives_no_verdict_of_its_own(tmp_path: Path) -> None:
+    script(tmp_path, "twin", "if observation.time == 0 and os.fork() == 0:\n    raise RuntimeError('the copy')")
+    (outcome,) = outcomes(tmp_path).values()
+    assert outcome.status == "passed"
+
+
+def test_an_original_that_leaves_its_run_to_a_copy_gives_none_either(tmp_path: Path) -> None:
+    script(tmp_path, "daemon", "if observation.time == 0 and os.fork(): os._exit(0)")
+    (outcome,) = outcomes(tmp_path).values()
+    (failure,) = outcome.failures
+    assert failure.title == "exit 0"
+
+
+def test_a_flood_ends_soon_after_its_limit(tmp_path: Path) -> None:
+    script(tmp_path, "flood", "subprocess.run(['yes'])", "output_limit: 10 MB")
+    began = time.monotonic()
+    (outcome,) = outcomes(tmp_path).values()
+    assert time.monotonic() - began < 20
+    (failure,) = outcome.failures
+    assert failure.title == "output limit"
+    assert failure.details.split() == ["y"] * 20
+    assert len(outcome.output) < 100_000
+
+
+def test_no_file_grows_beyond_the_memory_limit(tmp_path: Path) -> None:
+    script(tmp_path, "bloat", "open('bloat', 'wb').truncate(2 << 30)", "memory_limit: 1 GiB")
+    (outcome,) = outcomes(tmp_path).values()
+    assert "File too large" in outcome.failures[0].message
+    assert (tmp_path / "bloat").stat().st_size == 0
+
+
+BRIM = """\
+global hog
+hog, size = [], 1 << 24
+while size >= 64:
+    try:
+        while True:
+            hog.append(bytearray(size))
+    except MemoryError:
+        size //= 2
+"""
+
+
+def test_a_script_that_leaves_the_engine_no_memory_is_out_of_memory(tmp_path: Path) -> None:
+    script(tmp_path, "brim", BRIM, "memory_limit: 512 MiB")
+    (outcome,) = outcomes(tmp_path).values()
+    (failure,) = outcome.failures
+    assert failure.kind == "memory"
+    assert "more than the 0.5 GiB of memory that it may take (memory_limit)" in failure.message
+
+
+def test_native_code_without_memory_is_out_of_memory(tmp_path: Path) -> None:
+    body = "print(\"terminate called after throwing an instance of 'std::bad_alloc'\", flush=True)\nos.abort()"
+    script(tmp_path, "native hog", body)
+    (outcome,) = outcomes(tmp_path).values()
+    (failure,) = outcome.failures
+    assert (failure.kind, failure.title) == ("memory", "out of memory")
+    assert "more than the 4 GiB of memory" in failure.message

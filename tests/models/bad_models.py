@@ -1,0 +1,158 @@
+"""Models with one thing wrong each, and the rule and line that say so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_INERTIA = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+_SPARE = f'<link name="spare"><inertial><mass value="1"/>{_INERTIA}</inertial></link>'
+
+GOOD = f"""\
+<robot name="arm">
+  <link name="base">
+    <inertial>
+      <origin xyz="0 0 0.1"/>
+      <mass value="2"/>
+      {_INERTIA}
+    </inertial>
+    <collision>
+      <origin xyz="1 2 3"/>
+      <geometry><sphere radius="0.5"/></geometry>
+    </collision>
+  </link>
+  <link name="upper"><inertial><mass value="1"/>{_INERTIA}</inertial></link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/>
+    <child link="upper"/>
+    <origin xyz="0 0 1" rpy="0 0 0"/>
+    <axis xyz="0 0 2"/>
+    <limit lower="-1" upper="2" effort="10" velocity="3"/>
+    <dynamics damping="0.1"/>
+  </joint>
+</robot>
+"""
+
+_SPHERE = '<sphere radius="0.5"/>'
+_JOINT = '<joint name="shoulder" type="revolute">'
+_END = "</robot>"
+
+
+@dataclass(frozen=True, slots=True)
+class BadModel:
+    """A text, the first rule that it breaks, and where."""
+
+    name: str
+    rule: str
+    line: int | None
+    text: str
+
+
+def _bad(rule: str, line: int | None, old: str, new: str, name: str = "") -> BadModel:
+    assert old in GOOD, old
+    return BadModel(name or f"{rule}: {new[:40]}", rule, line, GOOD.replace(old, new, 1))
+
+
+def _fixed(name: str, parent: str, child: str) -> str:
+    return f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
+def _chain(count: int) -> str:
+    """A good model with a long tail."""
+    links = "".join(
+        f'<link name="l{n}"><inertial><mass value="1"/>{_INERTIA}</inertial></link>\n' for n in range(count)
+    )
+    joints = "".join(_fixed(f"j{n}", f"l{n - 1}" if n else "base", f"l{n}") + "\n" for n in range(count))
+    return f"{links}{joints}{_END}"
+
+
+BAD_MODELS = [
+    _bad("bad-xml", 23, _END, ""),
+    _bad("bad-xml", 22, _END, f"{_END}\0"),
+    _bad("bad-xml", 22, _END, f"{_END}junk"),
+    _bad("bad-xml", 12, "</link>", "</lnk>"),
+    _bad("bad-xml", 1, "<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot'),
+    _bad("bad-xml", 1, "<robot", '<?xml version="1.0" encoding="nonsense"?><robot'),
+    _bad("bad-xml", 22, _END, "<a>" * 200 + "</a>" * 200 + _END, "deep"),
+    BadModel("an empty file", "bad-xml", 1, ""),
+    BadModel("text", "bad-xml", 1, "robot"),
+    BadModel("another root", "not-a-robot", 1, "<sdf><model/></sdf>"),
+    BadModel("no links", "not-a-robot", 1, '<robot name="a"/>'),
+    _bad("missing-part", 2, ' name="base"', ""),
+    _bad("missing-part", 5, ' value="2"', ""),
+    _bad("missing-part", 3, '<mass value="2"/>', ""),
+    _bad("missing-part", 3, f"      {_INERTIA}\n", "", "no inertia"),
+    _bad("missing-part", 6, ' iyz="0"', ""),
+    _bad("missing-part", 8, f"<geometry>{_SPHERE}</geometry>", ""),
+    _bad("missing-part", 8, _SPHERE, "", "no shape"),
+    _bad("missing-part", 10, _SPHERE, "<sphere/>"),
+    _bad("missing-part", 10, _SPHERE, "<mesh/>"),
+    _bad("missing-part", 10, _SPHERE, '<cylinder radius="1"/>'),
+    _bad("missing-part", 10, _SPHERE, "<box/>"),
+    _bad("missing-part", 14, ' type="revolute"', ""),
+    _bad("missing-part", 14, '    <parent link="base"/>\n', "", "no parent"),
+    _bad("missing-part", 14, '    <child link="upper"/>\n', "", "no child"),
+    _bad("missing-part", 15, '<parent link="base"/>', "<parent/>"),
+    _bad("bad-number", 5, 'value="2"', 'value="nan"'),
+    _bad("bad-number", 5, 'value="2"', 'value="inf"'),
+    _bad("bad-number", 5, 'value="2"', 'value="1e999"'),
+    _bad("bad-number", 5, 'value="2"', 'value="2 kg"'),
+    _bad("bad-number", 5, 'value="2"', 'value="2_0"'),
+    _bad("bad-number", 5, 'value="2"', 'value="\u0661"'),
+    _bad("bad-number", 5, 'value="2"', 'value="0x10"'),
+    _bad("bad-number", 6, 'ixx="1"', 'ixx="one"'),
+    _bad("bad-number", 9, "1 2 3", "1 2"),
+    _bad("bad-number", 9, "1 2 3", "1,2,3"),
+    _bad("bad-number", 9, "1 2 3", "1 2 nan"),
+    _bad("bad-number", 10, "0.5", "wide"),
+    _bad("bad-number", 17, 'rpy="0 0 0"', 'rpy="0 0 0 0"'),
+    _bad("bad-number", 18, "0 0 2", "0 0 z"),
+    _bad("bad-number", 19, 'lower="-1"', 'lower="low"'),
+    _bad("bad-number", 19, 'effort="10"', 'effort="strong"'),
+    _bad("bad-number", 20, '"0.1"', '"-"'),
+    _bad("bad-number", 5, 'value="2"', 'value="${mass}"'),
+    _bad("unexpanded-expression", 9, "1 2 3", "0 0 ${height / 2}"),
+    _bad("unexpanded-expression", 19, 'lower="-1"', 'lower="$(arg lower)"'),
+    _bad("duplicate-name", 13, 'name="upper"', 'name="base"'),
+    _bad("duplicate-name", 22, _END, f"{_fixed('shoulder', 'base', 'upper')}{_END}"),
+    _bad("unknown-link", 14, '<parent link="base"/>', '<parent link="bas"/>'),
+    _bad("unknown-link", 14, '<child link="upper"/>', '<child link="uper"/>'),
+    _bad("two-parents", 22, _END, f"{_fixed('j', 'base', 'upper')}{_END}"),
+    _bad("one-root", 1, _END, f"{_SPARE}{_END}"),
+    _bad("one-root", 1, _END, f"{_fixed('j', 'upper', 'base')}{_END}"),
+    _bad("loop", 1, '<parent link="base"/>', '<parent link="upper"/>', "its own parent"),
+    _bad("loop", 1, _END, f'{_SPARE}<link name="x"/>{_fixed("j", "spare", "x")}{_fixed("k", "x", "spare")}{_END}'),
+    _bad("joint-type", 14, "revolute", "hinge"),
+    _bad("joint-type", 14, "revolute", "Revolute"),
+    _bad("too-many-joints", 4021, _END, _chain(3000), "a chain of 3,000 links"),
+    _bad("unknown-shape", 10, _SPHERE, '<cone radius="1"/>'),
+    _bad("bad-shape", 10, "0.5", "0"),
+    _bad("bad-shape", 10, "0.5", "-1"),
+    _bad("bad-shape", 10, _SPHERE, '<box size="1 0 1"/>'),
+    _bad("bad-shape", 10, _SPHERE, '<box size="1 -1 1"/>'),
+    _bad("bad-shape", 10, _SPHERE, '<cylinder radius="1" length="0"/>'),
+    _bad("bad-shape", 10, _SPHERE, '<cylinder radius="-1" length="1"/>'),
+    _bad("zero-axis", 18, "0 0 2", "0 0 0"),
+    _bad("negative-mass", 5, 'value="2"', 'value="-2"'),
+    _bad("missing-mesh", 10, _SPHERE, '<mesh filename="absent.stl"/>'),
+    _bad("missing-mesh", 10, _SPHERE, '<mesh filename="../outside.stl"/>'),
+    _bad("missing-mesh", 10, _SPHERE, f'<mesh filename="{"a" * 300}.stl"/>', "a long name"),
+    _bad("missing-visual", 12, "</link>", '<visual><geometry><mesh filename="a.dae"/></geometry></visual></link>'),
+    _bad("missing-limits", 14, '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n', "", "no limit"),
+    _bad("missing-limits", 19, 'lower="-1" upper="2" ', ""),
+    _bad("reversed-limits", 19, 'lower="-1" upper="2"', 'lower="2" upper="-1"'),
+    _bad("zero-mass", 5, 'value="2"', 'value="0"'),
+    _bad("impossible-inertia", 6, 'ixx="1"', 'ixx="0"'),
+    _bad("impossible-inertia", 6, 'ixx="1"', 'ixx="-1"'),
+    _bad("impossible-inertia", 6, 'ixx="1"', 'ixx="3"'),
+    _bad("impossible-inertia", 6, 'ixy="0"', 'ixy="2"'),
+    BadModel(
+        "massless-model",
+        "massless-model",
+        1,
+        f'<robot name="a"><link name="b"><collision><geometry>{_SPHERE}</geometry></collision></link></robot>',
+    ),
+    _bad("absurd-size", 10, "0.5", "500"),
+    _bad("absurd-size", 10, _SPHERE, '<box size="120 80 40"/>'),
+    _bad("missing-inertia", 13, f'<inertial><mass value="1"/>{_INERTIA}</inertial>', "", "no inertial"),
+    BadModel("nothing to touch", "no-collision-shape", 1, f'<robot name="a">{_SPARE}</robot>'),
+]

@@ -1,0 +1,90 @@
+"""Every rule of the audit: what breaks it, on which line, and that a good model breaks none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.errors import RefusedModel
+from sim_action.models.audit import audit
+from sim_action.models.audit.inertia import principal_moments
+from sim_action.models.document import read_document
+from sim_action.models.findings import ALLOWABLE, RULES
+from sim_action.models.urdf import read_urdf
+from sim_action.robot_model import Finding
+from tests.models.bad_models import BAD_MODELS, GOOD, BadModel
+
+
+def findings(folder: Path, text: str) -> list[Finding]:
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    return audit(read_document(path))
+
+
+def test_a_good_model_has_no_findings(tmp_path: Path) -> None:
+    assert findings(tmp_path, GOOD) == []
+
+
+@pytest.mark.parametrize("bad", BAD_MODELS, ids=lambda bad: bad.name)
+def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) -> None:
+    if RULES[bad.rule].level == "warning":
+        (found,) = findings(tmp_path, bad.text)
+        assert found.rule == bad.rule
+        assert (bad.line, found.location.line) == (found.location.line, bad.line)
+        return
+    path = tmp_path / "robot.urdf"
+    path.write_text(bad.text, encoding="utf-8")
+    with pytest.raises(RefusedModel) as refused:
+        read_urdf(path)
+    problem = refused.value.problems[0]
+    assert problem.message.endswith(f"[{bad.rule}]")
+    assert problem.location.line == bad.line
+    assert problem.message.isprintable()
+
+
+def test_every_rule_has_a_model_that_breaks_it() -> None:
+    # What takes packages or xacro is in test_urdf.py and test_expansion.py.
+    elsewhere = {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
+    elsewhere |= {"missing-package", "outside-workspace", "bad-reference"}
+    assert {bad.rule for bad in BAD_MODELS} == set(RULES) - elsewhere
+
+
+@pytest.mark.parametrize("rule", ALLOWABLE)
+def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, tmp_path: Path) -> None:
+    bad = next(bad for bad in BAD_MODELS if bad.rule == rule)
+    path = tmp_path / "robot.urdf"
+    path.write_text(bad.text, encoding="utf-8")
+    others = {"zero-mass": "massless-model", "massless-model": "zero-mass"}
+    model = read_urdf(path, allow=[rule, others.get(rule, rule)])
+    assert rule in {finding.rule for finding in model.findings}
+
+
+def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace('mass value="2"', 'mass value="-2"').replace('radius="0.5"', 'radius="0"')
+    assert {finding.rule for finding in findings(tmp_path, text)} == {"negative-mass", "bad-shape"}
+
+
+@pytest.mark.parametrize(
+    ("moments", "principal"),
+    [
+        ((1, 0, 0, 2, 0, 3), (1, 2, 3)),
+        ((2, 0, 0, 2, 0, 2), (2, 2, 2)),
+        ((2, 1, 0, 2, 0, 5), (1, 3, 5)),
+        ((2, -1, 0, 2, 1, 2), (2 - 2**0.5, 2, 2 + 2**0.5)),
+        ((0, 0, 0, 0, 0, 0), (0, 0, 0)),
+    ],
+)
+def test_principal_moments_are_eigenvalues(
+    moments: tuple[float, ...], principal: tuple[float, float, float], tmp_path: Path
+) -> None:
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    element = next(read_document(_written(tmp_path)).elements("link/inertial/inertia"))
+    element.attrib.update({name: str(value) for name, value in zip(names, moments, strict=True)})
+    assert principal_moments(element) == pytest.approx(principal, abs=1e-12)
+
+
+def _written(folder: Path) -> Path:
+    path = folder / "good.urdf"
+    path.write_text(GOOD, encoding="utf-8")
+    return path
