@@ -113,6 +113,9 @@ def install(environment: Environment) -> dict[str, object]:
     began = time.time()
     ready = os.environ.get("READY", str(environment.ready).lower()) == "true"
     fetched = not ready and environment.install()
+    if not ready:
+        size = sum(wheel.stat().st_size for wheel in environment.wheels.iterdir()) / 1e6
+        print(f"Installed {size:.0f} MB of wheels in {time.time() - began:.0f} s.")
     return {"python": environment.python, "fetched": fetched, "began": began, "ended": time.time()}
 
 

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.models.audit.inertia import principal_moments
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import is_expression, number
+from sim_action.models.values import child_of, is_expression, number
 
 # Of a link that does not say what it weighs: this share of what the others weigh, as a ball of this radius in m.
 _NEGLIGIBLE_SHARE: Final = 1e-4
@@ -32,6 +32,15 @@ def _ball(mass: float) -> Element:
     axes = {"ixx": moment, "iyy": moment, "izz": moment, "ixy": "0", "ixz": "0", "iyz": "0"}
     ET.SubElement(inertial, "inertia", axes)
     return inertial
+
+
+def drop_zero_masses(document: ModelDocument) -> None:
+    """A mass of zero that was let go counts as left out, but for the base: it is held still."""
+    children = {child_of(joint) for joint in document.elements("joint")}
+    for link in document.elements("link"):
+        inertial = link.find("inertial")
+        if inertial is not None and link.get("name") in children and number(inertial.find("mass"), "value") == 0:
+            link.remove(inertial)
 
 
 def mend_inertia(document: ModelDocument) -> None:

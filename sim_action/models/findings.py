@@ -49,7 +49,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "missing-visual": Rule("error", "a mesh to look at that is not there"),
         "missing-limits": Rule("error", "a revolute or prismatic joint without limits"),
         "reversed-limits": Rule("error", "a lower limit above the upper one"),
-        "zero-mass": Rule("error", "an <inertial> whose mass is 0"),
+        "zero-mass": Rule(
+            "error", "a mass of 0; let go, a base is held still, any other link weighs next to nothing"
+        ),
         "impossible-inertia": Rule("error", "an inertia that no body can have; let go, one of zero is a small ball's"),
         "massless-model": Rule("error", "a model in which no link has a mass"),
         "absurd-size": Rule("error", "a part larger than any robot: millimetres taken for metres"),

@@ -11,7 +11,14 @@ from xml.etree.ElementTree import Element
 from sim_action import geometry
 from sim_action.geometry import Vector3
 from sim_action.models.audit import audit
-from sim_action.models.cleaning import drop_expressions, drop_textures, engine_text, fill_in_inertia, mend_inertia
+from sim_action.models.cleaning import (
+    drop_expressions,
+    drop_textures,
+    drop_zero_masses,
+    engine_text,
+    fill_in_inertia,
+    mend_inertia,
+)
 from sim_action.models.document import ModelDocument, read_document
 from sim_action.models.findings import refuse_errors
 from sim_action.models.packages import Packages
@@ -38,7 +45,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     refuse_errors(findings, allowed)
     links = tuple(map(_link, document.elements("link")))
     joints = tuple(map(_joint, document.elements("joint")))
-    for mend in (fill_in_inertia, mend_inertia, drop_expressions, drop_textures):
+    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, drop_expressions, drop_textures):
         mend(document)
     name = document.root.get("name", path.stem)
     return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings))

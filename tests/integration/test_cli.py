@@ -228,6 +228,18 @@ def test_lists_are_printed(tmp_path: Path, command: str) -> None:
     ] in ran.stdout
 
 
+def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:
+    shown = sim_action(tmp_path, "inspect", "turtlebot3_burger")
+    assert shown.returncode == 0
+    assert "wheel_left_joint [continuous about 0 1 0]" in shown.stdout
+    assert json.loads(sim_action(tmp_path, "inspect", "turtlebot3_burger", "--json").stdout)["root"] == "base_footprint"
+    (tmp_path / "bad.urdf").write_text('<robot>\n<link name="a"/>\n<link/>\n<joint/>\n</robot>')
+    refused = sim_action(tmp_path, "inspect", "bad.urdf")
+    assert refused.returncode == 2
+    assert "sim-action: bad.urdf:3: <link> without 'name' [missing-part]\n" in refused.stderr
+    assert "sim-action: bad.urdf:4: <joint> without 'type' [missing-part]\n" in refused.stderr
+
+
 @pytest.mark.parametrize("arguments", [("--help",), ("validate", "a.sim.yml"), ("schema",)])
 def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))

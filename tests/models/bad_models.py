@@ -125,6 +125,7 @@ BAD_MODELS = [
     _bad("joint-type", 14, "revolute", "Revolute"),
     _bad("too-many-joints", 4021, _END, _chain(3000), "a chain of 3,000 links"),
     _bad("unknown-shape", 10, _SPHERE, '<cone radius="1"/>'),
+    _bad("unknown-shape", 10, _SPHERE, f'<material name="m"/>{_SPHERE}'),
     _bad("bad-shape", 10, "0.5", "0"),
     _bad("bad-shape", 10, "0.5", "-1"),
     _bad("bad-shape", 10, _SPHERE, '<box size="1 0 1"/>'),

@@ -22,7 +22,7 @@ def masses(document: ModelDocument) -> Iterator[Finding]:
         if value < 0:
             yield document.finding("negative-mass", mass, f'<mass value="{value:g}">: a mass is not negative')
         elif value == 0:
-            message = '<mass value="0">: the engine would hold this link still; leave <inertial> out if it has no mass'
+            message = '<mass value="0">: what weighs nothing leaves <inertial> out; an engine would hold a base still'
             yield document.finding("zero-mass", mass, message)
 
 

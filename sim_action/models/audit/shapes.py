@@ -18,12 +18,12 @@ KINDS: Final = (*_SHAPES, "mesh")
 
 
 def kinds(document: ModelDocument) -> Iterator[Finding]:
-    """Each is one of URDF's."""
+    """Each is one of URDF's; what follows the shape in its <geometry> is read by nobody."""
     for geometry in document.elements("link/collision/geometry", "link/visual/geometry"):
-        for shape in geometry:
-            if shape.tag not in KINDS:
-                message = f"<{shape.tag}> is no shape; there are {', '.join(KINDS)}"
-                yield document.finding("unknown-shape", shape, message)
+        shape = next(iter(geometry), None)
+        if shape is not None and shape.tag not in KINDS:
+            message = f"<{shape.tag}> is no shape; there are {', '.join(KINDS)}"
+            yield document.finding("unknown-shape", shape, message)
 
 
 def sizes(document: ModelDocument) -> Iterator[Finding]:

@@ -1,0 +1,56 @@
+"""What becomes of what was let go, as an engine gets to see it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from sim_action.models.urdf import read_urdf
+from tests.models.bad_models import GOOD
+
+
+def links(folder: Path, text: str, *allow: str) -> dict[str, ET.Element]:
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    return {link.attrib["name"]: link for link in ET.fromstring(read_urdf(path, allow=allow).urdf).iter("link")}
+
+
+def inertia(link: ET.Element) -> tuple[float, float, float, float]:
+    mass, moments = link.find("inertial/mass"), link.find("inertial/inertia")
+    assert mass is not None
+    assert moments is not None
+    ixx, iyy, izz = (float(moments.attrib[name]) for name in ("ixx", "iyy", "izz"))
+    return float(mass.attrib["value"]), ixx, iyy, izz
+
+
+def test_what_is_good_stays_as_it_is(tmp_path: Path) -> None:
+    assert inertia(links(tmp_path, GOOD)["base"]) == (2.0, 1.0, 1.0, 1.0)
+
+
+def test_a_link_without_inertial_weighs_next_to_nothing(tmp_path: Path) -> None:
+    start = GOOD.index("<inertial>", GOOD.index('name="upper"'))
+    end = GOOD.index("</inertial>", start) + len("</inertial>")
+    mass, *moments = inertia(links(tmp_path, GOOD[:start] + GOOD[end:])["upper"])
+    assert mass == pytest.approx(2e-4)
+    assert moments == [pytest.approx(0.4 * 2e-4 * 0.05**2)] * 3
+
+
+@pytest.mark.parametrize(("link", "mass"), [("upper", 2e-4), ("base", 0.0)])
+def test_a_mass_of_zero_counts_as_left_out_but_for_the_base(link: str, mass: float, tmp_path: Path) -> None:
+    place = GOOD.index("<mass", GOOD.index(f'name="{link}"'))
+    text = GOOD[:place] + GOOD[place:].replace(GOOD[place : GOOD.index("/>", place)], '<mass value="0"', 1)
+    assert inertia(links(tmp_path, text, "zero-mass")[link])[0] == pytest.approx(mass)
+
+
+def test_a_body_that_would_turn_without_end_is_a_ball(tmp_path: Path) -> None:
+    text = GOOD.replace('ixx="1"', 'ixx="0"', 1)
+    assert inertia(links(tmp_path, text, "impossible-inertia")["base"]) == pytest.approx((2.0, 2e-3, 2e-3, 2e-3))
+
+
+def test_an_expression_that_was_let_go_is_left_out(tmp_path: Path) -> None:
+    link = links(tmp_path, GOOD.replace("1 2 3", "${x} 2 3"), "unexpanded-expression")["base"]
+    origin = link.find("collision/origin")
+    assert origin is not None
+    assert origin.attrib == {}
