@@ -4,10 +4,9 @@ It knows what is documented of the features that are used here, and refuses ever
 that a green test never rests on something that was skipped.
 """
 
-from tests.integration.github.commands import Annotation, parse_annotations
+from tests.integration.github.commands import Annotation, parse_annotations, parse_outputs
 from tests.integration.github.errors import UnsupportedFeature
 from tests.integration.github.expressions import Status, evaluate, evaluate_value, holds
-from tests.integration.github.file_commands import parse_outputs
 from tests.integration.github.machine import Report
 from tests.integration.github.provided import base_python
 from tests.integration.github.results import JobResult, JobRun, StepResult, WorkflowResult

@@ -1,4 +1,4 @@
-"""Workflow commands: what a runner reads in the log of a step, and does."""
+"""What a step tells the runner: workflow commands in its log, and entries of GITHUB_OUTPUT and GITHUB_ENV."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from tests.integration.github.errors import UnsupportedFeature
 _LINE_END: Final = re.compile(r"\r\n|\n|\r")
 _ANNOTATIONS: Final = frozenset({"error", "warning", "notice"})
 _HARMLESS: Final = frozenset({"debug", "group", "endgroup"})
-_SWITCHED_OFF: Final = frozenset({"set-env", "add-path"})
-_UNSUPPORTED: Final = frozenset({"add-mask", "add-matcher", "remove-matcher", "save-state", "echo"})
-_REGISTERED: Final = _ANNOTATIONS | _HARMLESS | _SWITCHED_OFF | _UNSUPPORTED | {"set-output", "stop-commands"}
+_UNSUPPORTED: Final = frozenset(
+    {"add-mask", "add-matcher", "remove-matcher", "save-state", "echo", "set-output", "set-env", "add-path"}
+)
+_REGISTERED: Final = _ANNOTATIONS | _HARMLESS | _UNSUPPORTED | {"stop-commands"}
 # An escaped per cent sign comes last: what it gives is not an escape.
 _DATA_ESCAPES: Final = {"%0D": "\r", "%0A": "\n", "%25": "%"}
 _PROPERTY_ESCAPES: Final = {"%0D": "\r", "%0A": "\n", "%3A": ":", "%2C": ",", "%25": "%"}
@@ -32,38 +33,26 @@ class Annotation:
     line: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class Commands:
-    """What the log of a step tells the runner.
-
-    Attributes:
-        outputs: from set-output, which is deprecated and still obeyed.
-        refused: commands that were switched off, and fail the step.
-    """
-
-    annotations: tuple[Annotation, ...]
-    outputs: Mapping[str, str]
-    refused: tuple[str, ...]
-
-
-def parse_commands(log: str) -> Commands:
-    """All commands in what one step printed. Raises UnsupportedFeature."""
-    annotations, outputs, refused = [], {}, []
-    for command in _obeyed(log):
-        if command.name in _UNSUPPORTED:
-            raise UnsupportedFeature(f"the workflow command {command.name}")
-        if command.name in _ANNOTATIONS:
-            annotations.append(_annotation(command))
-        if command.name in _SWITCHED_OFF:
-            refused.append(command.name)
-        if command.name == "set-output":
-            outputs[command.properties["name"]] = command.data
-    return Commands(tuple(annotations), outputs, tuple(refused))
-
-
 def parse_annotations(log: str) -> tuple[Annotation, ...]:
-    """The annotations in what a step printed; nothing between ::stop-commands::token and ::token:: counts."""
-    return parse_commands(log).annotations
+    """The annotations in what one step printed. Raises UnsupportedFeature for commands that do more.
+
+    Nothing between ::stop-commands::token and ::token:: counts.
+    """
+    commands = list(_obeyed(log))
+    if unsupported := [command.name for command in commands if command.name in _UNSUPPORTED]:
+        raise UnsupportedFeature(f"the workflow command {unsupported[0]}")
+    return tuple(_annotation(command) for command in commands if command.name in _ANNOTATIONS)
+
+
+def parse_outputs(text: str) -> dict[str, str]:
+    """What a GITHUB_OUTPUT or GITHUB_ENV file says: `name=value` lines and heredocs. Raises ValueError."""
+    outputs = {}
+    lines = iter(text.removesuffix("\n").split("\n"))
+    for line in lines:
+        if line:
+            name, value = _entry(line, lines)
+            outputs[name] = value
+    return outputs
 
 
 def escaped(message: str) -> str:
@@ -140,3 +129,22 @@ def _unescaped(text: str, escapes: Mapping[str, str]) -> str:
     for escape, character in escapes.items():
         text = text.replace(escape, character)
     return text
+
+
+def _entry(line: str, lines: Iterator[str]) -> tuple[str, str]:
+    name, equals, value = line.partition("=")
+    key, heredoc, delimiter = line.partition("<<")
+    # Whichever sign comes first says what it is.
+    if heredoc and len(key) < len(name) and key and delimiter:
+        return key, "\n".join(_until(delimiter, lines))
+    if equals and name and len(name) < len(key):
+        return name, value
+    raise ValueError(f"neither name=value nor name<<delimiter: {line!r}")
+
+
+def _until(delimiter: str, lines: Iterator[str]) -> Iterator[str]:
+    for line in lines:
+        if line == delimiter:
+            return
+        yield line
+    raise ValueError(f"no closing {delimiter!r}")

@@ -19,7 +19,7 @@ _KEYS: Final = frozenset({"name", "author", "description", "branding", "inputs",
 _INPUT_KEYS: Final = frozenset({"description", "required", "default", "deprecationMessage"})
 _OUTPUT_KEYS: Final = frozenset({"description", "value"})
 # Of what a step can ask for, an action sees no more than this.
-_SHARED: Final = ("strategy", "matrix")
+_SHARED: Final = ("matrix",)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from tests.integration.github.errors import UnsupportedFeature
-from tests.integration.github.functions import FUNCTIONS
 from tests.integration.github.syntax import Binary, Call, Context, Filter, Literal, Member, Node, Not, functions, parse
-from tests.integration.github.values import Known, Value, are_equal, is_array, is_less, is_true, to_number, to_text
+from tests.integration.github.values import Known, KnownOutputs, Value, are_equal, is_array, is_true, to_text
 
 _OPEN, _CLOSE = "${{", "}}"
 _STATUS_FUNCTIONS: Final = frozenset({"success", "failure", "cancelled", "always"})
@@ -122,60 +121,46 @@ class _Evaluator:
     def member(self, node: Member) -> Value:
         # Linux knows variables by their case, and nothing else has one.
         with_case = node.of == Context("env")
-        of, key = self.value(node.of), self.value(node.key)
+        of = self.value(node.of)
         if isinstance(of, _Filtered):
-            return _Filtered(member for item in of for member in _members(item, key, with_case=with_case))
-        return next(iter(_members(of, key, with_case=with_case)), None)
+            return _Filtered(member for item in of for member in _members(item, node.key, with_case=with_case))
+        return next(iter(_members(of, node.key, with_case=with_case)), None)
 
     def call(self, function: str, arguments: tuple[Node, ...]) -> Value:
         if function in _STATUS_FUNCTIONS and self.status and not arguments:
             return function == "always" or bool(getattr(self.status, function))
-        known = FUNCTIONS.get(function)
-        if not known or not known.least <= len(arguments) <= known.most:
-            raise UnsupportedFeature(f"the function {function} with {len(arguments)} arguments is not there")
-        return known.call(*(self.value(argument) for argument in arguments))
+        match function, [self.value(argument) for argument in arguments]:
+            case "join", [items, separator] if is_array(items):
+                return to_text(separator).join(to_text(item) for item in items)
+            case "fromjson", [text]:
+                return _from_json(to_text(text))
+        raise UnsupportedFeature(f"the function {function} with {len(arguments)} arguments is not there")
 
     def binary(self, node: Binary) -> Value:
         left = self.value(node.left)
         if node.operator in {"&&", "||"}:
             return left if is_true(left) == (node.operator == "||") else self.value(node.right)
-        return _compared(node.operator, left, self.value(node.right))
+        return are_equal(left, self.value(node.right)) == (node.operator == "==")
 
 
-def _compared(operator: str, left: Value, right: Value) -> bool:
-    match operator:
-        case "==":
-            return are_equal(left, right)
-        case "!=":
-            return not are_equal(left, right)
-        case "<":
-            return is_less(left, right)
-        case ">":
-            return is_less(right, left)
-        case "<=":
-            return is_less(left, right) or are_equal(left, right)
-    return is_less(right, left) or are_equal(left, right)
+def _from_json(text: str) -> Value:
+    try:
+        value: Value = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise UnsupportedFeature(f"fromJSON of {text!r}: {error}") from error
+    return value
 
 
 def _filtered(of: Value) -> _Filtered:
-    if isinstance(of, _Filtered):
-        return _Filtered(member for item in of for member in _filtered(item))
-    if isinstance(of, Mapping):
-        return _Filtered(of.values())
-    return _Filtered(of if is_array(of) else ())
+    if not isinstance(of, Mapping):
+        raise UnsupportedFeature(f"`.*` of {of!r}")
+    return _Filtered(of.values())
 
 
-def _members(of: Value, key: Value, *, with_case: bool) -> list[Value]:
-    if isinstance(of, Mapping):
-        return _values(of, to_text(key), with_case=with_case)
-    index = to_number(key)
-    if is_array(of) and 0 <= index < len(of):
-        return [of[math.floor(index)]]
-    return []
-
-
-def _values(of: Mapping[str, Value], key: str, *, with_case: bool) -> list[Value]:
+def _members(of: Value, key: str, *, with_case: bool) -> list[Value]:
+    if not isinstance(of, Mapping):
+        return []
     found = [value for name, value in of.items() if name == key or (not with_case and name.upper() == key.upper())]
-    if not found and isinstance(of, Known):
+    if not found and isinstance(of, Known | KnownOutputs):
         raise UnsupportedFeature(f"{key} is none of {', '.join(sorted(of)) or 'nothing'}")
     return found

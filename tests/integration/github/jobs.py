@@ -9,27 +9,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from tests.integration.github.documents import mapping, one_or_more, sequence
+from tests.integration.github.documents import mapping, sequence
 from tests.integration.github.errors import UnsupportedFeature
-from tests.integration.github.expressions import evaluate, evaluate_value
+from tests.integration.github.expressions import evaluate
 from tests.integration.github.machine import Machine, is_for_fork
 from tests.integration.github.permissions import Permissions
 from tests.integration.github.provided import use
 from tests.integration.github.results import JobRun
 from tests.integration.github.steps import Steps
 from tests.integration.github.stores import ArtifactStore, CacheStore
-from tests.integration.github.values import Known, Value, is_true, to_number, to_text
+from tests.integration.github.values import Known, Value, to_text
 
 KEYS: Final = frozenset(
-    {"name", "needs", "if", "strategy", "runs-on", "timeout-minutes", "continue-on-error", "env", "outputs", "defaults"}
-    | {"permissions", "concurrency", "steps"}
+    {"name", "needs", "if", "strategy", "runs-on", "timeout-minutes", "env", "outputs", "permissions", "steps"}
 )
 _X64: Final = {"ubuntu-latest", "ubuntu-24.04", "ubuntu-22.04"}
 _MACHINES: Final[Mapping[str, tuple[str, str]]] = {
     **dict.fromkeys(_X64, ("Linux", "X64")),
-    **dict.fromkeys(("ubuntu-24.04-arm", "ubuntu-22.04-arm"), ("Linux", "ARM64")),
-    **dict.fromkeys(("macos-latest", "macos-26", "macos-15", "macos-14"), ("macOS", "ARM64")),
-    **dict.fromkeys(("windows-latest", "windows-2025", "windows-2022"), ("Windows", "X64")),
+    "ubuntu-24.04-arm": ("Linux", "ARM64"),
+    "macos-latest": ("macOS", "ARM64"),
+    "windows-latest": ("Windows", "X64"),
 }
 
 
@@ -57,14 +56,12 @@ class Job:
     """A job that is about to run.
 
     Attributes:
-        contexts: github, inputs, needs, strategy and matrix.
-        workflow: the document that the job is in.
+        contexts: github, inputs, needs and matrix.
         permissions: that it was given.
     """
 
     identity: str
     document: Mapping[str, Value]
-    workflow: Mapping[str, Value]
     contexts: Mapping[str, Value]
     permissions: Permissions
 
@@ -76,34 +73,18 @@ class Job:
         otherwise = f"{self.identity} ({values})" if values else self.identity
         return evaluate(to_text(self.document.get("name", otherwise)), self.contexts)
 
-    @property
-    def secrets(self) -> Known:
-        """There is only the one that GitHub itself provides."""
-        return Known(GITHUB_TOKEN=mapping(self.contexts["github"], "github")["token"])
-
-    def value(self, key: str) -> Value:
-        """What the job says of a key that may be an expression."""
-        value = self.document.get(key)
-        return evaluate_value(value, self.contexts) if isinstance(value, str) else value
-
 
 def run_job(shared: Shared, job: Job) -> JobRun:
     """Runs a job in a fresh workspace. Raises UnsupportedFeature."""
     machine = _machine(shared, job)
-    contexts = {**job.contexts, "github": machine.github, "secrets": job.secrets}
-    defaults = _defaults(job, {**contexts, "env": machine.environment})
     steps = Steps(
         machine=machine,
         steps=sequence(job.document.get("steps"), f"jobs.{job.identity}.steps"),
-        contexts=contexts,
+        contexts={**job.contexts, "github": machine.github},
         use=use,
         is_job=True,
-        shell=defaults.get("shell", ""),
-        folder=defaults.get("working-directory", ""),
     )
     steps.run()
-    if steps.status == "success":
-        machine.finish()
     return _job_run(job, steps)
 
 
@@ -115,7 +96,6 @@ def _job_run(job: Job, steps: Steps) -> JobRun:
         name=job.name,
         result=steps.status,
         matrix=mapping(job.contexts["matrix"], "matrix"),
-        is_forgiven=steps.status == "failure" and is_true(job.value("continue-on-error")),
         steps=tuple(steps.results),
         outputs={name: evaluate(to_text(output), contexts) for name, output in outputs.items()},
         annotations=tuple(record.annotations),
@@ -134,7 +114,6 @@ def _machine(shared: Shared, job: Job) -> Machine:
         fresh.mkdir(parents=True, exist_ok=True)
     github = mapping(job.contexts["github"], "github")
     system, architecture = _system(job)
-    minutes = job.value("timeout-minutes")
     return Machine(
         workspace=workspace,
         temp=temp,
@@ -146,20 +125,22 @@ def _machine(shared: Shared, job: Job) -> Machine:
         artifacts=shared.artifacts,
         repository=shared.repository,
         permissions=_token_permissions(job),
-        deadline=time.monotonic() + to_number(minutes) * 60 if minutes is not None else None,
+        deadline=_deadline(job),
     )
 
 
 def _environment(shared: Shared, job: Job) -> dict[str, str]:
-    visible = {name: job.contexts[name] for name in ("github", "inputs")}
-    secrets = {"secrets": job.secrets}
-    outer = mapping(job.workflow.get("env"), "env")
-    inner = mapping(job.document.get("env"), "env")
-    return {
-        **shared.variables,
-        **{name: evaluate(to_text(value), {**visible, **secrets}) for name, value in outer.items()},
-        **{name: evaluate(to_text(value), {**job.contexts, **secrets}) for name, value in inner.items()},
-    }
+    own = mapping(job.document.get("env"), "env")
+    return {**shared.variables, **{name: evaluate(to_text(value), job.contexts) for name, value in own.items()}}
+
+
+def _deadline(job: Job) -> float | None:
+    minutes = job.document.get("timeout-minutes")
+    if minutes is None:
+        return None
+    if not isinstance(minutes, int | float):
+        raise UnsupportedFeature(f"timeout-minutes: {minutes}")
+    return time.monotonic() + minutes * 60
 
 
 def _token_permissions(job: Job) -> Permissions:
@@ -169,15 +150,7 @@ def _token_permissions(job: Job) -> Permissions:
 
 
 def _system(job: Job) -> tuple[str, str]:
-    labels = one_or_more(job.value("runs-on"))
-    if len(labels) != 1 or labels[0] not in _MACHINES:
-        raise UnsupportedFeature(f"runs-on: {', '.join(labels)}")
-    return _MACHINES[labels[0]]
-
-
-def _defaults(job: Job, contexts: Mapping[str, Value]) -> dict[str, str]:
-    merged: dict[str, Value] = {}
-    for document in (job.workflow, job.document):
-        given = mapping(document.get("defaults"), "defaults", {"run"})
-        merged.update(mapping(given.get("run"), "defaults.run", {"shell", "working-directory"}))
-    return {name: evaluate(to_text(value), contexts) for name, value in merged.items()}
+    label = evaluate(to_text(job.document.get("runs-on")), job.contexts)
+    if label not in _MACHINES:
+        raise UnsupportedFeature(f"runs-on: {label}")
+    return _MACHINES[label]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from tests.integration.github.commands import Annotation, Commands, escaped, parse_commands
+from tests.integration.github.commands import Annotation, escaped, parse_annotations
 from tests.integration.github.expressions import evaluate_value
 from tests.integration.github.permissions import DEFAULT, Permissions
 from tests.integration.github.stores import ArtifactStore, CacheStore
@@ -20,7 +20,6 @@ from tests.integration.github.values import Known, Value
 _FOREIGN: Final = ("GITHUB_", "RUNNER_", "ACTIONS_", "INPUT_", "PYTHON", "PYTEST_", "COV_", "VIRTUAL_ENV")
 _SUMMARY_LIMIT: Final = 1024 * 1024
 
-_TOKEN: Final = "ghs_0000000000000000000000000000000000000000"
 _SHA: Final = "0123456789abcdef0123456789abcdef01234567"
 _RUN_IDS: Final = itertools.count(1)
 
@@ -52,12 +51,10 @@ class Record:
     annotations: list[Annotation] = field(default_factory=list)
     reports: list[Report] = field(default_factory=list)
 
-    def hear(self, text: str) -> Commands:
-        """Takes in what a step has printed, and says which commands were in it."""
-        commands = parse_commands(text)
+    def hear(self, text: str) -> None:
+        """Takes in what a step has printed."""
         self.log += text
-        self.annotations += commands.annotations
-        return commands
+        self.annotations += parse_annotations(text)
 
     def complain(self, message: str, level: str = "error") -> None:
         """What the runner itself, or an action that is not run here, has to say."""
@@ -81,9 +78,7 @@ class Machine:
         environment: what steps find in it: the job's own, and what steps have written to GITHUB_ENV.
         path: what goes before PATH, from GITHUB_PATH.
         repository: what a checkout gives.
-        status: of the job, as `job.status` says it.
         deadline: when the job is out of time, by the monotonic clock.
-        afterwards: what actions do at the end of a job that has succeeded.
     """
 
     workspace: Path
@@ -97,17 +92,15 @@ class Machine:
     artifacts: ArtifactStore | None = None
     repository: Path | None = None
     permissions: Permissions = field(default_factory=lambda: DEFAULT)
-    status: str = "success"
     deadline: float | None = None
     record: Record = field(default_factory=Record)
     is_checked_out: bool = False
-    afterwards: list[Callable[[], object]] = field(default_factory=list)
 
     @property
     def contexts(self) -> dict[str, Value]:
         """The contexts that are the same for all steps."""
         runner = Known(os=self.os, arch=self.arch, temp=str(self.temp), name="runner", environment="github-hosted")
-        return {"runner": runner, "job": Known(status=self.status)}
+        return {"runner": runner}
 
     @property
     def is_for_fork(self) -> bool:
@@ -119,18 +112,13 @@ class Machine:
         """Whether the job has taken longer than it may."""
         return self.deadline is not None and time.monotonic() >= self.deadline
 
-    def finish(self) -> None:
-        """Does what actions have left for the end of the job, the last one first."""
-        while self.afterwards:
-            self.afterwards.pop()()
-
     def variables(self, given: Mapping[str, str], github: Mapping[str, Value]) -> dict[str, str]:
         """The environment of a process. What the runner says itself stands, whatever a job or step was given."""
         inherited = {name: value for name, value in os.environ.items() if not name.startswith(_FOREIGN)}
         variables = {**inherited, "CI": "true", **self.environment, **given}
         if self.path:
             variables["PATH"] = os.pathsep.join([*reversed(self.path), variables.get("PATH", os.defpath)])
-        texts = {name: value for name, value in github.items() if isinstance(value, str) and name != "token"}
+        texts = {name: value for name, value in github.items() if isinstance(value, str)}
         said = {f"GITHUB_{name.upper()}": value for name, value in texts.items()}
         runner = {"RUNNER_OS": self.os, "RUNNER_ARCH": self.arch, "RUNNER_TEMP": str(self.temp)}
         return {**variables, **said, **runner, "GITHUB_ACTIONS": "true", "RUNNER_ENVIRONMENT": "github-hosted"}
@@ -154,7 +142,6 @@ def github_context(event_name: str, event: Mapping[str, Value], repository: str 
             "event_name": event_name,
             "event": event,
             "workspace": "",
-            "token": _TOKEN,
             "sha": _SHA,
             "ref": "refs/heads/main",
             "ref_name": "main",

@@ -24,8 +24,6 @@ def declared(value: Value, otherwise: Permissions) -> Permissions:
     """What a workflow or job asks for; what it leaves out of a list, it does not get. Raises UnsupportedFeature."""
     if value is None:
         return otherwise
-    if isinstance(value, str) and value in {"read-all", "write-all"}:
-        return dict.fromkeys(_SCOPES, value.removesuffix("-all"))
     asked = {scope: to_text(level) for scope, level in mapping(value, "permissions", _SCOPES).items()}
     if unknown := set(asked.values()) - set(_LEVELS):
         raise UnsupportedFeature(f"permissions: {', '.join(sorted(unknown))}")

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Final
 
 from tests.integration.github.artifacts import DOWNLOAD, UPLOAD
-from tests.integration.github.caching import CACHE, RESTORE, SAVE
+from tests.integration.github.caching import RESTORE, SAVE
 from tests.integration.github.composite import Action, run_composite
 from tests.integration.github.errors import StepFailed, UnsupportedFeature
 from tests.integration.github.machine import Machine
 from tests.integration.github.reporters import DORNY, ENRICOMI, MIKEPENZ
 from tests.integration.github.scripts import Finished
-from tests.integration.github.stand_in import StandIn, boolean
+from tests.integration.github.stand_in import NO_OUTPUTS, StandIn, boolean
 from tests.integration.github.steps import Use
 from tests.integration.github.stores import copy
 
@@ -66,20 +66,20 @@ def _set_up_python(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, 
         machine.path.append(str(base_python().parent))
         machine.environment["pythonLocation"] = sys.base_prefix
         machine.record.exported += f"pythonLocation={sys.base_prefix}\n{base_python().parent}\n"
-    return {"python-path": str(base_python()), "python-version": version, "cache-hit": ""}
+    return {"python-path": str(base_python())}
 
 
 def _check_out(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:
     if not machine.repository:
         raise UnsupportedFeature("a checkout outside a workflow run")
-    folder = machine.workspace / inputs["path"]
+    folder = machine.workspace
     # As there: what was in the folder before does not survive.
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     for name in _tracked(machine.repository):
         copy(machine.repository / name, folder / name)
     machine.is_checked_out = True
-    return {"ref": str(machine.github["ref"]), "commit": str(machine.github["sha"])}
+    return NO_OUTPUTS
 
 
 def _tracked(repository: Path) -> list[str]:
@@ -91,19 +91,14 @@ def _tracked(repository: Path) -> list[str]:
     return [name for name in names.split("\0") if name and (repository / name).exists()]
 
 
-_SET_UP_PYTHON: Final = StandIn(
-    _set_up_python, required=("python-version",), defaults={"update-environment": "true", "check-latest": "false"}
-)
-_CHECK_OUT: Final = StandIn(
-    _check_out, defaults={"path": "", "fetch-depth": "1", "persist-credentials": "true", "show-progress": "true"}
-)
+_SET_UP_PYTHON: Final = StandIn(_set_up_python, required=("python-version",), defaults={"update-environment": "true"})
+_CHECK_OUT: Final = StandIn(_check_out, defaults={"persist-credentials": "true"})
 # The versions whose behaviour was looked up; another one is to be looked at before it is named here.
 _STAND_INS: Final[Mapping[str, StandIn]] = {
     "actions/setup-python@5fda3b95a4ea91299a34e894583c3862153e4b97": _SET_UP_PYTHON,
     "actions/checkout@3d3c42e5aac5ba805825da76410c181273ba90b1": _CHECK_OUT,
     "actions/upload-artifact@043fb46d1a93c77aae656e7c1c64a875d1fc6a0a": UPLOAD,
     "actions/download-artifact@3e5f45b2cfb9172054b4087a40e8e0b5a5461e7c": DOWNLOAD,
-    "actions/cache@27d5ce7f107fe9357f9df03efb73ab90386fccae": CACHE,
     "actions/cache/restore@27d5ce7f107fe9357f9df03efb73ab90386fccae": RESTORE,
     "actions/cache/save@27d5ce7f107fe9357f9df03efb73ab90386fccae": SAVE,
     "dorny/test-reporter@a43b3a5f7366b97d083190328d2c652e1a8b6aa2": DORNY,

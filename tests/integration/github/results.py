@@ -34,14 +34,12 @@ class JobRun:
     """What became of one job, or of one combination of its matrix.
 
     Attributes:
-        result: success, failure, cancelled or skipped; before `continue-on-error`.
-        is_forgiven: it failed, and its workflow goes on as if it had not.
+        result: success, failure, cancelled or skipped.
     """
 
     name: str
     result: str
     matrix: Mapping[str, Value] = field(default_factory=dict)
-    is_forgiven: bool = False
     steps: tuple[StepResult, ...] = ()
     outputs: Mapping[str, str] = field(default_factory=dict)
     annotations: tuple[Annotation, ...] = ()
@@ -54,7 +52,7 @@ class JobRun:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """What became of a job, as `needs` says it: a failure that is forgiven counts as success.
+    """What became of a job, as `needs` says it.
 
     Attributes:
         runs: one; or one for each combination of the matrix, and for each job of a called workflow.
@@ -91,13 +89,11 @@ class WorkflowResult:
 
     Attributes:
         artifacts: a folder with a folder for each.
-        outputs: of a workflow that can be called.
     """
 
     conclusion: str
     jobs: Mapping[str, JobResult]
     artifacts: Path
-    outputs: Mapping[str, str]
 
     @property
     def runs(self) -> tuple[JobRun, ...]:

@@ -61,8 +61,6 @@ class Runner:
         machine = self._machine()
         asked = Use(machine, str(action_path), inputs or {}, {}, {})
         steps, outputs = run_composite(Action(action_path), machine, use, asked)
-        if steps.status == "success":
-            machine.finish()
         record = machine.record
         return ActionResult(
             exit_code=steps.exit_code,

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from tests.integration.github.commands import parse_outputs
 from tests.integration.github.errors import StepFailed, UnsupportedFeature
-from tests.integration.github.file_commands import parse_outputs
 from tests.integration.github.machine import Machine
 from tests.integration.github.values import Value
 
@@ -29,17 +29,13 @@ class Script:
 
     Attributes:
         shell: empty if the step does not say.
-        folder: seen from the workspace.
         variables: beside those of the machine.
-        timeout: in seconds.
     """
 
     text: str
     shell: str
-    folder: str
     variables: Mapping[str, str]
     github: Mapping[str, Value]
-    timeout: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,16 +50,10 @@ def run_script(machine: Machine, script: Script) -> Finished:
     """Runs a script; what it writes for the runner is taken in however it ends. Raises StepFailed."""
     if script.shell not in _SHELLS or (machine.os == "Windows" and not script.shell):
         raise UnsupportedFeature(f"shell: {script.shell or 'the default'} on {machine.os}")
-    folder = machine.workspace / script.folder
-    if not folder.is_dir():
-        raise StepFailed(f"An error occurred trying to start bash with working directory '{folder}': it is not there")
     with tempfile.TemporaryDirectory(prefix="step-", dir=machine.temp) as scratch:
         exit_code, log = _run(machine, script, Path(scratch))
-        commands = machine.record.hear(log)
-        outputs = {**commands.outputs, **_taken_in(machine, Path(scratch))}
-    if commands.refused:
-        raise StepFailed(f"The command {commands.refused[0]} is disabled")
-    return Finished(exit_code, outputs)
+        machine.record.hear(log)
+        return Finished(exit_code, _taken_in(machine, Path(scratch)))
 
 
 def _run(machine: Machine, script: Script, scratch: Path) -> tuple[int, str]:
@@ -77,14 +67,14 @@ def _run(machine: Machine, script: Script, scratch: Path) -> tuple[int, str]:
     variables |= {name: str(path) for name, path in {**files, "GITHUB_EVENT_PATH": event}.items()}
     with subprocess.Popen(
         [*_SHELLS[script.shell], file],
-        cwd=machine.workspace / script.folder,
+        cwd=machine.workspace,
         env=variables,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         start_new_session=True,
     ) as process:
-        return _finished(process, _time_left(machine, script))
+        return _finished(process, _time_left(machine))
 
 
 def _finished(process: subprocess.Popen[bytes], timeout: float | None) -> tuple[int, str]:
@@ -102,9 +92,8 @@ def _finished(process: subprocess.Popen[bytes], timeout: float | None) -> tuple[
     return 128 - code if code < 0 else code, output.decode("utf-8", errors="replace") + note
 
 
-def _time_left(machine: Machine, script: Script) -> float | None:
-    job = machine.deadline - time.monotonic() if machine.deadline is not None else None
-    return min((limit for limit in (job, script.timeout) if limit is not None), default=None)
+def _time_left(machine: Machine) -> float | None:
+    return machine.deadline - time.monotonic() if machine.deadline is not None else None
 
 
 def _taken_in(machine: Machine, scratch: Path) -> dict[str, str]:

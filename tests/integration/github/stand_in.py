@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 from tests.integration.github.errors import StepFailed, UnsupportedFeature
 from tests.integration.github.machine import Machine
 from tests.integration.github.scripts import Finished
+from tests.integration.github.values import KnownOutputs
 
+NO_OUTPUTS: Final[Mapping[str, str]] = {}
+
+_PATTERN: Final = frozenset("*?[]{}()!,\n")
 _TRUE: Final = frozenset({"true", "True", "TRUE"})
 _FALSE: Final = frozenset({"false", "False", "FALSE"})
 
@@ -19,7 +24,7 @@ class StandIn:
     """What stands in for an action.
 
     Attributes:
-        does: what the action does with all its inputs; what it returns are its outputs. Raises StepFailed.
+        does: what the action does with all its inputs; what it returns are the outputs that are known here.
         required: inputs that the action does not start without.
         defaults: of all other inputs that are known here.
     """
@@ -35,7 +40,7 @@ class StandIn:
         inputs = {**self.defaults, **{name: value.strip() for name, value in given.items()}}
         if missing := [name for name in self.required if not inputs.get(name)]:
             raise StepFailed(f"Input required and not supplied: {missing[0]}")
-        return Finished(0, self.does(machine, inputs))
+        return Finished(0, KnownOutputs(self.does(machine, inputs)))
 
 
 def boolean(text: str) -> bool:
@@ -43,3 +48,10 @@ def boolean(text: str) -> bool:
     if text not in _TRUE | _FALSE:
         raise StepFailed(f"Input does not meet YAML 1.2 Core Schema specification: {text}")
     return text in _TRUE
+
+
+def one_path(machine: Machine, text: str) -> Path:
+    """The path that an input names. Raises UnsupportedFeature for patterns and lists of them."""
+    if not text or _PATTERN.intersection(text):
+        raise UnsupportedFeature(f"the path {text!r}")
+    return machine.workspace / text

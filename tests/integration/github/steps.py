@@ -9,14 +9,14 @@ from typing import Final
 
 from tests.integration.github.documents import mapping
 from tests.integration.github.errors import StepFailed, UnsupportedFeature
-from tests.integration.github.expressions import Status, evaluate, evaluate_value, holds
+from tests.integration.github.expressions import Status, evaluate, holds
 from tests.integration.github.machine import Machine
 from tests.integration.github.results import StepResult
 from tests.integration.github.scripts import Finished, Script, run_script
-from tests.integration.github.values import Known, Value, is_true, to_number, to_text
+from tests.integration.github.values import Known, Value, to_text
 
 _KEYS: Final = frozenset({"name", "id", "if", "env", "continue-on-error"})
-_RUN_KEYS: Final = _KEYS | {"run", "shell", "working-directory"}
+_RUN_KEYS: Final = _KEYS | {"run", "shell"}
 _USES_KEYS: Final = _KEYS | {"uses", "with"}
 
 
@@ -39,9 +39,7 @@ class Steps:
         contexts: beside those of the machine and of the steps themselves.
         use: runs what a step uses. Raises StepFailed.
         environment: for these steps, beside the machine's.
-        is_job: they are a job's own steps, which may time out, need not name a shell, and decide the job's status.
-        shell: of scripts that name none.
-        folder: of scripts that name none.
+        is_job: they are a job's own steps, which need not name a shell.
     """
 
     machine: Machine
@@ -50,16 +48,12 @@ class Steps:
     use: Callable[[Use], Finished]
     environment: Mapping[str, str] = field(default_factory=dict)
     is_job: bool = False
-    shell: str = ""
-    folder: str = ""
     results: list[StepResult] = field(default_factory=list)
 
     def run(self) -> None:
         """Runs the steps, each if its `if` says so. Raises UnsupportedFeature."""
         for number, step in enumerate(self.steps, 1):
             self.results.append(self._result(self._checked(step, number)))
-            if self.is_job:
-                self.machine.status = self.status
 
     @property
     def status(self) -> str:
@@ -82,8 +76,7 @@ class Steps:
 
     def _checked(self, step: Value, number: int) -> Mapping[str, Value]:
         where = f"step {number}"
-        more = {"timeout-minutes"} if self.is_job else set()
-        checked = mapping(step, where, (_USES_KEYS if "uses" in mapping(step, where) else _RUN_KEYS) | more)
+        checked = mapping(step, where, _USES_KEYS if "uses" in mapping(step, where) else _RUN_KEYS)
         if "uses" not in checked and "run" not in checked:
             raise UnsupportedFeature(f"{where}: neither run nor uses")
         if "run" in checked and not self.is_job and "shell" not in checked:
@@ -94,12 +87,11 @@ class Steps:
         identity = to_text(step.get("id"))
         environment = _texts(step.get("env"), self.all_contexts())
         contexts = self.all_contexts(environment)
-        visible = {name: context for name, context in contexts.items() if name != "secrets"}
-        if not holds(step.get("if"), visible, self._asked()):
+        if not holds(step.get("if"), contexts, self._asked()):
             return StepResult(_name(step), identity, "skipped", "skipped")
         finished = self._finished(step, contexts, environment)
         outcome = self._outcome(finished)
-        forgiven = outcome == "failure" and is_true(_value(step.get("continue-on-error"), contexts))
+        forgiven = _flag(step.get("continue-on-error", False)) and outcome == "failure"
         return StepResult(
             name=_name(step, partial(evaluate, contexts=contexts)),
             id=identity,
@@ -133,14 +125,11 @@ class Steps:
     def _script(
         self, step: Mapping[str, Value], contexts: Mapping[str, Value], environment: Mapping[str, str]
     ) -> Script:
-        minutes = _value(step.get("timeout-minutes"), contexts)
         return Script(
             text=evaluate(to_text(step["run"]), contexts),
-            shell=to_text(step.get("shell", self.shell)),
-            folder=evaluate(to_text(step.get("working-directory", self.folder)), contexts),
+            shell=to_text(step.get("shell")),
             variables={**self.environment, **environment},
             github=mapping(contexts["github"], "github"),
-            timeout=to_number(minutes) * 60 if minutes is not None else None,
         )
 
 
@@ -155,8 +144,10 @@ def _texts(values: Value, contexts: Mapping[str, Value]) -> dict[str, str]:
     return {name: evaluate(to_text(value), contexts) for name, value in mapping(values, "env or with").items()}
 
 
-def _value(value: Value, contexts: Mapping[str, Value]) -> Value:
-    return evaluate_value(value, contexts) if isinstance(value, str) else value
+def _flag(value: Value) -> bool:
+    if not isinstance(value, bool):
+        raise UnsupportedFeature(f"{value!r} where true or false is due")
+    return value
 
 
 def _as_context(result: StepResult) -> Known:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,7 +18,7 @@ _FORBIDDEN_IN_PATHS: Final = re.compile(r'[":<>|*?\r\n]')
 
 @dataclass(frozen=True, slots=True)
 class CacheStore:
-    """Caches, by their key and by the paths that were saved: what is asked for with other paths is not found."""
+    """Caches, by their key and by the path that was saved: what is asked for with another path is not found."""
 
     folder: Path
 
@@ -27,34 +27,29 @@ class CacheStore:
         entries = sorted(self.folder.glob("*/key"), key=lambda entry: entry.stat().st_mtime_ns)
         return [entry.read_text(encoding="utf-8") for entry in entries]
 
-    def matching(self, key: str, prefixes: Sequence[str], paths: Sequence[str]) -> str | None:
-        """The key of the cache that is found for a key, or else for the first of some prefixes, the newest of them."""
-        there = [kept for kept in reversed(self.keys()) if self._entry(kept, paths).is_dir()]
+    def matching(self, key: str, prefix: str, path: str) -> str | None:
+        """The key of the cache that is found for a key, or else by it as a prefix, or else by another one."""
+        there = [kept for kept in reversed(self.keys()) if self._entry(kept, path).is_dir()]
         if key in there:
             return key
-        candidates = (kept for prefix in (key, *prefixes) for kept in there if kept.startswith(prefix))
-        return next(candidates, None)
+        prefixes = (key, prefix) if prefix else (key,)
+        return next((kept for start in prefixes for kept in there if kept.startswith(start)), None)
 
-    def save(self, key: str, paths: Mapping[str, Path]) -> bool:
-        """Keeps copies of paths, each under the name that it is asked for by; an existing cache is left alone."""
-        entry = self._entry(key, list(paths))
+    def save(self, key: str, path: str, content: Path) -> bool:
+        """Keeps a copy under a key and the path that it is asked for by; an existing cache is left alone."""
+        entry = self._entry(key, path)
         if entry.exists():
             return False
-        for number, path in enumerate(paths.values()):
-            if path.exists():
-                copy(path, entry / str(number))
+        copy(content, entry / "content")
         (entry / "key").write_text(key, encoding="utf-8")
         return True
 
-    def restore(self, key: str, paths: Mapping[str, Path]) -> None:
-        """Puts copies where paths are to be."""
-        for number, path in enumerate(paths.values()):
-            kept = self._entry(key, list(paths)) / str(number)
-            if kept.exists():
-                copy(kept, path)
+    def restore(self, key: str, path: str, target: Path) -> None:
+        """Puts the copy where it is to be."""
+        copy(self._entry(key, path) / "content", target)
 
-    def _entry(self, key: str, paths: Sequence[str]) -> Path:
-        return self.folder / hashlib.sha256("\0".join([key, *paths]).encode()).hexdigest()
+    def _entry(self, key: str, path: str) -> Path:
+        return self.folder / hashlib.sha256(f"{key}\0{path}".encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +62,14 @@ class ArtifactStore:
         """The names of all artifacts."""
         return sorted(entry.name for entry in self.folder.iterdir()) if self.folder.exists() else []
 
-    def upload(self, name: str, files: Mapping[str, Path], *, overwrite: bool) -> None:
+    def upload(self, name: str, files: Mapping[str, Path]) -> None:
         """Keeps copies of files by their paths in the artifact. Raises StepFailed."""
         if not name or name in {".", ".."} or _FORBIDDEN_IN_NAMES.search(name):
             raise StepFailed(f"The artifact name is not valid: {name}")
         if path := next((path for path in files if _FORBIDDEN_IN_PATHS.search(path)), None):
             raise StepFailed(f"The path for one of the files in artifact is not valid: {path}")
-        if name in self.names() and not overwrite:
+        if name in self.names():
             raise StepFailed(f"(409) Conflict: an artifact with this name already exists on the workflow run: {name}")
-        shutil.rmtree(self.folder / name, ignore_errors=True)
         for path, file in files.items():
             target = self.folder / name / path
             target.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from tests.integration.github.errors import UnsupportedFeature
-from tests.integration.github.values import Value, to_number
+from tests.integration.github.values import Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +23,10 @@ class Context:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """`of.key` and `of[key]`."""
+    """`of.key`."""
 
     of: Node
-    key: Node
+    key: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,20 +60,13 @@ _TOKEN: Final = re.compile(
     r"""\s*(?:
       (?P<string>'(?:[^']|'')*')
     | (?P<name>[A-Za-z_][\w-]*)
-    | (?P<number>[-+]?(?:0x[0-9a-fA-F]+|0o[0-7]+|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|Infinity)(?![\w.]))
-    | (?P<operator>&&|\|\||[=!<>]=|[!<>()\[\],.*])
+    | (?P<operator>&&|\|\||[=!]=|[!(),.*])
     )""",
     re.VERBOSE | re.ASCII,
 )
-_CONSTANTS: Final[dict[str, Value]] = {
-    "true": True,
-    "false": False,
-    "null": None,
-    "NaN": float("nan"),
-    "Infinity": float("inf"),
-}
+_CONSTANTS: Final = {"true": True, "false": False}
 # What binds loosely comes first.
-_LEVELS: Final = (("||",), ("&&",), ("==", "!="), ("<", "<=", ">", ">="))
+_LEVELS: Final = (("||",), ("&&",), ("==", "!="))
 
 
 def parse(text: str) -> Node:
@@ -92,10 +85,10 @@ def functions(node: Node) -> Iterator[str]:
             yield function.lower()
             for argument in arguments:
                 yield from functions(argument)
-        case Member(one, other) | Binary(_, one, other):
+        case Binary(_, one, other):
             yield from functions(one)
             yield from functions(other)
-        case Filter(one) | Not(one):
+        case Member(one) | Filter(one) | Not(one):
             yield from functions(one)
 
 
@@ -148,8 +141,8 @@ class _Parser:
 
     def postfix(self) -> Node:
         node = self.primary()
-        while self.peek() in {".", "["}:
-            node = self.dotted(node) if self.next() == "." else self.bracketed(node)
+        while self.accept("."):
+            node = self.dotted(node)
         return node
 
     def dotted(self, node: Node) -> Node:
@@ -157,27 +150,17 @@ class _Parser:
             return Filter(node)
         if not self.peek()[:1].isidentifier():
             raise self.unexpected()
-        return Member(node, Literal(self.next()))
-
-    def bracketed(self, node: Node) -> Node:
-        if self.accept("*"):
-            self.expect("]")
-            return Filter(node)
-        key = self.binary(0)
-        self.expect("]")
-        return Member(node, key)
+        return Member(node, self.next())
 
     def primary(self) -> Node:
-        if self.accept("("):
-            inner = self.binary(0)
-            self.expect(")")
-            return inner
         token = self.peek()
         if token in _CONSTANTS:
             return Literal(_CONSTANTS[self.next()])
+        if token.startswith("'"):
+            return Literal(self.next()[1:-1].replace("''", "'"))
         if token[:1].isidentifier():
             return self.named()
-        return self.literal()
+        raise self.unexpected()
 
     def named(self) -> Node:
         name = self.next()
@@ -190,11 +173,3 @@ class _Parser:
                 self.expect(",")
             arguments.append(self.binary(0))
         return tuple(arguments)
-
-    def literal(self) -> Node:
-        token = self.peek()
-        if token.startswith("'"):
-            return Literal(self.next()[1:-1].replace("''", "'"))
-        if token[:1] in set("+-.0123456789") and token != ".":
-            return Literal(to_number(self.next()))
-        raise self.unexpected()

@@ -49,7 +49,7 @@ def test_after_a_failure_only_who_asks_for_it_runs(act: Act) -> None:
         "!cancelled()",
         "cancelled()",
         "true",
-        "always() && 0",
+        "always() && false",
     ):
         steps += run("true", name=f'"{condition}"', **{"if": f'"{condition}"'})
     result = act(action(steps))
@@ -79,12 +79,6 @@ def test_forgiven_failure(act: Act) -> None:
     assert result.exit_code == 1
 
 
-def test_forgiving_can_be_an_expression(act: Act) -> None:
-    text = action(run("exit 5", continue_on_error="'${{ inputs.a == ''x'' }}'"), inputs="{a: {}}")
-    assert act(text, {"a": "x"}).exit_code == 0
-    assert act(text, {"a": "y"}).exit_code == 5
-
-
 def test_inputs_have_defaults_and_are_not_enforced(act: Act) -> None:
     inputs = '{a: {default: "${{ github.event_name }}"}, b: {required: true}, c: {default: 3.10}, d: {default: x}}'
     outputs = '{all: {value: "${{ inputs.a }},${{ inputs.b }},${{ inputs.c }},${{ inputs.d }}"}}'
@@ -98,17 +92,6 @@ def test_steps_see_the_runner_and_the_event(act: Act, tmp_path: Path) -> None:
     workspace = tmp_path / "work space"
     assert result.log == f"schedule,macOS,ARM64,{tmp_path / 'action'},octocat/robots,true,{workspace}\n"
     assert result.outputs["all"] == f"macOS ARM64 {tmp_path / 'runner temp'} {workspace}"
-
-
-def test_the_token_is_in_no_environment(act: Act) -> None:
-    steps = run("env | grep -c ghs_ || true") + run("echo ${TOKEN:0:4}", env='{TOKEN: "${{ github.token }}"}')
-    assert act(action(steps)).log == "0\nghs_\n"
-
-
-def test_set_output_makes_an_output(act: Act) -> None:
-    outputs = '{both: {value: "${{ steps.it.outputs.a }} ${{ steps.it.outputs.b }}"}}'
-    script = 'echo ::set-output name=a::1; echo "##[set-output name=b]2"; echo b=3 >> "$GITHUB_OUTPUT"'
-    assert act(action(run(script, id="it"), outputs=outputs)).outputs == {"both": "1 3"}
 
 
 def test_event_is_a_file_and_a_context(act: Act) -> None:
@@ -144,15 +127,6 @@ def test_what_is_exported_reaches_later_steps(act: Act, tmp_path: Path) -> None:
     assert result.exported == f"A<<E\n1\n2\nE\n/first\n{tmp_path}\n"
 
 
-def test_scripts_run_where_they_are_told_to(act: Act, tmp_path: Path) -> None:
-    (tmp_path / "work space/my robot").mkdir(parents=True)
-    text = action(run('basename "$PWD"', working_directory="'${{ inputs.folder }}'"), inputs="{folder: {}}")
-    assert act(text, {"folder": "my robot"}).log == "my robot\n"
-    missing = act(text, {"folder": "your robot"})
-    assert missing.exit_code == 1
-    assert "your robot" in missing.annotations[0].message
-
-
 def test_summaries_are_joined_and_one_too_long_is_dropped(act: Act) -> None:
     steps = run('echo one >> "$GITHUB_STEP_SUMMARY"') + run('head -c 1048577 /dev/zero >> "$GITHUB_STEP_SUMMARY"')
     result = act(action(steps + run('echo two >> "$GITHUB_STEP_SUMMARY"')))
@@ -166,9 +140,7 @@ def test_a_stopped_log_is_stopped_for_one_step(act: Act) -> None:
     assert [annotation.message for annotation in result.annotations] == ["2"]
 
 
-@pytest.mark.parametrize(
-    "script", ['echo nonsense >> "$GITHUB_OUTPUT"', 'echo nonsense >> "$GITHUB_ENV"', "echo ::set-env name=a::b"]
-)
+@pytest.mark.parametrize("script", ['echo nonsense >> "$GITHUB_OUTPUT"', 'echo nonsense >> "$GITHUB_ENV"'])
 def test_what_the_runner_cannot_process_fails_the_step(act: Act, script: str) -> None:
     result = act(action(run(script) + run("true")))
     assert (result.exit_code, result.step_results[1].outcome) == (1, "skipped")
@@ -190,15 +162,13 @@ def test_nothing_stays_behind_in_temp(act: Act, tmp_path: Path) -> None:
 def test_other_actions_stand_in_with_their_outputs(act: Act) -> None:
     steps = f"    - {{id: python, uses: {OTHER}, with: {{python-version: '3.11', update-environment: false}}}}\n"
     steps += run('"$PYTHON" --version', env='{PYTHON: "${{ steps.python.outputs.python-path }}"}')
-    outputs = '{version: {value: "${{ steps.python.outputs.python-version }}"}}'
-    result = act(action(steps, outputs=outputs))
-    assert result.log == f"Python {result.outputs['version']}\n"
-    assert result.outputs["version"].startswith("3.11.")
+    result = act(action(steps))
+    assert result.log.startswith("Python 3.11.")
     assert result.exported == ""
 
 
 def test_names_of_steps_that_have_none(act: Act) -> None:
-    steps = run("true") + "    - shell: bash\n      run: |\n        true ${{\n        1 }}\n"
+    steps = run("true") + "    - shell: bash\n      run: |\n        true ${{\n        '1' }}\n"
     steps += f"    - {{uses: {OTHER}, with: {{python-version: '3.11'}}}}\n"
     assert act(action(steps)).steps == ("Run true", "Run true 1", f"Run {OTHER}")
 
@@ -215,6 +185,8 @@ def test_base_python_is_what_the_action_asks_for() -> None:
         action("    - {shell: bash}\n"),
         action("    - {shell: bash, run: 'true', timeout-minutes: 1}\n"),
         action("    - {shell: bash, run: 'true', uses: ./}\n"),
+        action("    - {shell: bash, run: 'true', working-directory: a}\n"),
+        action("    - {shell: bash, run: 'true', continue-on-error: '${{ true }}'}\n"),
         action("    - {uses: ./, working-directory: a}\n"),
         action(f"    - {{uses: {OTHER}, with: {{python-version: '3.12'}}}}\n"),
         action(f"    - {{uses: {OTHER}, with: {{python-version: '3.11', cache: pip}}}}\n"),

@@ -6,8 +6,6 @@ import pytest
 
 from tests.integration.github import UnsupportedFeature
 from tests.integration.github.conftest import Perform
-from tests.integration.github.matrix import combinations
-from tests.integration.github.values import Value
 
 JOBS = """on: push
 jobs:
@@ -16,7 +14,9 @@ jobs:
     outputs: {matrix: "${{ steps.plan.outputs.matrix }}"}
     steps:
       - id: plan
-        env: {FIRST: '{"index":1,"scenario":"a b\\nc"}', SECOND: '{"index":2,"scenario":"${{ ''${{'' }} d }}"}'}
+        env:
+          FIRST: '{"index":1,"from":"first","scenario":"a b\\nc"}'
+          SECOND: '{"index":2,"scenario":"${{ ''${{'' }} d }}"}'
         run: |
           echo "matrix={\\"include\\":[$FIRST,$SECOND]}" >> "$GITHUB_OUTPUT"
   shard:
@@ -24,85 +24,46 @@ jobs:
     needs: plan
     strategy: {fail-fast: false, matrix: "${{ fromJSON(needs.plan.outputs.matrix) }}"}
     runs-on: ubuntu-latest
-    outputs: {from: "${{ matrix.index == 1 && 'first' || '' }}"}
+    outputs: {from: "${{ matrix.from }}"}
     steps:
-      - run: printf '<%s>' "$SCENARIO" "$PLACE"
-        env: {SCENARIO: "${{ matrix.scenario }}", PLACE: "${{ strategy.job-index }}/${{ strategy.job-total }}"}
+      - run: printf '<%s>' "$SCENARIO"
+        env: {SCENARIO: "${{ matrix.scenario }}"}
 """
-
-
-@pytest.mark.parametrize(
-    ("matrix", "jobs"),
-    [
-        ({"a": [1, 2], "b": ["x"]}, [{"a": 1, "b": "x"}, {"a": 2, "b": "x"}]),
-        ({"include": [{"a": 1}, {"a": 2, "b": 3}]}, [{"a": 1}, {"a": 2, "b": 3}]),
-        (
-            {"a": [1, 2], "include": [{"c": 5}, {"a": 1, "b": 6}, {"a": 3}, {"c": 7}]},
-            [{"a": 1, "c": 7, "b": 6}, {"a": 2, "c": 7}, {"a": 3}],
-        ),
-    ],
-)
-def test_combinations(matrix: Value, jobs: list[Value]) -> None:
-    assert combinations(matrix) == jobs
-
-
-@pytest.mark.parametrize(
-    "matrix",
-    [{"include": []}, {"a": []}, {}, {"a": "text"}, {"exclude": [], "a": [1]}, {"a": list(range(257))}, "text"],
-)
-def test_no_combinations(matrix: Value) -> None:
-    with pytest.raises(UnsupportedFeature):
-        combinations(matrix)
 
 
 def test_a_matrix_can_come_from_another_job(perform: Perform) -> None:
     shard = perform(JOBS).jobs["shard"]
-    assert [run.log for run in shard.runs] == ["<a b\nc><0/2>", "<${{ d }}><1/2>"]
+    assert [run.log for run in shard.runs] == ["<a b\nc>", "<${{ d }}>"]
     assert [run.name for run in shard.runs] == ["shard 1", "shard 2"]
     assert [run.matrix["index"] for run in shard.runs] == [1, 2]
     assert shard.outputs == {"from": "first"}
 
 
-def test_names_tell_combinations_apart(perform: Perform) -> None:
-    matrix = "{os: [ubuntu-latest], n: [1, 2]}"
-    text = f"on: push\njobs: {{a: {{runs-on: '${{{{ matrix.os }}}}', strategy: {{matrix: {matrix}}}, steps: []}}}}"
-    result = perform(text)
-    assert [run.name for run in result.runs] == ["a (ubuntu-latest, 1)", "a (ubuntu-latest, 2)"]
-    assert result.jobs["a"].result == "success"
+def matrix(strategy: str) -> str:
+    steps = "[{run: 'test ${{ matrix.n }} -ne 2'}]"
+    return f"on: push\njobs: {{a: {{runs-on: '${{{{ matrix.os }}}}', strategy: {strategy}, steps: {steps}}}}}"
+
+
+def test_names_and_results_tell_combinations_apart(perform: Perform) -> None:
+    jobs = ", ".join(f"{{os: ubuntu-latest, n: {n}}}" for n in (1, 2, 3))
+    result = perform(matrix(f"{{fail-fast: false, matrix: {{include: [{jobs}]}}}}"))
+    assert [run.name for run in result.runs] == [f"a (ubuntu-latest, {n})" for n in (1, 2, 3)]
+    assert [run.result for run in result.runs] == ["success", "failure", "success"]
+    assert result.jobs["a"].result == "failure"
 
 
 @pytest.mark.parametrize(
-    ("keys", "results", "joined"),
+    "strategy",
     [
-        ("", ["success", "failure", "cancelled"], "failure"),
-        ("fail-fast: false, ", ["success", "failure", "success"], "failure"),
-        ("fail-fast: '${{ false }}', ", ["success", "failure", "success"], "failure"),
+        "{fail-fast: false, matrix: {include: []}}",
+        "{fail-fast: false, matrix: {include: text}}",
+        f"{{fail-fast: false, matrix: {{include: [{'{os: ubuntu-latest}, ' * 257}]}}}}",
+        "{fail-fast: false, matrix: {os: [ubuntu-latest]}}",
+        "{fail-fast: false, matrix: text}",
+        "{matrix: {include: [{os: ubuntu-latest, n: 1}]}}",
+        "{fail-fast: false, max-parallel: 1, matrix: {include: [{os: ubuntu-latest, n: 1}]}}",
     ],
 )
-def test_failing_fast(perform: Perform, keys: str, results: list[str], joined: str) -> None:
-    text = f"""on: push
-jobs:
-  a:
-    runs-on: ubuntu-latest
-    strategy: {{{keys}matrix: {{n: [1, 2, 3]}}}}
-    steps:
-      - run: test ${{{{ matrix.n }}}} -ne 2
-"""
-    a = perform(text).jobs["a"]
-    assert [run.result for run in a.runs] == results
-    assert a.result == joined
-
-
-def test_a_forgiven_failure_cancels_nobody(perform: Perform) -> None:
-    text = """on: push
-jobs:
-  a:
-    runs-on: ubuntu-latest
-    continue-on-error: ${{ matrix.n == 1 }}
-    strategy: {matrix: {n: [1, 2]}}
-    steps:
-      - run: test ${{ matrix.n }} -ne 1
-"""
-    a = perform(text).jobs["a"]
-    assert [run.result for run in a.runs] == ["failure", "success"]
-    assert a.result == "success"
+def test_other_matrices_are_refused(perform: Perform, strategy: str) -> None:
+    with pytest.raises(UnsupportedFeature):
+        perform(matrix(strategy))

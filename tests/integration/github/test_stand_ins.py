@@ -46,12 +46,6 @@ def test_checkout_replaces_what_is_there_by_what_git_does_not_ignore(perform: Pe
     assert printed(result) == ".github\n.gitignore\nkept\n"
 
 
-def test_checkout_can_go_into_a_folder(perform: Perform, repository: Path) -> None:
-    (repository / "file").write_text("x", encoding="utf-8")
-    result = run_job(perform, run("touch before"), uses(CHECKOUT, {"path": "sub/sub"}), run("ls . sub/sub"))
-    assert printed(result) == ".:\nbefore\nsub\n\nsub/sub:\nfile\n"
-
-
 def test_checkout_of_something_else_is_refused(perform: Perform) -> None:
     with pytest.raises(UnsupportedFeature, match="ref"):
         run_job(perform, uses(CHECKOUT, {"ref": "other"}))

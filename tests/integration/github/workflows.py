@@ -8,22 +8,21 @@ from pathlib import Path
 from typing import Final
 
 from tests.integration.github import jobs, permissions
-from tests.integration.github.documents import load, mapping, one_or_more
+from tests.integration.github.documents import load, mapping, one_or_more, sequence
 from tests.integration.github.errors import UnsupportedFeature
 from tests.integration.github.expressions import Status, evaluate, evaluate_value, holds
 from tests.integration.github.jobs import Job, Shared, run_job
 from tests.integration.github.machine import github_context
-from tests.integration.github.matrix import combinations
 from tests.integration.github.permissions import Permissions, declared, limit
-from tests.integration.github.provided import OWN_FOLDER, OWN_NAME, OWN_VERSION
 from tests.integration.github.results import JobResult, JobRun, WorkflowResult
 from tests.integration.github.stores import ArtifactStore, CacheStore
 from tests.integration.github.triggers import resolved_inputs, trigger
-from tests.integration.github.values import Known, Value, is_array, is_true, to_text
+from tests.integration.github.values import Known, Value, is_array, to_text
 
-_KEYS: Final = frozenset({"name", "run-name", "on", "permissions", "env", "defaults", "concurrency", "jobs"})
-_CALLER_KEYS: Final = frozenset({"name", "needs", "if", "strategy", "uses", "with", "permissions", "concurrency"})
-_STRATEGY_KEYS: Final = frozenset({"matrix", "fail-fast", "max-parallel"})
+_KEYS: Final = frozenset({"name", "on", "permissions", "concurrency", "jobs"})
+_CALLER_KEYS: Final = frozenset({"name", "needs", "if", "uses", "with"})
+_MOST_JOBS: Final = 256
+_STRATEGY_KEYS: Final = frozenset({"matrix", "fail-fast"})
 
 
 def run_workflow(
@@ -33,7 +32,6 @@ def run_workflow(
     temp: Path,
     event_name: str = "push",
     event: Mapping[str, Value] | None = None,
-    given: Mapping[str, Value] | None = None,
     cache: CacheStore | None = None,
     shared_temp: Path | None = None,
     variables: Mapping[str, str] | None = None,
@@ -44,7 +42,6 @@ def run_workflow(
     Args:
         repository: what a checkout gives.
         temp: a folder of its own, for all that comes up.
-        given: the inputs of a workflow that is dispatched, or called.
         cache: of the repository; left out, it is empty.
         shared_temp: RUNNER_TEMP of all jobs; left out, each job has a fresh one as it should.
         variables: in the environment of all jobs.
@@ -58,10 +55,10 @@ def run_workflow(
         temp=shared_temp,
         variables=variables or {},
     )
-    workflow = _workflow(shared, file, github_context(event_name, event or {}), event_name, given=given or {})
+    workflow = _workflow(shared, file, github_context(event_name, event or {}), event_name, given={})
     workflow.results.update(done or {})
     workflow.run()
-    return WorkflowResult(workflow.conclusion, workflow.results, shared.artifacts.folder, workflow.outputs())
+    return WorkflowResult(workflow.conclusion, workflow.results, shared.artifacts.folder)
 
 
 @dataclass(slots=True)
@@ -135,28 +132,20 @@ class _Workflow:
         return needs.union(*(self._ancestors(self.jobs[name]) for name in needs))
 
     def _outcomes(self, name: str, document: Mapping[str, Value], contexts: Mapping[str, Value]) -> Iterator[JobResult]:
-        strategy = mapping(_evaluated(document.get("strategy"), contexts), "strategy", _STRATEGY_KEYS)
-        matrix = combinations(strategy["matrix"]) if "matrix" in strategy else [{}]
-        fails_fast, has_failed = is_true(strategy.get("fail-fast", True)), False
-        for index, combination in enumerate(matrix):
-            about = Known({"job-index": index, "job-total": len(matrix), "fail-fast": fails_fast})
-            job = self._job(name, document, {**contexts, "strategy": about, "matrix": combination})
-            outcome = _cancelled(job) if fails_fast and has_failed else self._outcome(job)
-            has_failed = has_failed or outcome.result == "failure"
-            yield outcome
+        for combination in _combinations(_evaluated(document.get("strategy"), contexts)):
+            yield self._outcome(self._job(name, document, {**contexts, "matrix": combination}))
 
     def _job(self, name: str, document: Mapping[str, Value], contexts: Mapping[str, Value]) -> Job:
-        _check_concurrency(document, contexts)
         otherwise = permissions.DEFAULT if self.granted is None else self.granted
         asked = declared(document.get("permissions"), declared(self.document.get("permissions"), otherwise))
         granted = asked if self.granted is None else limit(asked, self.granted)
-        return Job(name, document, self.document, contexts, granted)
+        return Job(name, document, contexts, granted)
 
     def _outcome(self, job: Job) -> JobResult:
         if "uses" in job.document:
             return self._called(job)
         run = run_job(self.shared, job)
-        return JobResult("success" if run.is_forgiven else run.result, run.outputs, (run,))
+        return JobResult(run.result, run.outputs, (run,))
 
     def _called(self, job: Job) -> JobResult:
         file = _callee(to_text(job.document["uses"]), self.shared.repository)
@@ -187,12 +176,23 @@ def _workflow(
 
 
 def _callee(uses: str, repository: Path) -> Path:
-    own, local = f"{OWN_NAME}/.github/workflows/", "./.github/workflows/"
-    if uses.startswith(local):
-        return repository / uses
-    if uses.startswith(own) and uses.endswith(f"@{OWN_VERSION}"):
-        return OWN_FOLDER / ".github/workflows" / uses.removeprefix(own).removesuffix(f"@{OWN_VERSION}")
-    raise UnsupportedFeature(f"uses: {uses}")
+    if not uses.startswith("./.github/workflows/"):
+        raise UnsupportedFeature(f"uses: {uses}")
+    return repository / uses
+
+
+def _combinations(strategy: Value) -> list[Mapping[str, Value]]:
+    """One mapping a job. Raises UnsupportedFeature for a matrix that is more than a list of what it includes."""
+    if strategy is None:
+        return [{}]
+    checked = mapping(strategy, "strategy", _STRATEGY_KEYS)
+    if checked.get("fail-fast") is not False:
+        raise UnsupportedFeature("a matrix that may fail fast")
+    included = mapping(checked.get("matrix"), "matrix", {"include"}).get("include", [])
+    jobs = [mapping(entry, "include") for entry in sequence(included, "include")]
+    if not 0 < len(jobs) <= _MOST_JOBS:
+        raise UnsupportedFeature(f"a matrix of {len(jobs)} jobs")
+    return jobs
 
 
 def _needs(job: Mapping[str, Value]) -> list[str]:
@@ -212,11 +212,6 @@ def _check_concurrency(document: Mapping[str, Value], contexts: Mapping[str, Val
     said = _evaluated(document.get("concurrency"), contexts)
     if said is not None and not isinstance(said, str):
         mapping(said, "concurrency", {"group", "cancel-in-progress"})
-
-
-def _cancelled(job: Job) -> JobResult:
-    matrix = mapping(job.contexts["matrix"], "matrix")
-    return JobResult("cancelled", runs=(JobRun(job.name, "cancelled", matrix),))
 
 
 def _joined(results: Sequence[str]) -> str:
