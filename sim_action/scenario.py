@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Final, Literal
 
-from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
-from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveHertz, PositiveSeconds, Quantity
-from sim_action.units import Dimension
+from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveBytes, PositiveHertz, PositiveSeconds
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 
@@ -27,13 +24,6 @@ _MOST_MEMORY: Final = 1 << 50
 _MEMORY: Final = 4 << 30
 _OUTPUT: Final = 100_000_000
 
-_DATA: Final = Dimension(
-    "amount of data",
-    "B",
-    MappingProxyType({"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}),
-)
-_Memory = Annotated[float, Ge(_LEAST_MEMORY), Le(_MOST_MEMORY), Quantity((_DATA,))]
-_Output = Annotated[float, Gt(0), Quantity((_DATA,))]
 
 Severity = Literal["error", "warning"]
 
@@ -94,9 +84,10 @@ class Scenario(FrozenModel):
         PositiveSeconds | None, Field(description="guards against a stuck run; left out: max(60 s, 10 x time_limit)")
     ] = None
     memory_limit: Annotated[
-        _Memory | None, Field(description="address space that a process of it may take; left out: 4 GiB")
+        PositiveBytes | None,
+        Field(ge=_LEAST_MEMORY, le=_MOST_MEMORY, description="address space of each process; left out: 4 GiB"),
     ] = None
-    output_limit: Annotated[_Output | None, Field(description="how much it may print; left out: 100 MB")] = None
+    output_limit: Annotated[PositiveBytes | None, Field(description="how much it may print; left out: 100 MB")] = None
     trace: TraceSettings = TraceSettings()
 
     @property

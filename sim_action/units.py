@@ -42,6 +42,9 @@ ACCELERATION: Final = _dimension("acceleration", "m/s^2", {"cm/s^2": 1e-2})
 FORCE: Final = _dimension("force", "N", {"mN": 1e-3, "kN": 1e3})
 TORQUE: Final = _dimension("torque", "N m", {"Nm": 1.0})
 RATIO: Final = _dimension("ratio", "")
+DATA: Final = _dimension(
+    "amount of data", "B", {"kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
+)
 
 _QUANTITY: Final = re.compile(r"([-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?)\s*+(\S.*)?")
 

@@ -59,11 +59,13 @@ def drop_expressions(document: ModelDocument) -> None:
             del element.attrib[name]
 
 
-def drop_textures(document: ModelDocument) -> None:
-    """A texture is one more file that an engine would open."""
-    for material in document.root.iter("material"):
-        for texture in material.findall("texture"):
-            material.remove(texture)
+def drop_visuals(document: ModelDocument) -> None:
+    """Nothing is rendered, and each is a file of somebody's that an engine would open."""
+    for link in document.elements("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    for material in document.elements("material"):
+        document.root.remove(material)
 
 
 def engine_text(document: ModelDocument) -> str:

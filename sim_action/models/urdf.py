@@ -13,7 +13,7 @@ from sim_action.geometry import Vector3
 from sim_action.models.audit import audit
 from sim_action.models.cleaning import (
     drop_expressions,
-    drop_textures,
+    drop_visuals,
     drop_zero_masses,
     engine_text,
     fill_in_inertia,
@@ -45,7 +45,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     refuse_errors(findings, allowed)
     links = tuple(map(_link, document.elements("link")))
     joints = tuple(map(_joint, document.elements("joint")))
-    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, drop_expressions, drop_textures):
+    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, drop_expressions, drop_visuals):
         mend(document)
     name = document.root.get("name", path.stem)
     return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings))

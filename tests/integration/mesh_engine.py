@@ -1,0 +1,139 @@
+"""Runs in a child, as the engine may die of what it is given: what PyBullet makes of meshes as collision shapes.
+
+Its argument is JSON: a list of what to try, one after the other. It prints a line of JSON for each.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pybullet
+
+FAR = 50.0
+AXES = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
+INERTIAL = """<inertial><mass value="{0}"/>
+  <inertia ixx="{1}" iyy="{1}" izz="{1}" ixy="0" ixz="0" iyz="0"/></inertial>"""
+
+
+def urdf(shape: str, attributes: str = "", visual: str = "") -> str:
+    look = f'<visual><geometry><mesh filename="{visual}"/></geometry></visual>' if visual else ""
+    collision = f"<collision {attributes}><geometry>{shape}</geometry></collision>"
+    return f'<robot name="it"><link name="it">{INERTIAL.format(2, 0.02)}{look}{collision}</link></robot>'
+
+
+def load(text: str, z: float, flags: int = 0) -> int:
+    flags |= pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "it.urdf")
+        path.write_text(text)
+        return int(pybullet.loadURDF(str(path), [0, 0, z], flags=flags))
+
+
+def plane(normal: tuple[float, ...] = (0, 0, 1), at: tuple[float, ...] = (0, 0, 0)) -> int:
+    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal)
+    return int(pybullet.createMultiBody(0, shape, basePosition=at))
+
+
+def reach(body: int, axis: tuple[int, int, int]) -> float | None:
+    """How far the body reaches from the origin along an axis."""
+    wall = plane(tuple(-part for part in axis), tuple(FAR * part for part in axis))
+    points = pybullet.getClosestPoints(body, wall, 2 * FAR)
+    pybullet.removeBody(wall)
+    return FAR - min(point[8] for point in points) if points else None
+
+
+def look_at(mesh: str, attributes: str = "", scale: str = "1 1 1", flags: int = 0, visual: str = "") -> dict[str, Any]:
+    """How far a mesh reaches, what a vertical ray at points meets, and where its origin is after a fall of 5 mm."""
+    body = load(urdf(f'<mesh filename="{mesh}" scale="{scale}"/>', attributes, visual), 0, flags)
+    reached = {name: reach(body, axis) for name, axis in AXES.items()}
+    hits = {f"{x} {y}": pybullet.rayTest((x, y, 9), (x, y, -9))[0][0] >= 0 for x, y in ((0.5, 0), (0.4, 0.4))}
+    low = reached["-z"] or 0.0
+    plane()
+    pybullet.resetBasePositionAndOrientation(body, (0, 0, low + 0.005), (0, 0, 0, 1))
+    for _ in range(480):
+        pybullet.stepSimulation()
+    z = pybullet.getBasePositionAndOrientation(body)[0][2]
+    return {"reach": reached, "hits": hits, "rests_at": z, "mass": pybullet.getDynamicsInfo(body, -1)[0]}
+
+
+def slide(shape: str) -> dict[str, Any]:
+    """How far a body slides that is pushed off at 1 m/s, and how it lies then."""
+    body = load(urdf(shape), 0.3)
+    plane()
+    for _ in range(120):
+        pybullet.stepSimulation()
+    start = pybullet.getBasePositionAndOrientation(body)[0]
+    pybullet.resetBaseVelocity(body, (1, 0, 0))
+    for _ in range(480):
+        pybullet.stepSimulation()
+    end, lies = pybullet.getBasePositionAndOrientation(body)
+    return {"slid": end[0] - start[0], "aside": end[1] - start[1], "z": end[2], "tilt": math.hypot(lies[0], lies[1])}
+
+
+def roll(wheel: str) -> dict[str, Any]:
+    """What a cart rolls for each radian that its two wheels turn, in m."""
+    sides = "".join(
+        f'<joint name="{name}" type="continuous"><parent link="body"/><child link="wheel_{name}"/>'
+        f'<origin xyz="0 {y} 0" rpy="{-math.pi / 2} 0 0"/><axis xyz="0 0 1"/></joint>'
+        f'<link name="wheel_{name}">{INERTIAL.format(0.05, 2e-5)}'
+        f"<collision><geometry>{wheel}</geometry></collision></link>"
+        for name, y in (("left", 0.08), ("right", -0.08))
+    )
+    caster = '<collision><origin xyz="-0.06 0 -0.022"/><geometry><sphere radius="0.0105"/></geometry></collision>'
+    cart = load(
+        f'<robot name="cart"><link name="body">{INERTIAL.format(1, 0.002)}{caster}</link>{sides}</robot>', 0.035
+    )
+    plane()
+    pybullet.changeDynamics(cart, -1, lateralFriction=0)
+    states = []
+    for speed, steps in ((0, 240), (10, 240), (10, 1200)):
+        for joint in range(2):
+            pybullet.setJointMotorControl2(cart, joint, pybullet.VELOCITY_CONTROL, targetVelocity=speed, force=1)
+        for _ in range(steps):
+            pybullet.stepSimulation()
+        states.append((pybullet.getBasePositionAndOrientation(cart)[0][0], pybullet.getJointState(cart, 0)[0]))
+    (x0, angle0), (x1, angle1) = states[1:]
+    return {"radius": (x1 - x0) / (angle1 - angle0)}
+
+
+def survive(folder: str) -> dict[str, Any]:
+    """Loads every mesh of a folder and lets it fall; says in how many a number was lost."""
+    lost = 0
+    plane()
+    for path in sorted(Path(folder).glob("*.obj")):
+        body = load(urdf(f'<mesh filename="{path}"/>'), 0)
+        for _ in range(20):
+            pybullet.stepSimulation()
+        state = (*pybullet.getBasePositionAndOrientation(body), *pybullet.getBaseVelocity(body))
+        lost += not all(map(math.isfinite, itertools.chain(*state)))
+        pybullet.removeBody(body)
+    return {"lost": lost}
+
+
+TRIALS: dict[str, Callable[..., dict[str, Any]]] = {
+    "look_at": look_at,
+    "slide": slide,
+    "roll": roll,
+    "survive": survive,
+}
+
+
+def main() -> None:
+    for name, *arguments in json.loads(sys.argv[1]):
+        pybullet.connect(pybullet.DIRECT)
+        pybullet.setGravity(0, 0, -9.80665)
+        pybullet.setPhysicsEngineParameter(enableFileCaching=0, deterministicOverlappingPairs=1)
+        found = TRIALS[name](*arguments)
+        print("FOUND", json.dumps(found), flush=True)  # noqa: T201 - the engine prints between
+        pybullet.disconnect()
+
+
+if __name__ == "__main__":
+    main()

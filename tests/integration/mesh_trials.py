@@ -1,0 +1,50 @@
+"""Asks a child what PyBullet makes of meshes, and waits for it to answer or to die."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from sim_action.geometry import Vector3
+from sim_action.models.meshes import clean_mesh
+
+_CHILD = Path(__file__).with_name("mesh_engine.py")
+
+ENGINES_MARGIN = 0.001
+"""In m: what PyBullet 3.2.7 puts around each hull."""
+
+
+def run(*asked: list[Any], timeout: float = 60) -> tuple[int, list[dict[str, Any]]]:
+    """What the child says to each that it is asked, and how it ended: -11 is a segmentation fault."""
+    command = [sys.executable, str(_CHILD), json.dumps(asked)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")]
+    return done.returncode, [json.loads(line.removeprefix("FOUND ")) for line in lines]
+
+
+def found(*asked: list[Any]) -> list[dict[str, Any]]:
+    code, answers = run(*asked)
+    assert (code, len(answers)) == (0, len(asked))
+    return answers
+
+
+def reach(answer: dict[str, Any]) -> tuple[Any, ...]:
+    return tuple(answer["reach"].values())
+
+
+def both(lower: Vector3, upper: Vector3) -> tuple[float, ...]:
+    """How far a box reaches: +x, -x, +y, -y, +z, -z."""
+    return tuple(part for low, high in zip(lower, upper, strict=True) for part in (high, -low))
+
+
+def written(folder: Path, name: str, data: bytes) -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+def rewritten(path: Path, scale: Vector3 = (1, 1, 1), margin: float = ENGINES_MARGIN) -> str:
+    return str(clean_mesh(path, path.parent / "clean", scale, margin).path)

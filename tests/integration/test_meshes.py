@@ -1,0 +1,200 @@
+"""What PyBullet does with the meshes of strangers, and what it does once they are rewritten."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from sim_action.models.meshes import MeshError
+from tests.integration.mesh_trials import ENGINES_MARGIN, both, found, reach, rewritten, run, written
+from tests.mesh_files import (
+    GOOD,
+    HALF,
+    SHOWN,
+    SIDES,
+    SURFACE,
+    TRIANGLES,
+    ascii_stl,
+    dae,
+    obj,
+    stl,
+    two_instances,
+    two_objects,
+    wheel,
+)
+
+IGNORE_VISUALS = 1 << 20
+"""pybullet.URDF_IGNORE_VISUAL_SHAPES."""
+
+MATRIX = "<matrix>1 0 0 1  0 1 0 2  0 0 1 3  0 0 0 1</matrix>"
+POLYLIST = '<polylist><input semantic="VERTEX" source="#vertices" offset="0"/><vcount>{}</vcount><p>{}</p></polylist>'
+DAE_OF_SIDES = dae(POLYLIST.format("4 " * 6, " ".join(str(row) for side in SIDES for row in side)))
+# Its second half is beyond the 1,024 characters that the engine reads of a line.
+GON, GON_SIDES = wheel(1.0, 0.2, 400)
+
+
+BOX = both((-0.1, -0.2, -0.3), HALF)
+TWO = both((-0.1, -0.2, -0.3), (1.1, 0.2, 0.3))
+MOVED = both((0.9, 1.8, 2.7), (1.1, 2.2, 3.3))
+CUT = both((0, -0.2, -0.3), HALF)
+NOTHING = (None,) * 6
+
+UNDERSTOOD: dict[str, tuple[str, bytes, tuple[float, ...]]] = {
+    "binary STL": ("a.stl", stl(), BOX),
+    "binary STL that says solid": ("a.stl", stl(header=b"solid box\n"), BOX),
+    "upper case": ("A.STL", stl(), BOX),
+    "OBJ": ("a.obj", obj(), BOX),
+    "OBJ of quads": ("a.obj", obj(faces=SIDES), BOX),
+    "OBJ counted backwards": ("a.obj", obj(corner=lambda row: str(row - 8)), BOX),
+    "OBJ with coordinates of textures": ("a.obj", obj(before="vt 0 0\n", corner=lambda row: f"{row + 1}/1"), BOX),
+    "OBJ with a missing material": ("a.obj", obj(before="mtllib no.mtl\nusemtl a\n"), BOX),
+    "OBJ with a file for a material": ("a.obj", obj(before="mtllib /etc/passwd\nusemtl a\n"), BOX),
+    "OBJ of two": ("a.obj", two_objects(), TWO),
+    "DAE": ("a.dae", dae(), BOX),
+    "DAE in dm": ("a.dae", dae(asset='<unit meter="0.1"/>'), tuple(part / 10 for part in BOX)),
+    "DAE with y up": ("a.dae", dae(asset="<up_axis>Y_UP</up_axis>"), BOX),
+    "DAE moved": ("a.dae", dae(node=MATRIX + SHOWN), MOVED),
+    "DAE moved in dm": ("a.dae", dae(node=MATRIX + SHOWN, asset='<unit meter="0.1"/>'), tuple(p / 10 for p in MOVED)),
+    "DAE of polygons": ("a.dae", DAE_OF_SIDES, BOX),
+    "DAE of two": ("a.dae", two_instances(), TWO),
+}
+"""What the engine reads, and so do we: how far it reaches, in m."""
+
+MISREAD: dict[str, tuple[str, bytes, tuple[float | None, ...], tuple[float, ...]]] = {
+    "ASCII STL": ("a.stl", ascii_stl(), NOTHING, BOX),
+    "OBJ with long lines": (
+        "a.obj",
+        obj(GON, GON_SIDES[-2:]),
+        both((-1, -0.9556, -0.1), (1, 1, 0.1)),
+        both((-1, -1, -0.1), (1, 1, 0.1)),
+    ),
+    "OBJ of continued lines": ("a.obj", obj().replace(b"v -0.1 ", b"v \\\n-0.1 "), CUT, BOX),
+    "DAE of <polygons>": ("a.dae", GOOD["polygons.dae"], NOTHING, BOX),
+    "DAE of <tristrips>": ("a.dae", GOOD["strips.dae"], NOTHING, BOX),
+    "DAE without a scene": ("a.dae", dae()[: dae().index(b"<library_visual")] + b"</COLLADA>", NOTHING, BOX),
+    "DAE moved twice": ("a.dae", dae(node=MATRIX * 2 + SHOWN), MOVED, both((1.9, 3.8, 5.7), (2.1, 4.2, 6.3))),
+    "DAE scaled, then moved": (
+        "a.dae",
+        dae(node="<scale>2 1 1</scale><translate>1 2 3</translate>" + SHOWN),
+        both((0.8, 1.8, 2.7), (1.2, 2.2, 3.3)),
+        both((1.8, 1.8, 2.7), (2.2, 2.2, 3.3)),
+    ),
+}
+"""What the engine takes for something else without an error, and what it is."""
+
+PASSED_OVER: dict[str, tuple[str, bytes, str]] = {
+    "nothing": ("a.stl", b"", "broken-mesh"),
+    "garbage": ("a.stl", bytes(range(256)), "broken-mesh"),
+    "cut off": ("a.stl", stl()[:-30], "broken-mesh"),
+    "too long": ("a.stl", stl() + b"xx", "broken-mesh"),
+    "no triangle": ("a.stl", stl(faces=[]), "empty-mesh"),
+    "OBJ without faces": ("a.obj", obj(faces=()), "empty-mesh"),
+    "DAE cut off": ("a.dae", dae()[:400], "broken-mesh"),
+}
+"""What leaves the engine with a body that nothing can touch, without an error, and the rule that it breaks."""
+
+KILLERS: dict[str, tuple[str, bytes, str | None]] = {
+    "OBJ far beyond": ("a.obj", obj(faces=[*TRIANGLES, (0, 1, 99_999_999)]), "mesh-index"),
+    "OBJ no points": ("a.obj", b"f 1 2 3\n", "mesh-index"),
+    "DAE far beyond": ("a.dae", dae(SURFACE.format("0 1 99999999")), "mesh-index"),
+    "DAE no numbers": ("a.dae", dae(SURFACE.format("")), "empty-mesh"),
+    "DAE no asset": ("a.dae", dae().replace(b"<asset></asset>", b""), None),
+}
+"""What is the end of the engine's process, and the rule that it breaks."""
+
+ENDLESS: dict[str, tuple[str, bytes]] = {
+    "OBJ with a pipe for a material": ("a.obj", obj(before="mtllib {pipe}\nusemtl a\n")),
+    "DAE with a matrix too many": (
+        "a.dae",
+        dae(node=MATRIX + SHOWN).replace(b"</visual", MATRIX.encode() + b"</visual"),
+    ),
+}
+"""What the engine never comes back from. It breaks no rule."""
+
+
+@pytest.mark.parametrize(("name", "data", "expected"), UNDERSTOOD.values(), ids=UNDERSTOOD)
+def test_what_the_engine_understands_stays_what_it_is(
+    name: str, data: bytes, expected: tuple[float, ...], tmp_path: Path
+) -> None:
+    path = written(tmp_path, name, data)
+    alone, helped = found(["look_at", str(path)], ["look_at", rewritten(path)])
+    assert reach(alone) == pytest.approx([part + ENGINES_MARGIN for part in expected], abs=1e-5)
+    assert reach(helped) == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize(("name", "data", "misread", "expected"), MISREAD.values(), ids=MISREAD)
+def test_what_the_engine_misreads_is_right_once_rewritten(
+    name: str, data: bytes, misread: tuple[float | None, ...], expected: tuple[float, ...], tmp_path: Path
+) -> None:
+    path = written(tmp_path, name, data)
+    alone, helped = found(["look_at", str(path)], ["look_at", rewritten(path)])
+    taken_for = [part if part is None else part + ENGINES_MARGIN for part in misread]
+    assert reach(alone) == (NOTHING if misread == NOTHING else pytest.approx(taken_for, abs=1e-3))
+    assert reach(helped) == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize(("name", "data", "rule"), PASSED_OVER.values(), ids=PASSED_OVER)
+def test_what_the_engine_passes_over_is_refused(name: str, data: bytes, rule: str, tmp_path: Path) -> None:
+    path = written(tmp_path, name, data)
+    (alone,) = found(["look_at", str(path)])
+    assert reach(alone) == NOTHING
+    assert alone["rests_at"] < -1
+    with pytest.raises(MeshError) as raised:
+        rewritten(path)
+    assert raised.value.rule == rule
+
+
+@pytest.mark.parametrize(("name", "data", "rule"), KILLERS.values(), ids=KILLERS)
+def test_what_kills_the_engine_does_not_reach_it(name: str, data: bytes, rule: str | None, tmp_path: Path) -> None:
+    path = written(tmp_path, name, data)
+    assert run(["look_at", str(path)])[0] < 0
+    if rule is None:
+        assert reach(found(["look_at", rewritten(path)])[0]) == pytest.approx(BOX, abs=1e-5)
+        return
+    with pytest.raises(MeshError) as raised:
+        rewritten(path)
+    assert raised.value.rule == rule
+
+
+@pytest.mark.parametrize(("name", "data"), ENDLESS.values(), ids=ENDLESS)
+def test_what_holds_the_engine_up_does_not_reach_it(name: str, data: bytes, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    path = written(tmp_path, name, data.replace(b"{pipe}", str(pipe).encode()))
+    with pytest.raises(subprocess.TimeoutExpired):
+        run(["look_at", str(path)], timeout=4)
+    assert None not in reach(found(["look_at", rewritten(path)])[0])
+
+
+def test_a_visual_kills_as_well_unless_visuals_are_ignored(tmp_path: Path) -> None:
+    box, bad = written(tmp_path, "box.obj", obj()), written(tmp_path, "bad.obj", KILLERS["OBJ far beyond"][1])
+    assert run(["look_at", str(box), "", "1 1 1", 0, str(bad)])[0] < 0
+    assert reach(found(["look_at", str(box), "", "1 1 1", IGNORE_VISUALS, str(bad)])[0])[0] is not None
+
+
+def test_whatever_is_rewritten_does_the_engine_no_harm(tmp_path: Path) -> None:
+    chance = random.Random(20)
+    good = [
+        ("a.stl", stl()),
+        ("a.stl", ascii_stl()),
+        ("a.obj", two_objects()),
+        ("a.dae", dae()),
+        ("a.dae", DAE_OF_SIDES),
+    ]
+    kept = 0
+    for _ in range(600):
+        name, data = chance.choice(good)
+        changed = bytearray(data)
+        for _ in range(chance.randint(1, 3)):
+            changed[chance.randrange(len(changed))] = chance.choice(b"0123456789-. e/\n<" + chance.randbytes(4))
+        try:
+            rewritten(written(tmp_path, name, bytes(changed)))
+            kept += 1
+        except MeshError:
+            pass
+    assert kept > 100
+    assert found(["survive", str(tmp_path / "clean")]) == [{"lost": 0}]
