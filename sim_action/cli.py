@@ -14,10 +14,9 @@ from sim_action.errors import ExitCode, SimActionError, UsageError
 from sim_action.report_flags import report_flags, report_request
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from sim_action.catalogue import Entry
     from sim_action.permissions import AllowScripts
 
 _BEFORE_IMPORTS = {
@@ -232,9 +231,9 @@ def init(folder: str, force: bool) -> None:
 @program.command()
 def models() -> None:
     """List the robots that need no path."""
-    from sim_action import catalogue
+    from sim_action import catalogue, catalogue_text
 
-    _print(catalogue.models())
+    click.echo(catalogue_text.listing(catalogue.models()))
 
 
 @program.command()
@@ -260,17 +259,17 @@ def inspect(model: str, as_json: bool, allow_outside: bool) -> ExitCode:
 @program.command()
 def assertions() -> None:
     """List what can stand below `expect:`."""
-    from sim_action import catalogue
+    from sim_action import catalogue, catalogue_text
 
-    _print(catalogue.assertions())
+    click.echo(catalogue_text.listing(catalogue.assertions()))
 
 
 @program.command()
 def commands() -> None:
     """List what can stand below `commands:`, and the drives that turn twists into wheel speeds."""
-    from sim_action import catalogue
+    from sim_action import catalogue, catalogue_text
 
-    _print((*catalogue.commands(), *catalogue.drives()))
+    click.echo(catalogue_text.listing((*catalogue.commands(), *catalogue.drives())))
 
 
 def _discovered(paths: Sequence[str]) -> tuple[list[Path], list[str]]:
@@ -285,8 +284,7 @@ def _discovered(paths: Sequence[str]) -> tuple[list[Path], list[str]]:
     files = unique(found)
     for pattern in empty.values():
         # Beside others, it is in the reports.
-        tell = _note if files else _complain
-        tell(f"no scenario in or at '{pattern}'")
+        (_note if files else _complain)(f"no scenario in or at '{pattern}'")
     return files, list(empty.values())
 
 
@@ -296,16 +294,7 @@ def _note(message: str) -> None:
     click.echo(log_line(f"sim-action: {message}"), err=True)
 
 
-def _complain(message: object) -> None:
+def _complain(message: str) -> None:
     from sim_action.reports.annotations import complaint
 
-    click.echo(complaint(str(message), os.environ), err=True)
-
-
-def _print(entries: Iterable[Entry]) -> None:
-    for entry in entries:
-        click.echo(f"{click.style(entry.name, bold=True)}\n  {entry.summary}")
-        for field in entry.fields:
-            default = f"  [{field.default}]" if field.default else ""
-            description = f"  {field.description}" if field.description else ""
-            click.echo(f"    {field.name}: {field.takes}{default}{description}")
+    click.echo(complaint(message, os.environ), err=True)
