@@ -43,7 +43,8 @@ class Inspection(FrozenModel):
     Attributes:
         model: as a scenario names it.
         mass: kg, of the links that say what they weigh.
-        lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, joints at zero.
+        lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, joints at zero;
+            None if there are meshes among them.
         height: m, of the base link above the ground when the lowest shape touches it.
         drive: the wheels that were recognised, with their figures.
         needs: rules that `robot.allow` has to name.
@@ -98,6 +99,9 @@ def _joint_entry(joint: Joint) -> JointEntry:
 
 
 def _box(model: RobotModel) -> tuple[Vector3, Vector3] | None:
+    """None if there is no shape, or one whose size is not known: a box that leaves something out tells a lie."""
+    if any(shape.lower_xyz is None for link in model.links for shape in link.collisions):
+        return None
     corners = [corner for link in model.links for corner in _corners(model, link)]
     if not corners:
         return None

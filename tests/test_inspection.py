@@ -11,6 +11,8 @@ from sim_action.inspection_text import inspection_text
 from sim_action.workspace import Workspace
 from tests.models.bad_models import GOOD
 
+MESH = '<mesh filename="part.obj"/>'
+
 
 def workspace(folder: Path, text: str = GOOD) -> Workspace:
     (folder / "robot.urdf").write_text(text, encoding="utf-8")
@@ -46,6 +48,13 @@ def test_the_box_is_around_the_shapes_where_the_joints_put_them(tmp_path: Path) 
     found = inspect_model("robot.urdf", workspace(tmp_path))
     assert (found.lower_xyz, found.upper_xyz) == ((0.5, 1.5, 2.5), (1.5, 2.5, 3.5))
     assert found.height == -2.5
+
+
+def test_nothing_is_said_of_a_size_that_is_not_known(tmp_path: Path) -> None:
+    (tmp_path / "part.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('<sphere radius="0.5"/>', MESH)))
+    assert (found.lower_xyz, found.upper_xyz, found.height) == (None, None, None)
+    assert "above the ground" not in inspection_text(found)
 
 
 def test_what_a_scenario_has_to_allow_stands_in_the_block(tmp_path: Path) -> None:

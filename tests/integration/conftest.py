@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -97,3 +100,16 @@ def environment(temp: Path) -> Path:
     """Where the action has installed what simulates."""
     [marker] = temp.glob("sim-action-*/requirements.lock")
     return marker.parent
+
+
+def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """The command line, as one calls it beside GitHub."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    return subprocess.run(
+        [sys.executable, "-m", "sim_action", *arguments],
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(ACTION), **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+    )

@@ -13,6 +13,8 @@ from pathlib import Path
 import junitparser
 import pytest
 
+from tests.integration.conftest import sim_action
+
 ROOT = Path(__file__).parents[2]
 
 VALID = """\
@@ -22,18 +24,6 @@ commands: {{twist: [{{linear: 1.0}}]}}
 expect: [{{travel: {{at_least: 5 cm}}}}]
 time_limit: 3 s
 """
-
-
-def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    return subprocess.run(
-        [sys.executable, "-m", "sim_action", *arguments],
-        cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT), **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def changed(before: str, after: str) -> str:

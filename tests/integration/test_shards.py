@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from tests.integration.conftest import sim_action
+
 ROOT = Path(__file__).parents[2]
 
 SCENARIO = """\
@@ -31,18 +33,6 @@ SCENARIOS = {
     "deep/same.sim.yml": SCENARIO.format(name="Same", speed=0.7, distance="5 cm"),
 }
 ASKED = (".", "nope*.sim.yml")
-
-
-def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    return subprocess.run(
-        [sys.executable, "-m", "sim_action", *arguments],
-        cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT), **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def outcomes(folder: Path) -> list[dict[str, Any]]:
