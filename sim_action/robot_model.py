@@ -10,6 +10,7 @@ from typing import Final, Literal
 from sim_action import units
 from sim_action.geometry import Pose, Vector3
 from sim_action.location import Location
+from sim_action.messages import did_you_mean
 from sim_action.units import Dimension
 
 Reading = Literal["position", "velocity", "effort"]
@@ -23,7 +24,10 @@ READINGS: Final = MappingProxyType(
 )
 """What joints can be asked for -> its dimension if the joint turns, and if it slides."""
 
-JointType = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+JointType = Literal["revolute", "continuous", "prismatic", "fixed"]
+
+WORLD: Final = "world"
+"""A root link of this name is bolted to the world, as Gazebo has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +49,37 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
+class Surface:
+    """How a link touches.
+
+    Attributes:
+        friction: coefficient, multiplied with that of what is touched; left out: as Bullet's URDF importer has it.
+        stiffness: N/m, of a contact; None: as hard as the engine can.
+        damping: N s/m, of a contact with a stiffness.
+    """
+
+    friction: float = 0.5
+    stiffness: float | None = None
+    damping: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Link:
     """A rigid part; `mass` in kg is None where the model does not say."""
 
     name: str
     mass: float | None
     collisions: tuple[Shape, ...] = ()
+    surface: Surface = Surface()
+
+
+@dataclass(frozen=True, slots=True)
+class Mimic:
+    """What a joint does that has no motor of its own: its position is `multiplier` times another's, plus `offset`."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +92,7 @@ class Joint:
         lower, upper: limits in rad (m if prismatic); None without limits.
         max_effort: N m (N); None without a limit.
         max_velocity: rad/s (m/s); None without a limit.
+        mimic: the joint that it follows; None if it moves by itself.
     """
 
     name: str
@@ -75,6 +105,7 @@ class Joint:
     upper: float | None = None
     max_effort: float | None = None
     max_velocity: float | None = None
+    mimic: Mimic | None = None
 
     def dimension(self, reading: Reading) -> Dimension:
         """What a reading of it is measured in: it slides or turns."""
@@ -104,6 +135,18 @@ class Finding:
         return f"{self.location}: {self.message} [{self.rule}]"
 
 
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """Code that a model asks Gazebo to load; `parameters`: (tag, text), in the order of the file."""
+
+    name: str
+    parameters: tuple[tuple[str, str], ...]
+
+    def texts(self, tag: str) -> tuple[str, ...]:
+        """What all tags of one name hold."""
+        return tuple(text for name, text in self.parameters if name == tag)
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """A loaded robot.
@@ -113,6 +156,7 @@ class RobotModel:
         source: the file it came from, absolute.
         urdf: clean, absolute, pretty-printed URDF text for the engine.
         findings: what is odd about it, or was let go.
+        plugins: what it asks Gazebo to load.
     """
 
     name: str
@@ -121,6 +165,7 @@ class RobotModel:
     joints: tuple[Joint, ...]
     urdf: str
     findings: tuple[Finding, ...] = ()
+    plugins: tuple[Plugin, ...] = ()
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:
@@ -142,6 +187,16 @@ class RobotModel:
         """Name of the base link: the one that is no joint's child."""
         children = {joint.child for joint in self.joints}
         return next(link.name for link in self.links if link.name not in children)
+
+    def why_not_driven(self, name: str) -> str | None:
+        """What to say of a joint, or what is none, that no motor can move; None if one can."""
+        joint = self.joints_by_name.get(name)
+        if joint is None or not joint.moves:
+            moving = [joint.name for joint in self.moving_joints]
+            return f"the model has no moving joint '{name}'{did_you_mean(name, moving)}"
+        if joint.mimic is not None:
+            return f"joint '{name}' cannot be told where to go: it mimics '{joint.mimic.joint}', tell that one"
+        return None
 
     @property
     def mass(self) -> float:

@@ -9,7 +9,7 @@ from sim_action import units
 from sim_action.drives import recognise
 from sim_action.messages import did_you_mean
 from sim_action.models.findings import ALLOWABLE, RULES
-from sim_action.robot_model import Joint, RobotModel
+from sim_action.robot_model import WORLD, Joint, RobotModel
 from sim_action.scenario import Scenario, rate_divides
 from sim_action.scene import SpecProblems
 from sim_action.world import GROUND
@@ -61,14 +61,13 @@ def name_problems(scenario: Scenario) -> SpecProblems:
 def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     """A base that would not move, joints that are not there or cannot begin there, a drive that does not fit."""
     robot = scenario.robot
-    if robot.base == "free" and model.links_by_name[model.root].mass == 0:
+    if robot.base != "fixed" and model.root != WORLD and model.links_by_name[model.root].mass == 0:
         message = f"the base link '{model.root}' has no mass, so the engine would hold it still"
         yield ("robot", "model"), f"{message}; say base: fixed, or give it a mass"
-    moving = [joint.name for joint in model.moving_joints]
     for name, written in robot.joints.items():
         path: KeyPath = ("robot", "joints", name)
-        if name not in moving:
-            yield path, f"the model has no moving joint '{name}'{did_you_mean(name, moving)}"
+        if (trouble := model.why_not_driven(name)) is not None:
+            yield path, trouble
             continue
         joint = model.joints_by_name[name]
         try:

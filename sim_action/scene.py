@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from sim_action import units
-from sim_action.robot_model import RobotModel
+from sim_action.robot_model import WORLD, Joint, RobotModel
 from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
+from sim_action.world import Physics, Placement, Robot, World
 
 # Where in a scenario a problem is (the keys that lead there), and what it is.
 SpecProblem = tuple[tuple[str | int, ...], str]
@@ -26,10 +26,25 @@ class Scene:
     workspace: Workspace
 
     @property
+    def bolted(self) -> bool:
+        """Whether the base cannot move: by the scenario, or else by the name of the model's root link."""
+        base = self.robot.base or ("fixed" if self.model.root == WORLD else "free")
+        return base == "fixed"
+
+    @property
+    def placement(self) -> Placement:
+        """Where the base link begins; z is None if the robot is to stand on the ground."""
+        pose = self.robot.pose
+        at_origin = pose.z is None and self.bolted and self.model.root == WORLD
+        return pose.model_copy(update={"z": 0.0}) if at_origin else pose
+
+    @property
     def joint_positions(self) -> dict[str, float]:
-        """Where joints begin that the scenario names, in rad, or m if prismatic. Raises units.UnitError."""
-        joints = self.model.joints_by_name
-        return {
-            name: units.parse(written, joints[name].dimension("position"))
-            for name, written in self.robot.joints.items()
-        }
+        """Where each moving joint begins, in rad, or m if prismatic. Raises units.UnitError."""
+        return {joint.name: self._position(joint) for joint in self.model.moving_joints}
+
+    def _position(self, joint: Joint) -> float:
+        if joint.mimic is not None:
+            leader = self.model.joints_by_name[joint.mimic.joint]
+            return joint.mimic.multiplier * self._position(leader) + joint.mimic.offset
+        return units.parse(self.robot.joints.get(joint.name, 0.0), joint.dimension("position"))

@@ -159,11 +159,10 @@ def _safe(physics: Physics, joints: tuple[Joint, ...]) -> FloatArray:
 
 def _depth(scene: Scene, start: float) -> float:
     """How deep in m the base link's origin may come, if it was put at the height `start`."""
-    robot = scene.robot
-    if robot.base == "fixed":
+    if scene.bolted:
         return math.inf
     # A robot that was stood on the ground is above it, wherever its author has drawn the origin.
-    drawn_below = -start if robot.pose.z is None else 0.0
+    drawn_below = -start if scene.placement.z is None else 0.0
     return scene.physics.max_depth or _SINKING + max(_way_to_shape(scene.model), drawn_below)
 
 

@@ -27,8 +27,8 @@ from sim_action.quantities import (
 
 GROUND = "ground"
 
-FASTEST: Final = 100.0
-"""m/s and rad/s at which Bullet stops the base and every joint, silently: what moves as fast is no physics any more."""
+FASTEST: Final = 10_000.0
+"""m/s and rad/s at which engines are told to stop the base and every joint: bounds of speed go no further."""
 
 
 class Placement(FrozenModel):
@@ -53,7 +53,10 @@ class Robot(FrozenModel):
     model: Annotated[
         str, Field(min_length=1, description="the name of a built-in model, or the path of a URDF or xacro file")
     ]
-    base: Annotated[Literal["free", "fixed"], Field(description="fixed: bolted to the world")] = "free"
+    base: Annotated[
+        Literal["free", "fixed"] | None,
+        Field(description="fixed: bolted to the world; left out: free, but for a model whose root link is `world`"),
+    ] = None
     pose: Annotated[Placement, Field(description="of the base link")] = Placement()
     args: Annotated[dict[str, str | bool | int | float], Field(description="arguments of a xacro file, by name")] = (
         Field(default_factory=dict)
@@ -128,11 +131,11 @@ class Physics(FrozenModel):
     max_speed: Annotated[
         MetresPerSecond,
         Field(gt=0, le=FASTEST, description="of the base and of joints that slide; from there on, it is unstable"),
-    ] = FASTEST
+    ] = 100.0
     max_turn_rate: Annotated[
         RadiansPerSecond,
         Field(gt=0, le=FASTEST, description="of the base and of joints that turn; from there on, it is unstable"),
-    ] = FASTEST
+    ] = 1000.0
     max_distance: Annotated[
         PositiveMetres, Field(description="of the base from where it began; from there on, it is unstable")
     ] = 10_000.0

@@ -21,7 +21,7 @@ from sim_action.scenario import DrivenRobot
 from sim_action.simulation import SimulationRun, simulate
 from sim_action.trace import Trace
 from sim_action.watchdog import Watchdog
-from sim_action.world import Physics, Placement
+from sim_action.world import FASTEST, Physics, Placement
 from tests.traces import BURGER, START, WHEELS, piece, scene, trace
 
 LEFT, RIGHT = WHEELS
@@ -59,10 +59,10 @@ def test_what_is_no_number_is_seen_in_every_column(column: int, value: float) ->
             "the base link base_footprint: 120 m/s, and the bound is 100 m/s;",
         ),
         (
-            trace(TIMES, turn_rate=[0, 1, -100, 0]),
-            "the base link base_footprint: 100 rad/s, and the bound is 100 rad/s;",
+            trace(TIMES, turn_rate=[0, 1, -1000, 0]),
+            "the base link base_footprint: 1000 rad/s, and the bound is 1000 rad/s;",
         ),
-        (trace(TIMES, velocity=[0, 99.9, -100, 0]), f"joint {LEFT}: 100 rad/s, and the bound is 100 rad/s;"),
+        (trace(TIMES, velocity=[0, 999, -1000, 0]), f"joint {LEFT}: 1000 rad/s, and the bound is 1000 rad/s;"),
         (
             trace(TIMES, y=[0, 0, -1.2e4, -1.2e4]),
             "the base link base_footprint: 1.2e+04 m from where it began, and the bound is 1e+04 m;",
@@ -79,7 +79,7 @@ def test_the_first_step_beyond_a_bound_is_named(moments: Trace, what: str) -> No
 @pytest.mark.parametrize(
     ("moments", "advice"),
     [
-        (trace([1.0], velocity=[200]), "no engine here goes faster"),
+        (trace([1.0], velocity=[2000]), "if it is meant to be so, set physics.max_turn_rate"),
         (trace([1.0], x=[2e4]), "if it is meant to be so, set physics.max_distance"),
         (trace([1.0], z=[-20]), "a start below the ground (robot.pose.z)"),
         (trace([1.0], z=[-20]), "if it is meant to be so, set physics.max_depth"),
@@ -99,9 +99,14 @@ def test_a_speed_is_measured_in_space_and_not_by_its_parts() -> None:
 
 
 def test_of_several_in_one_step_a_joint_is_named_before_the_base_and_the_worst_joint_first() -> None:
-    moments = trace(TIMES, speed=[0, 500, 500, 500], velocity=[0, 200, 200, 200])
-    moments.state[1, 17] = -300.0
-    assert f"(step 1), first in joint {RIGHT}: 300 rad/s" in fault(moments)
+    moments = trace(TIMES, speed=[0, 500, 500, 500], velocity=[0, 2e3, 2e3, 2e3])
+    moments.state[1, 17] = -3000.0
+    assert f"(step 1), first in joint {RIGHT}: 3000 rad/s" in fault(moments)
+
+
+def test_the_highest_bound_is_where_engines_stop() -> None:
+    highest = watchdog(Physics(max_turn_rate=FASTEST))
+    assert "no engine here goes faster" in fault(trace([1.0], velocity=[FASTEST]), highest)
 
 
 def test_bounds_are_those_of_the_scenario() -> None:
@@ -234,7 +239,7 @@ def test_an_honest_run_is_left_alone(tmp_path: Path) -> None:
 
 def test_gains_that_explode_are_an_error_that_names_the_joint(tmp_path: Path) -> None:
     message = unstable(tmp_path, ", joints: {swing: 1}", "commands: {script: gains.py}")
-    assert message.startswith("simulation unstable at t = 0.029 s (step 7), first in joint swing: 100 rad/s")
+    assert message.startswith("simulation unstable at t = 0.104 s (step 25), first in joint swing: 1984 rad/s")
 
 
 def test_a_robot_that_nothing_carries_is_an_error_although_it_stays_upright(tmp_path: Path) -> None:

@@ -1,42 +1,40 @@
 """PyBullet behind the Backend protocol.
 
 What it has to straighten out (Bullet's quickstart guide, and measurements in the tests): base poses are those of the
-centre of mass, joints come with a motor switched on, links with a damping of 0.04, torques last for one step, and
-contact points are reported before anything touches.
+centre of mass, joints come with a motor switched on, torques last for one step, and contact points are reported before
+anything touches.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pybullet
 
 from sim_action import geometry
+from sim_action.backends.pybullet_scene import (
+    BASE,
+    add_gear,
+    add_ground,
+    add_object,
+    configure,
+    load_robot,
+    place,
+    set_surfaces,
+)
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist
 from sim_action.observation import Contact, JointState, Observation
 from sim_action.scene import Scene
 from sim_action.trace import Trace
-from sim_action.world import GROUND, Body, Placement
+from sim_action.world import GROUND
 
-GRAVITY: Final = 9.80665
-"""m/s^2, standard gravity (CGPM 1901)."""
-
-_BASE: Final = -1
-# From where things are let down to the ground, in m; no robot reaches further below its base.
-_ABOVE_GROUND: Final = 100.0
 # For joints whose model states no limit; N m or N.
 _UNLIMITED_EFFORT: Final = 1000.0
-# Bullet's own default. It outlives a connection, so it is set for every one.
-_CONTACT_BREAKING_THRESHOLD: Final = 0.02
-# Hull cylinders ride 1 mm high and cost twice as much. Inertia would be that of the collision shapes, filled evenly.
-_LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 
 
 class PyBulletBackend:
@@ -47,11 +45,13 @@ class PyBulletBackend:
     def __init__(self, scene: Scene, *, contacts: bool) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
         try:
-            self._configure(scene.physics.rate)
-            self._ground = self._add_ground(scene)
+            configure(self._client, scene.physics.rate)
+            self._ground = add_ground(self._client, scene.world.ground)
             self._body_names = {self._ground: GROUND}
-            self._body_names |= {self._add_object(body): body.name for body in scene.world.objects}
-            self._robot = self._load_robot(scene)
+            self._body_names |= {
+                add_object(self._client, self._ground, body): body.name for body in scene.world.objects
+            }
+            self._robot = load_robot(self._client, scene)
         except pybullet.error as error:
             self.close()
             raise EngineError(f"the engine refused the world: {error}") from None
@@ -103,43 +103,10 @@ class PyBulletBackend:
         """See Backend.close."""
         pybullet.disconnect(self._client)
 
-    def _configure(self, rate: float) -> None:
-        pybullet.setGravity(0, 0, -GRAVITY, self._client)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1 / rate,
-            contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
-            deterministicOverlappingPairs=1,
-            enableFileCaching=0,
-            physicsClientId=self._client,
-        )
-
-    def _add_ground(self, scene: Scene) -> int:
-        shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client)
-        ground = int(pybullet.createMultiBody(0, shape, physicsClientId=self._client))
-        self._set_dynamics(ground, lateralFriction=scene.world.ground.friction)
-        return ground
-
-    def _add_object(self, body: Body) -> int:
-        shape = pybullet.createCollisionShape(**_shape(body), physicsClientId=self._client)
-        identifier = int(pybullet.createMultiBody(body.mass or 0.0, shape, physicsClientId=self._client))
-        self._set_dynamics(identifier, lateralFriction=body.friction)
-        self._place(identifier, body.pose)
-        return identifier
-
-    def _load_robot(self, scene: Scene) -> int:
-        # The engine reads models from files only.
-        with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
-            path = Path(folder, "robot.urdf")
-            path.write_text(scene.model.urdf, encoding="utf-8")
-            fixed = scene.robot.base == "fixed"
-            return int(
-                pybullet.loadURDF(str(path), useFixedBase=fixed, flags=_LOAD_FLAGS, physicsClientId=self._client)
-            )
-
     def _read_joints(self, scene: Scene) -> None:
         count = pybullet.getNumJoints(self._robot, self._client)
         infos = [pybullet.getJointInfo(self._robot, index, self._client) for index in range(count)]
-        self._link_names = {_BASE: scene.model.root, **{info[0]: info[12].decode() for info in infos}}
+        self._link_names = {BASE: scene.model.root, **{info[0]: info[12].decode() for info in infos}}
         by_name = {info[1].decode(): info for info in infos}
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._index = {name: by_name[name][0] for name in self._joint_names}
@@ -147,44 +114,27 @@ class PyBulletBackend:
         self._friction = {name: by_name[name][7] for name in self._joint_names}
         self._max_effort = {name: by_name[name][10] or _UNLIMITED_EFFORT for name in self._joint_names}
         self._max_velocity = {name: by_name[name][11] for name in self._joint_names}
-        self._set_dynamics(self._robot)
-        _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, _BASE, self._client)
+        links = scene.model.links_by_name
+        set_surfaces(
+            self._client, self._robot, {index: links[name].surface for index, name in self._link_names.items()}
+        )
+        _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
         self._com_in_link = Pose(com_position, com_orientation)
 
     def _place_robot(self, scene: Scene) -> None:
         positions = scene.joint_positions
         for joint in scene.model.moving_joints:
-            position = positions.get(joint.name, 0.0)
+            position = positions[joint.name]
             pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
-            if joint.type == "continuous":
+            if joint.type == "continuous" or joint.mimic is not None:
                 # Switches the default motor off; what remains is the joint's own friction.
                 self._motor(joint.name, pybullet.VELOCITY_CONTROL, force=self._friction[joint.name])
             else:
                 self._servo(joint.name, position, self._max_effort[joint.name])
-        self._place(self._robot, scene.robot.pose, self._com_in_link)
-
-    def _place(self, body: int, placement: Placement, com_in_link: Pose | None = None) -> None:
-        """Puts a body's link frame where the scenario wants it; without a z, onto the ground."""
-
-        def put(z: float) -> None:
-            pose = Pose((placement.x, placement.y, z), placement.orientation_xyzw)
-            com = geometry.compose(pose, com_in_link) if com_in_link else pose
-            pybullet.resetBasePositionAndOrientation(body, com.position_xyz, com.orientation_xyzw, self._client)
-
-        put(_ABOVE_GROUND if placement.z is None else placement.z)
-        if placement.z is None:
-            put(_ABOVE_GROUND - self._height_above_ground(body))
-
-    def _height_above_ground(self, body: int) -> float:
-        # Bounding boxes are loose where an inertial frame is turned; distances are exact.
-        points = pybullet.getClosestPoints(body, self._ground, 2 * _ABOVE_GROUND, physicsClientId=self._client)
-        return min((float(point[8]) for point in points), default=_ABOVE_GROUND)
-
-    def _set_dynamics(self, body: int, **dynamics: float) -> None:
-        for link in range(_BASE, pybullet.getNumJoints(body, self._client)):
-            pybullet.changeDynamics(
-                body, link, linearDamping=0, angularDamping=0, physicsClientId=self._client, **dynamics
-            )
+            if joint.mimic is not None:
+                leader = self._index[joint.mimic.joint]
+                add_gear(self._client, self._robot, self._index[joint.name], leader, joint.mimic)
+        place(self._client, self._robot, self._ground, scene.placement, self._com_in_link)
 
     def _apply(self, targets: JointTargets) -> None:
         limits = {name: targets.max_effort.get(name, self._max_effort[name]) for name in targets.names()}
@@ -261,12 +211,3 @@ def _in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
     ox, oy, oz = offset = geometry.rotate(orientation, com_in_link.position_xyz)
     ux, uy, uz = geometry.cross((wx, wy, wz), offset)
     return (px - ox, py - oy, pz - oz, *orientation, vx - ux, vy - uy, vz - uz, wx, wy, wz)
-
-
-def _shape(body: Body) -> dict[str, Any]:
-    if body.box is not None:
-        return {"shapeType": pybullet.GEOM_BOX, "halfExtents": [size / 2 for size in body.box]}
-    if body.cylinder is not None:
-        return {"shapeType": pybullet.GEOM_CYLINDER, "radius": body.cylinder.radius, "height": body.cylinder.height}
-    assert body.sphere is not None
-    return {"shapeType": pybullet.GEOM_SPHERE, "radius": body.sphere.radius}

@@ -127,9 +127,8 @@ def _problem_with(answer: object, model: RobotModel) -> str | None:
         return f"{answer!r}, whose values are not numbers"
     if not finite:
         return f"{answer!r}, in which not every value is finite"
-    moving = [joint.name for joint in model.moving_joints]
-    unknown = [str(name) for name in names if name not in moving]
-    return f"a target for the unknown joint '{unknown[0]}'{did_you_mean(unknown[0], moving)}" if unknown else None
+    troubles = [trouble for name in names if (trouble := model.why_not_driven(str(name))) is not None]
+    return f"a target that no motor can take: {troubles[0]}" if troubles else None
 
 
 def _has_three_each(twist: Twist) -> bool:

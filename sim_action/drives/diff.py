@@ -11,7 +11,6 @@ from sim_action.command import JointTargets
 from sim_action.drives import Drive
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.geometry import Twist
-from sim_action.messages import did_you_mean
 from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtonMetres
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems
@@ -49,12 +48,11 @@ class DiffDrive(Drive):
 
     def problems(self, model: RobotModel) -> SpecProblems:
         """Joints that the model has not, figures that it does not tell."""
-        moving = [joint.name for joint in model.moving_joints]
         unknown = [
-            ((side, index), f"the model has no moving joint '{name}'{did_you_mean(name, moving)}")
+            ((side, index), trouble)
             for side in ("left", "right")
             for index, name in enumerate(getattr(self, side))
-            if name not in moving
+            if (trouble := model.why_not_driven(name)) is not None
         ]
         yield from unknown
         if unknown:

@@ -7,8 +7,9 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.models.audit.inertia import principal_moments
+from sim_action.models.audit.joints import UNSUPPORTED, is_free_base, trouble_of_mimic
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import child_of, is_expression, number
+from sim_action.models.values import child_of, is_expression, number, parent_of
 
 # Of a link that does not say what it weighs: this share of what the others weigh, as a ball of this radius in m.
 _NEGLIGIBLE_SHARE: Final = 1e-4
@@ -50,6 +51,30 @@ def mend_inertia(document: ModelDocument) -> None:
         if inertia is not None and principal_moments(inertia)[0] <= 0:
             ball = _ball(number(inertial.find("mass"), "value") or _LEAST_MASS)
             inertia.attrib.update(cast(Element, ball.find("inertia")).attrib)
+
+
+def drop_empty_root(document: ModelDocument) -> None:
+    """A floating joint from an empty root link says what is so in any case: the robot moves freely."""
+    for joint in list(document.elements("joint")):
+        if is_free_base(document, joint):
+            (root,) = (link for link in document.elements("link") if link.attrib["name"] == parent_of(joint))
+            document.root.remove(root)
+            document.root.remove(joint)
+
+
+def hold_odd_joints(document: ModelDocument) -> None:
+    """Joints that were let go as no engine has them do not move."""
+    for joint in document.elements("joint"):
+        if joint.attrib["type"] in UNSUPPORTED:
+            joint.set("type", "fixed")
+
+
+def drop_odd_mimics(document: ModelDocument) -> None:
+    """What was let go as it follows no other moves by itself."""
+    joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
+    odd = [joint for joint in joints.values() if trouble_of_mimic(joint, joints) is not None]
+    for joint in odd:
+        joint.remove(cast(Element, joint.find("mimic")))
 
 
 def drop_expressions(document: ModelDocument) -> None:

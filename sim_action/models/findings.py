@@ -50,6 +50,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "empty-mesh": Rule("fatal", "a collision mesh without a triangle that has an area"),
         "mesh-index": Rule("fatal", "a face of a collision mesh that names a point that is not there"),
         "too-large-mesh": Rule("fatal", "a collision mesh of more triangles or bytes than are read"),
+        "unsupported-joint": Rule("error", "a floating or planar joint inside a robot; let go, it is held still"),
+        "bad-mimic": Rule("error", "a joint that mimics none that moves by itself; let go, it moves by itself"),
         "unexpanded-expression": Rule("error", "a ${...} or $(...) of xacro; let go, it counts as left out"),
         "missing-visual": Rule("error", "a mesh to look at that is not there"),
         "missing-limits": Rule("error", "a revolute or prismatic joint without limits"),
@@ -63,6 +65,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "flat-mesh": Rule("warning", "a collision mesh without a volume"),
         "several-packages": Rule("warning", "a package that is there twice: the nearer one is taken"),
         "missing-inertia": Rule("warning", "a link without <inertial>: it gets a negligible mass"),
+        "unknown-reference": Rule("warning", "a <gazebo> tag for a link or joint that is not there"),
+        "two-frictions": Rule("warning", "a friction that depends on the direction: one coefficient counts"),
         "no-collision-shape": Rule("warning", "a model without any collision shape: nothing can touch it"),
     }
 )

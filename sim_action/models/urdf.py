@@ -10,13 +10,17 @@ from xml.etree.ElementTree import Element
 
 from sim_action import geometry
 from sim_action.geometry import Vector3
+from sim_action.models import gazebo
 from sim_action.models.audit import audit
 from sim_action.models.cleaning import (
+    drop_empty_root,
     drop_expressions,
+    drop_odd_mimics,
     drop_visuals,
     drop_zero_masses,
     engine_text,
     fill_in_inertia,
+    hold_odd_joints,
     mend_inertia,
 )
 from sim_action.models.document import ModelDocument, read_document
@@ -24,7 +28,7 @@ from sim_action.models.findings import refuse_errors
 from sim_action.models.packages import Packages
 from sim_action.models.references import resolve_meshes
 from sim_action.models.values import child_of, number, origin, parent_of, vector
-from sim_action.robot_model import Joint, JointType, Link, RobotModel, Shape
+from sim_action.robot_model import Joint, JointType, Link, Mimic, RobotModel, Shape
 from sim_action.workspace import Workspace
 
 
@@ -43,21 +47,25 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     refuse_errors(findings, allowed)
     findings += resolve_meshes(document, path, packages)
     refuse_errors(findings, allowed)
-    links = tuple(map(_link, document.elements("link")))
+    for mend in (drop_empty_root, hold_odd_joints, drop_odd_mimics):
+        mend(document)
+    plugins = gazebo.plugins(document)
+    links = tuple(_link(document, link) for link in document.elements("link"))
     joints = tuple(map(_joint, document.elements("joint")))
     for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, drop_expressions, drop_visuals):
         mend(document)
     name = document.root.get("name", path.stem)
-    return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings))
+    return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings), plugins)
 
 
 def _of_folder(folder: Path) -> Packages:
     return Packages(Workspace(folder, folder))
 
 
-def _link(element: Element) -> Link:
+def _link(document: ModelDocument, element: Element) -> Link:
     shapes = tuple(map(_shape, element.findall("collision")))
-    return Link(element.attrib["name"], number(element.find("inertial/mass"), "value"), shapes)
+    mass = number(element.find("inertial/mass"), "value")
+    return Link(element.attrib["name"], mass, shapes, gazebo.surface(document, element))
 
 
 def _shape(collision: Element) -> Shape:
@@ -94,7 +102,15 @@ def _joint(element: Element) -> Joint:
         upper=None if turns_freely else number(limit, "upper"),
         max_effort=number(limit, "effort"),
         max_velocity=number(limit, "velocity"),
+        mimic=_mimic(element.find("mimic")),
     )
+
+
+def _mimic(element: Element | None) -> Mimic | None:
+    if element is None:
+        return None
+    stated = {name: number(element, name) for name in ("multiplier", "offset")}
+    return Mimic(element.attrib["joint"], **{name: value for name, value in stated.items() if value is not None})
 
 
 def _unit(axis: Vector3) -> Vector3:

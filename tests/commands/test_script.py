@@ -167,12 +167,15 @@ def test_a_command_is_a_twist_joint_targets_or_none(body: str, command: object, 
         ("return sim.JointTargets(effort={'wheel_left_joint': 1e999})", "in which not every value is finite"),
         (
             "return sim.JointTargets(velocity={'wheel_left': 1})",
-            "a target for the unknown joint 'wheel_left'; did you mean 'wheel_left_joint'?",
+            "the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'?",
         ),
-        ("return sim.JointTargets(position={1: 1.0})", "a target for the unknown joint '1'"),
-        ("return sim.JointTargets(position={None: 1.0})", "a target for the unknown joint 'None'"),
-        ("return sim.JointTargets(max_effort={'arm': 1.0})", "a target for the unknown joint 'arm'"),
-        ("return sim.JointTargets(position={'scan_joint': 1.0})", "a target for the unknown joint 'scan_joint'"),
+        (
+            "return sim.JointTargets(position={1: 1.0})",
+            "no motor can take: the model has no moving joint '1'",
+        ),
+        ("return sim.JointTargets(position={None: 1.0})", "the model has no moving joint 'None'"),
+        ("return sim.JointTargets(max_effort={'arm': 1.0})", "the model has no moving joint 'arm'"),
+        ("return sim.JointTargets(position={'scan_joint': 1.0})", "the model has no moving joint 'scan_joint'"),
     ],
 )
 def test_any_other_answer_is_an_error_at_the_script(body: str, message: str, tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.backends.pybullet import GRAVITY, PyBulletBackend
+from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.backends.pybullet_scene import GRAVITY
 from sim_action.command import JointTargets
 from sim_action.models.urdf import read_urdf
 from sim_action.scene import Scene
@@ -197,3 +198,97 @@ def test_the_same_steps_in_other_blocks_are_the_same_to_the_last_bit(tmp_path: P
         return np.concatenate(parts).tobytes()
 
     assert state([240]) == state([1] * 240) == state([7, 100, 133])
+
+
+BLOCK = """
+<robot name="block"><link name="block">
+  <inertial><mass value="10"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.4 0.4 0.1"/></geometry></collision>
+</link>{more}</robot>
+"""
+
+
+@pytest.mark.parametrize(("mu", "friction"), [("0.2", 0.2), ("0.8", 0.8), ("1e5", 1.0)])
+def test_a_block_slides_as_far_as_the_friction_of_its_model_lets_it(mu: str, friction: float, tmp_path: Path) -> None:
+    urdf = BLOCK.format(more=f'<gazebo reference="block"><mu1>{mu}</mu1><mu2>{mu}</mu2></gazebo>')
+    with scene(tmp_path, urdf, at(), World(ground=Ground(friction=0.5)), rate=1000) as backend:
+        import pybullet
+
+        advance(backend, 0, 100)
+        pybullet.resetBaseVelocity(backend._robot, [2, 0, 0], [0, 0, 0], backend._client)
+        trace = advance(backend, 100, 3000)
+    way = trace.base_position_xyz[-1, 0] - trace.base_position_xyz[0, 0]
+    assert way == pytest.approx(2**2 / (2 * 0.5 * friction * GRAVITY), rel=0.01)
+
+
+def test_a_ball_on_a_spring_sinks_as_deep_as_it_gives_way(tmp_path: Path) -> None:
+    spring = '<gazebo reference="ball"><kp>1000</kp><kd>50</kd></gazebo>'
+    with scene(tmp_path, BALL.replace("</robot>", f"{spring}</robot>"), at()) as backend:
+        trace = advance(backend, 0, 960)
+    assert trace.base_position_xyz[-1, 2] - 0.1 == pytest.approx(-1 * GRAVITY / 1000, rel=0.01)
+
+
+GRIPPER = """
+<robot name="gripper">
+  <link name="world"/>
+  <joint name="mount" type="fixed"><parent link="world"/><child link="palm"/><origin xyz="0 0 1"/></joint>
+  {palm}
+  <joint name="left" type="{left}"><parent link="palm"/><child link="one"/><origin xyz="0 1 0"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="50" velocity="2"/></joint>
+  {one}
+  <joint name="right" type="{right}"><parent link="palm"/><child link="two"/><origin xyz="0 -1 0"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="50" velocity="2"/>
+    <mimic joint="left" multiplier="{multiplier}" offset="{offset}"/></joint>
+  {two}
+</robot>
+"""
+
+
+def part(name: str) -> str:
+    inertia = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+    return f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>'
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "multiplier", "offset"),
+    [
+        ("revolute", "revolute", -1.0, 0.0),
+        ("revolute", "revolute", 2.5, 0.3),
+        ("prismatic", "prismatic", 1.0, -0.2),
+        ("revolute", "prismatic", 0.1, 0.05),
+        ("continuous", "revolute", 0.5, 0.0),
+    ],
+)
+def test_a_follower_is_where_its_leader_wants_it(
+    left: str, right: str, multiplier: float, offset: float, tmp_path: Path
+) -> None:
+    urdf = GRIPPER.format(
+        left=left,
+        right=right,
+        multiplier=multiplier,
+        offset=offset,
+        **{name: part(name) for name in ("palm", "one", "two")},
+    )
+    robot = Robot(model="robot.urdf", joints={"left": -0.4})
+    with scene(tmp_path, urdf, robot) as backend:
+        assert backend.observe(0, contacts=False).pose.position_xyz == pytest.approx((0, 0, 0), abs=1e-9)
+        trace = advance(backend, 0, 480, [JointTargets(position={"left": 0.8})])
+    leads, follows = trace.joint_position.T
+    assert leads[0] == pytest.approx(-0.4, abs=0.02)
+    assert leads[-1] == pytest.approx(0.8, abs=1e-3)
+    assert np.abs(follows - (multiplier * leads + offset)).max() < 5e-3
+    assert follows[-1] == pytest.approx(multiplier * 0.8 + offset, abs=1e-3)
+
+
+def test_what_turns_faster_than_the_engine_would_let_it_is_not_stopped(tmp_path: Path) -> None:
+    robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=3))
+    with scene(tmp_path, PENDULUM.format(type="continuous").replace('effort="50"', 'effort="5000"'), robot) as backend:
+        trace = advance(backend, 0, 240, [JointTargets(velocity={"hinge": 300})])
+    assert trace.joint_velocity[-1, 0] == pytest.approx(300, rel=1e-3)
+
+
+def test_a_floating_joint_from_an_empty_root_says_that_the_robot_is_free(tmp_path: Path) -> None:
+    floating = '<link name="odom"/><joint name="f" type="floating"><parent link="odom"/><child link="ball"/></joint>'
+    with scene(tmp_path, BALL.replace("</robot>", f"{floating}</robot>"), at(z=10)) as backend:
+        trace = advance(backend, 0, 240)
+    assert trace.base_linear_xyz[-1, 2] == pytest.approx(-GRAVITY, rel=1e-9)

@@ -35,6 +35,9 @@ GOOD = f"""\
 _SPHERE = '<sphere radius="0.5"/>'
 _JOINT = '<joint name="shoulder" type="revolute">'
 _END = "</robot>"
+_TURNS = '<parent link="base"/><child link="spare"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+_HINGE = f'<joint name="j" type="revolute">{_TURNS}</joint>'
+_HINGE_AFTER = f'<joint name="j" type="revolute">{_TURNS}<mimic joint="shoulder"/></joint>'
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +127,27 @@ BAD_MODELS = [
     _bad("joint-type", 14, "revolute", "hinge"),
     _bad("joint-type", 14, "revolute", "Revolute"),
     _bad("too-many-joints", 4021, _END, _chain(3000), "a chain of 3,000 links"),
+    _bad("unsupported-joint", 14, "revolute", "floating"),
+    _bad("unsupported-joint", 14, "revolute", "planar"),
+    _bad("missing-part", 21, "</joint>", "<mimic/></joint>"),
+    _bad("bad-number", 21, "</joint>", '<mimic joint="elbow" offset="half"/></joint>'),
+    _bad("bad-mimic", 14, "</joint>", '<mimic joint="elbow"/></joint>'),
+    _bad("bad-mimic", 14, "</joint>", '<mimic joint="shoulder"/></joint>', "mimics itself"),
+    _bad(
+        "bad-mimic",
+        14,
+        "</joint>",
+        f'<mimic joint="j"/></joint>{_SPARE}{_fixed("j", "base", "spare")}',
+        "of a fixed one",
+    ),
+    _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j" multiplier="0"/></joint>{_SPARE}{_HINGE}', "times zero"),
+    _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_SPARE}{_HINGE_AFTER}', "each other"),
+    _bad("bad-number", 22, _END, f'<gazebo reference="upper"><mu1>slippery</mu1></gazebo>{_END}'),
+    _bad("bad-number", 22, _END, f'<gazebo reference="upper"><mu2 value="-1"/></gazebo>{_END}'),
+    _bad("bad-number", 12, "</link>", '<contact><lateral_friction value="much"/></contact></link>'),
+    _bad("unexpanded-expression", 22, _END, f'<gazebo reference="upper"><kp>${{kp}}</kp></gazebo>{_END}'),
+    _bad("unknown-reference", 22, _END, f'<gazebo reference="uper"><mu1>1</mu1></gazebo>{_END}'),
+    _bad("two-frictions", 22, _END, f'<gazebo reference="upper"><mu1>1</mu1><mu2>0.5</mu2></gazebo>{_END}'),
     _bad("unknown-shape", 10, _SPHERE, '<cone radius="1"/>'),
     _bad("unknown-shape", 10, _SPHERE, f'<material name="m"/>{_SPHERE}'),
     _bad("bad-shape", 10, "0.5", "0"),

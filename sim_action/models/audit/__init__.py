@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from sim_action.models.audit import attributes, inertia, joints, shapes, structure
+from sim_action.models.audit import attributes, gazebo, inertia, joints, shapes, structure
 from sim_action.models.document import ModelDocument
 from sim_action.robot_model import Finding
 
@@ -16,17 +16,21 @@ Check = Callable[[ModelDocument], Iterator[Finding]]
 
 STAGES: Final[tuple[tuple[Check, ...], ...]] = (
     (attributes.robot, attributes.required, attributes.children),
-    (attributes.numbers,),
+    (attributes.numbers, gazebo.numbers),
     (structure.names, structure.joint_types, structure.tree, shapes.kinds),
     (
         joints.axes,
         joints.limits,
+        joints.kinds,
+        joints.mimics,
         shapes.sizes,
         shapes.extents,
         shapes.presence,
         inertia.masses,
         inertia.tensors,
         inertia.presence,
+        gazebo.references,
+        gazebo.directions,
     ),
 )
 

@@ -17,6 +17,7 @@ _REQUIRED: Final = {
     "joint": ("name", "type"),
     "joint/parent": ("link",),
     "joint/child": ("link",),
+    "joint/mimic": ("joint",),
     "link/inertial/mass": ("value",),
     "link/inertial/inertia": _MOMENTS,
     "link/collision/geometry/box": ("size",),
@@ -43,6 +44,10 @@ _NUMBERS: Final = {
     "joint/axis": {"xyz": 3},
     "joint/limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
     "joint/dynamics": {"damping": 1, "friction": 1},
+    "joint/mimic": {"multiplier": 1, "offset": 1},
+    "link/contact/lateral_friction": {"value": 1},
+    "link/contact/stiffness": {"value": 1},
+    "link/contact/damping": {"value": 1},
 }
 """Path -> attribute -> how many numbers it holds."""
 

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element
 
+from sim_action.models.audit.joints import is_free_base
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import number
-from sim_action.robot_model import Finding
+from sim_action.models.values import number, parent_of
+from sim_action.robot_model import WORLD, Finding
 
 # Exporters round: what is off by less is not told.
 _ROUNDING: Final = 1e-3
@@ -40,8 +41,10 @@ def tensors(document: ModelDocument) -> Iterator[Finding]:
 
 def presence(document: ModelDocument) -> Iterator[Finding]:
     """Links that do not say what they weigh."""
+    joints = document.elements("joint")
+    free_of_mass = {WORLD, *(parent_of(joint) for joint in joints if is_free_base(document, joint))}
     for link in document.elements("link"):
-        if link.find("inertial") is None:
+        if link.find("inertial") is None and link.attrib["name"] not in free_of_mass:
             message = f"link '{link.attrib['name']}' has no <inertial>: it gets a negligible mass"
             yield document.finding("missing-inertia", link, message)
     if not any(number(mass, "value") for mass in document.elements("link/inertial/mass")):

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Final
+from xml.etree.ElementTree import Element
 
 from sim_action.geometry import ZERO
+from sim_action.messages import did_you_mean
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import number, vector
+from sim_action.models.values import child_of, number, parent_of, vector
 from sim_action.robot_model import Finding
+
+UNSUPPORTED: Final = ("floating", "planar")
+"""Types of URDF that no engine here has inside a robot."""
+
+MOVING: Final = ("revolute", "continuous", "prismatic")
 
 
 def axes(document: ModelDocument) -> Iterator[Finding]:
@@ -35,3 +43,55 @@ def limits(document: ModelDocument) -> Iterator[Finding]:
         elif (lower or 0.0) > (upper or 0.0):
             message = f"joint '{name}' has a lower limit of {lower or 0:g} above its upper limit of {upper or 0:g}"
             yield document.finding("reversed-limits", limit, message)
+
+
+def kinds(document: ModelDocument) -> Iterator[Finding]:
+    """Every joint is one that engines have."""
+    for joint in document.elements("joint"):
+        kind = joint.attrib["type"]
+        if kind in UNSUPPORTED and not is_free_base(document, joint):
+            message = (
+                f"{kind} joint '{joint.attrib['name']}': it has more than one motion; use revolute or prismatic ones"
+            )
+            yield document.finding("unsupported-joint", joint, message)
+
+
+def is_free_base(document: ModelDocument, joint: Element) -> bool:
+    """Whether a joint only says that the robot moves freely: it floats, from an empty root without another joint."""
+    if joint.attrib["type"] != "floating":
+        return False
+    root = parent_of(joint)
+    joints = list(document.elements("joint"))
+    beside = any(parent_of(other) == root for other in joints if other is not joint)
+    empty = all(link.find("*") is None for link in document.elements("link") if link.attrib["name"] == root)
+    return empty and not beside and root not in map(child_of, joints)
+
+
+def mimics(document: ModelDocument) -> Iterator[Finding]:
+    """Every follower has a leader that moves, and no two follow each other."""
+    joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
+    for joint in joints.values():
+        if (trouble := trouble_of_mimic(joint, joints)) is not None:
+            yield document.finding("bad-mimic", joint, f"joint '{joint.attrib['name']}' mimics {trouble}")
+
+
+def trouble_of_mimic(joint: Element, joints: Mapping[str, Element]) -> str | None:
+    """What is wrong with whom a joint follows."""
+    mimic = joint.find("mimic")
+    if mimic is None:
+        return None
+    leader = mimic.attrib["joint"]
+    if leader not in joints:
+        return f"the unknown joint '{leader}'{did_you_mean(leader, joints)}"
+    if joints[leader].attrib["type"] not in MOVING or joint.attrib["type"] not in MOVING:
+        return f"'{leader}', and one of them does not move"
+    if number(mimic, "multiplier") == 0:
+        return f"'{leader}' times 0: it stands still, and is a fixed joint"
+    followed = {joint.attrib["name"]}
+    while leader not in followed:
+        followed.add(leader)
+        following = joints[leader].find("mimic") if leader in joints else None
+        if following is None:
+            return None
+        leader = following.attrib["joint"]
+    return f"'{leader}', which follows it in turn"

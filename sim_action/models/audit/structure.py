@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final, get_args
+from typing import Final
 
 from sim_action.models.document import ModelDocument
 from sim_action.models.values import child_of, parent_of
-from sim_action.robot_model import Finding, JointType
+from sim_action.robot_model import Finding
+
+_JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 MOST_JOINTS: Final = 1_000
 """Of moving joints; well below what PyBullet's own tables hold."""
@@ -28,8 +30,8 @@ def joint_types(document: ModelDocument) -> Iterator[Finding]:
     """Each is one of URDF's, and there are not too many."""
     joints = list(document.elements("joint"))
     for joint in joints:
-        if joint.attrib["type"] not in get_args(JointType):
-            message = f"joint type '{joint.attrib['type']}' is none of {', '.join(get_args(JointType))}"
+        if joint.attrib["type"] not in _JOINT_TYPES:
+            message = f"joint type '{joint.attrib['type']}' is none of {', '.join(_JOINT_TYPES)}"
             yield document.finding("joint-type", joint, message)
     if len(joints) > MOST_JOINTS:
         message = f"{len(joints)} joints; the engine takes {MOST_JOINTS}"

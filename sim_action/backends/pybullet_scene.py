@@ -1,0 +1,130 @@
+"""A scene in PyBullet: what is made once, before the first step."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import pybullet
+
+from sim_action import geometry
+from sim_action.geometry import Pose
+from sim_action.robot_model import Mimic, Surface
+from sim_action.scene import Scene
+from sim_action.world import FASTEST, Body, Ground, Placement
+
+GRAVITY: Final = 9.80665
+"""m/s^2, standard gravity (CGPM 1901)."""
+
+BASE: Final = -1
+"""The number of a body's base link."""
+
+# From where things are let down to the ground, in m; no robot reaches further below its base.
+_ABOVE_GROUND: Final = 100.0
+# Bullet's own default. It outlives a connection, so it is set for every one.
+_CONTACT_BREAKING_THRESHOLD: Final = 0.02
+# Hull cylinders ride 1 mm high and cost twice as much. Inertia would be that of the collision shapes, filled evenly.
+_LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
+# A gear gives way to nothing that a motor could do, and makes up within a step for most of what it was off.
+_GEAR_FORCE: Final = 1e5
+_GEAR_CORRECTION: Final = 0.8
+
+
+def configure(client: int, rate: float) -> None:
+    """Sets what holds for everything."""
+    pybullet.setGravity(0, 0, -GRAVITY, client)
+    pybullet.setPhysicsEngineParameter(
+        fixedTimeStep=1 / rate,
+        contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
+        deterministicOverlappingPairs=1,
+        enableFileCaching=0,
+        physicsClientId=client,
+    )
+
+
+def add_ground(client: int, ground: Ground) -> int:
+    """Adds the plane z = 0; returns the engine's number for it."""
+    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
+    body = int(pybullet.createMultiBody(0, shape, physicsClientId=client))
+    _set_dynamics(client, body, BASE, lateralFriction=ground.friction)
+    return body
+
+
+def add_object(client: int, ground: int, body: Body) -> int:
+    """Adds a box, cylinder or sphere where it begins; returns the engine's number for it."""
+    shape = pybullet.createCollisionShape(**_shape(body), physicsClientId=client)
+    number = int(pybullet.createMultiBody(body.mass or 0.0, shape, physicsClientId=client))
+    _set_dynamics(client, number, BASE, lateralFriction=body.friction)
+    place(client, number, ground, body.pose)
+    return number
+
+
+def load_robot(client: int, scene: Scene) -> int:
+    """Adds the robot at the origin; returns the engine's number for it."""
+    # The engine reads models from files only.
+    with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
+        path = Path(folder, "robot.urdf")
+        path.write_text(scene.model.urdf, encoding="utf-8")
+        return int(pybullet.loadURDF(str(path), useFixedBase=scene.bolted, flags=_LOAD_FLAGS, physicsClientId=client))
+
+
+def set_surfaces(client: int, robot: int, surfaces: Mapping[int, Surface]) -> None:
+    """Sets how the links of a robot touch, by the engine's number of each."""
+    for link, surface in surfaces.items():
+        soft: dict[str, float] = {}
+        if surface.stiffness is not None:
+            soft = {"contactStiffness": surface.stiffness, "contactDamping": surface.damping}
+        _set_dynamics(client, robot, link, lateralFriction=surface.friction, **soft)
+
+
+def add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
+    """Keeps a joint where another one wants it, as a gear without play would."""
+    frames = ((0, 0, 1), (0, 0, 0), (0, 0, 0))
+    gear = pybullet.createConstraint(
+        robot, follower, robot, leader, pybullet.JOINT_GEAR, *frames, physicsClientId=client
+    )
+    # The engine holds follower + gearRatio x leader at the target.
+    pybullet.changeConstraint(
+        gear,
+        gearRatio=-mimic.multiplier,
+        relativePositionTarget=mimic.offset,
+        maxForce=_GEAR_FORCE,
+        erp=_GEAR_CORRECTION,
+        physicsClientId=client,
+    )
+
+
+def place(client: int, body: int, ground: int, placement: Placement, com_in_link: Pose | None = None) -> None:
+    """Puts a body's link frame where the scenario wants it; without a z, onto the ground."""
+
+    def put(z: float) -> None:
+        pose = Pose((placement.x, placement.y, z), placement.orientation_xyzw)
+        com = geometry.compose(pose, com_in_link) if com_in_link else pose
+        pybullet.resetBasePositionAndOrientation(body, com.position_xyz, com.orientation_xyzw, client)
+
+    put(_ABOVE_GROUND if placement.z is None else placement.z)
+    if placement.z is None:
+        put(_ABOVE_GROUND - _height_above(client, ground, body))
+
+
+def _height_above(client: int, ground: int, body: int) -> float:
+    # Bounding boxes are loose where an inertial frame is turned; distances are exact.
+    points = pybullet.getClosestPoints(body, ground, 2 * _ABOVE_GROUND, physicsClientId=client)
+    return min((float(point[8]) for point in points), default=_ABOVE_GROUND)
+
+
+def _set_dynamics(client: int, body: int, link: int, **dynamics: float) -> None:
+    # Links come with a damping of 0.04, and everything stops at 100 m/s or rad/s.
+    none = {"linearDamping": 0, "angularDamping": 0}
+    pybullet.changeDynamics(body, link, **none, maxJointVelocity=FASTEST, physicsClientId=client, **dynamics)
+
+
+def _shape(body: Body) -> dict[str, Any]:
+    if body.box is not None:
+        return {"shapeType": pybullet.GEOM_BOX, "halfExtents": [size / 2 for size in body.box]}
+    if body.cylinder is not None:
+        return {"shapeType": pybullet.GEOM_CYLINDER, "radius": body.cylinder.radius, "height": body.cylinder.height}
+    assert body.sphere is not None
+    return {"shapeType": pybullet.GEOM_SPHERE, "radius": body.sphere.radius}
