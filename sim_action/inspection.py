@@ -18,7 +18,7 @@ from sim_action.world import Robot
 
 
 class JointEntry(FrozenModel):
-    """A joint; limits in rad (m if it slides), None without."""
+    """A joint; limits in rad (m if it slides), None without; `mimics`: the joint that it follows."""
 
     name: str
     type: JointType
@@ -27,6 +27,7 @@ class JointEntry(FrozenModel):
     axis_xyz: Vector3
     lower: float | None
     upper: float | None
+    mimics: str | None
 
 
 class LinkEntry(FrozenModel):
@@ -95,7 +96,16 @@ def _link_entry(link: Link) -> LinkEntry:
 
 
 def _joint_entry(joint: Joint) -> JointEntry:
-    return JointEntry(**{name: getattr(joint, name) for name in JointEntry.model_fields})
+    return JointEntry(
+        name=joint.name,
+        type=joint.type,
+        parent=joint.parent,
+        child=joint.child,
+        axis_xyz=joint.axis_xyz,
+        lower=joint.lower,
+        upper=joint.upper,
+        mimics=None if joint.mimic is None else joint.mimic.joint,
+    )
 
 
 def _box(model: RobotModel) -> tuple[Vector3, Vector3] | None:
@@ -134,6 +144,10 @@ def _block(name: str, needs: tuple[str, ...], drive: Drive | None) -> str:
         lines.append(f"  allow: [{', '.join(needs)}]")
     if drive:
         keys = drive.model_dump(exclude_defaults=True)
-        written = ", ".join(f"{key}: [{', '.join(value)}]" for key, value in keys.items())
+        written = ", ".join(f"{key}: {_written(value)}" for key, value in keys.items())
         lines.append(f"  drive: {{{drive.key}: {{{written}}}}}")
     return "\n".join(lines) + "\n"
+
+
+def _written(value: float | tuple[str, ...]) -> str:
+    return f"[{', '.join(value)}]" if isinstance(value, tuple) else f"{value:g}"

@@ -17,7 +17,7 @@ def inspection_text(found: Inspection) -> str:
 
 
 def _summary(found: Inspection) -> str:
-    moving = sum(joint.type not in {"fixed", "floating", "planar"} for joint in found.joints)
+    moving = sum(joint.type != "fixed" for joint in found.joints)
     lines = [
         f"{found.name}: {len(found.links)} links, {len(found.joints)} joints ({moving} move), {found.mass:.4g} kg",
     ]
@@ -55,11 +55,12 @@ def _link(name: str, masses: dict[str, float | None]) -> str:
 
 
 def _joint(joint: JointEntry) -> str:
-    if joint.type in {"fixed", "floating", "planar"}:
+    if joint.type == "fixed":
         return f"{joint.name} [{joint.type}]"
     axis = " ".join(f"{part:.3g}" for part in joint.axis_xyz)
     limits = _limits(joint)
-    return f"{joint.name} [{joint.type} about {axis}{limits}]".replace("prismatic about", "prismatic along")
+    follows = f", follows {joint.mimics}" if joint.mimics else ""
+    return f"{joint.name} [{joint.type} about {axis}{limits}{follows}]".replace("prismatic about", "prismatic along")
 
 
 def _limits(joint: JointEntry) -> str:

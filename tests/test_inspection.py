@@ -50,6 +50,30 @@ def test_the_box_is_around_the_shapes_where_the_joints_put_them(tmp_path: Path) 
     assert found.height == -2.5
 
 
+def test_a_joint_says_whom_it_follows(tmp_path: Path) -> None:
+    finger = (
+        '<link name="finger"/><joint name="bend" type="continuous"><parent link="upper"/><child link="finger"/>'
+        '<mimic joint="shoulder"/></joint></robot>'
+    )
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", finger)))
+    assert [joint.mimics for joint in found.joints] == [None, "shoulder"]
+    assert "bend [continuous about 1 0 0, follows shoulder]" in inspection_text(found)
+
+
+def test_the_block_holds_what_gazebos_plugin_says(tmp_path: Path) -> None:
+    plugin = (
+        '<gazebo><plugin filename="libgazebo_ros_diff_drive.so"><leftJoint>l</leftJoint><rightJoint>r</rightJoint>'
+        "<wheelSeparation>0.25</wheelSeparation><wheelDiameter>0.1</wheelDiameter></plugin></gazebo></robot>"
+    )
+    wheels = "".join(
+        f'<link name="{side}w"/>'
+        f'<joint name="{side}" type="continuous"><parent link="base"/><child link="{side}w"/></joint>'
+        for side in "lr"
+    )
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{wheels}{plugin}")))
+    assert "drive: {diff: {left: [l], right: [r], radius: 0.05, separation: 0.25}}" in found.robot
+
+
 def test_nothing_is_said_of_a_size_that_is_not_known(tmp_path: Path) -> None:
     (tmp_path / "part.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
     found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('<sphere radius="0.5"/>', MESH)))

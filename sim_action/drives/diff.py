@@ -9,6 +9,7 @@ from pydantic import Field
 
 from sim_action.command import JointTargets
 from sim_action.drives import Drive
+from sim_action.drives.diff_plugin import stated_by_plugin
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.geometry import Twist
 from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtonMetres
@@ -39,7 +40,12 @@ class DiffDrive(Drive):
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """One continuous joint with "left" in its name, one with "right", both with a round link."""
+        """What Gazebo's plugin in the model says, or else round wheels whose joints have telling names.
+
+        That is one continuous joint with "left" in its name, and one with "right".
+        """
+        if (stated := stated_by_plugin(model)) is not None:
+            return cls(left=stated.left, right=stated.right, **stated.figures)
         wheels = [
             joint.name for joint in model.joints if joint.type == "continuous" and wheel(model, joint.name).radius
         ]

@@ -16,7 +16,7 @@ from sim_action.command import JointTargets
 from sim_action.drives import recognise
 from sim_action.drives.diff import DiffDrive
 from sim_action.geometry import Twist
-from sim_action.robot_model import RobotModel, Shape
+from sim_action.robot_model import Plugin, RobotModel, Shape
 from tests.traces import WHEELS, burger
 
 LEFT, RIGHT = WHEELS
@@ -214,3 +214,67 @@ def test_a_shape_that_is_round_makes_a_wheel() -> None:
         for link in model.links
     )
     assert recognise(dataclasses.replace(model, links=links)) == BURGER
+
+
+def with_plugin(name: str, **parameters: str) -> RobotModel:
+    return dataclasses.replace(burger(), plugins=(Plugin(name, tuple(parameters.items())),))
+
+
+@pytest.mark.parametrize(
+    ("plugin", "figures"),
+    [
+        (
+            with_plugin(
+                "gazebo_ros_diff_drive",
+                leftJoint=LEFT,
+                rightJoint=RIGHT,
+                wheelSeparation="0.2",
+                wheelDiameter="0.08",
+                wheelAcceleration="2.5",
+                wheelTorque="7",
+                updateRate="30",
+            ),
+            {"separation": 0.2, "radius": 0.04, "acceleration": 2.5, "torque": 7.0},
+        ),
+        (
+            with_plugin(
+                "gazebo_ros_diff_drive",
+                left_joint=LEFT,
+                right_joint=RIGHT,
+                wheel_separation="0.2",
+                wheel_diameter="0.08",
+                max_wheel_acceleration="0",
+                max_wheel_torque="inf",
+            ),
+            {"separation": 0.2, "radius": 0.04},
+        ),
+        (
+            with_plugin("gz-sim-diff-drive-system", left_joint=LEFT, right_joint=RIGHT, wheel_radius="wide"),
+            {},
+        ),
+    ],
+    ids=["ROS 1", "ROS 2", "gz"],
+)
+def test_what_a_plugin_says_is_taken(plugin: RobotModel, figures: dict[str, float]) -> None:
+    assert recognise(plugin) == DiffDrive(left=(LEFT,), right=(RIGHT,), **figures)
+
+
+def test_a_plugin_names_wheels_whatever_they_are_called() -> None:
+    model = changed(burger(), wheel_left_joint={"name": "a"}, wheel_right_joint={"name": "b"})
+    parameters = (("left_joint", "a"), ("right_joint", "b"))
+    assert recognise(model) is None
+    model = dataclasses.replace(model, plugins=(Plugin("gazebo_ros_diff_drive", parameters),))
+    assert recognise(model) == DiffDrive(left=("a",), right=("b",))
+
+
+@pytest.mark.parametrize(
+    "plugin",
+    [
+        with_plugin("gazebo_ros_diff_drive", leftJoint="front", rightJoint=RIGHT, wheelSeparation="9"),
+        with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, wheelSeparation="9"),
+        with_plugin("gazebo_ros_imu", leftJoint=LEFT, rightJoint=RIGHT, wheelSeparation="9"),
+    ],
+    ids=["an unknown joint", "one side", "another plugin"],
+)
+def test_a_plugin_that_does_not_fit_is_passed_over(plugin: RobotModel) -> None:
+    assert recognise(plugin) == BURGER
