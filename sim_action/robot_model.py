@@ -29,6 +29,9 @@ JointType = Literal["revolute", "continuous", "prismatic", "fixed"]
 WORLD: Final = "world"
 """A root link of this name is bolted to the world, as Gazebo has it."""
 
+MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous", "prismatic"})
+"""Of joints that a motor could turn or slide: they have one number for a position."""
+
 
 @dataclass(frozen=True, slots=True)
 class Shape:
@@ -115,7 +118,7 @@ class Joint:
     @property
     def moves(self) -> bool:
         """Whether a motor could turn or slide it."""
-        return self.type in ("revolute", "continuous", "prismatic")
+        return self.type in MOVING_TYPES
 
 
 Level = Literal["fatal", "error", "warning"]

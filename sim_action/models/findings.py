@@ -39,7 +39,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "one-root": Rule("fatal", "no root link, or several"),
         "loop": Rule("fatal", "joints that lead back to where they began"),
         "joint-type": Rule("fatal", "a type of joint that URDF does not know"),
-        "too-many-joints": Rule("fatal", "more joints than the engine takes"),
+        "too-many-joints": Rule("fatal", "more joints than the engine takes: 127, of which 121 move"),
         "unknown-shape": Rule("fatal", "a shape that URDF does not know"),
         "bad-shape": Rule("fatal", "a size that is not greater than zero"),
         "zero-axis": Rule("fatal", "a moving joint about an axis of length 0"),

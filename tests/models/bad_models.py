@@ -56,15 +56,19 @@ def _bad(rule: str, line: int | None, old: str, new: str, name: str = "") -> Bad
 
 
 def _fixed(name: str, parent: str, child: str) -> str:
-    return f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+    return _joint("fixed", name, parent, child)
 
 
-def _chain(count: int) -> str:
+def _joint(kind: str, name: str, parent: str, child: str) -> str:
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
+def _chain(count: int, kind: str = "fixed") -> str:
     """A good model with a long tail."""
     links = "".join(
         f'<link name="l{n}"><inertial><mass value="1"/>{_INERTIA}</inertial></link>\n' for n in range(count)
     )
-    joints = "".join(_fixed(f"j{n}", f"l{n - 1}" if n else "base", f"l{n}") + "\n" for n in range(count))
+    joints = "".join(_joint(kind, f"j{n}", f"l{n - 1}" if n else "base", f"l{n}") + "\n" for n in range(count))
     return f"{links}{joints}{_END}"
 
 
@@ -126,7 +130,9 @@ BAD_MODELS = [
     _bad("loop", 1, _END, f'{_SPARE}<link name="x"/>{_fixed("j", "spare", "x")}{_fixed("k", "x", "spare")}{_END}'),
     _bad("joint-type", 14, "revolute", "hinge"),
     _bad("joint-type", 14, "revolute", "Revolute"),
-    _bad("too-many-joints", 4021, _END, _chain(3000), "a chain of 3,000 links"),
+    _bad("too-many-joints", 3148, _END, _chain(3000), "a chain of 3,000 links"),
+    _bad("too-many-joints", 275, _END, _chain(127), "one joint more than there may be"),
+    _bad("too-many-joints", 263, _END, _chain(121, "continuous"), "one more that moves than there may be"),
     _bad("unsupported-joint", 14, "revolute", "floating"),
     _bad("unsupported-joint", 14, "revolute", "planar"),
     _bad("missing-part", 21, "</joint>", "<mimic/></joint>"),

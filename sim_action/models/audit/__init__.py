@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from sim_action.models.audit import attributes, gazebo, inertia, joints, shapes, structure
+from sim_action.models.audit import attributes, engine_tables, gazebo, inertia, joints, shapes, structure
 from sim_action.models.document import ModelDocument
 from sim_action.robot_model import Finding
 
@@ -17,7 +17,7 @@ Check = Callable[[ModelDocument], Iterator[Finding]]
 STAGES: Final[tuple[tuple[Check, ...], ...]] = (
     (attributes.robot, attributes.required, attributes.children),
     (attributes.numbers, gazebo.numbers),
-    (structure.names, structure.joint_types, structure.tree, shapes.kinds),
+    (structure.names, structure.joint_types, structure.tree, engine_tables.counts, shapes.kinds),
     (
         joints.axes,
         joints.limits,

@@ -1,0 +1,115 @@
+"""How many joints PyBullet keeps apart: all that the audit lets through, and not one more."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.command import JointTargets
+from sim_action.errors import RefusedModel
+from sim_action.models.audit.engine_tables import MOST_JOINTS, MOST_MOVING_JOINTS
+from sim_action.models.urdf import read_urdf
+from sim_action.observation import Observation
+from sim_action.scene import Scene
+from sim_action.workspace import Workspace
+from sim_action.world import Physics, Robot, World
+
+INERTIAL = (
+    '<inertial><mass value="{}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
+    '<collision><geometry><box size="0.1 0.1 0.002"/></geometry></collision>'
+)
+SPEED = 0.5
+
+
+def comb(fixed: int, moving: int) -> str:
+    """A base that many plates lie upon, those that turn last."""
+    kinds = ["fixed"] * fixed + ["revolute"] * moving
+    parts = (
+        f'<link name="l{n}">{INERTIAL.format(0.01)}</link>\n'
+        f'<joint name="j{n}" type="{kind}"><parent link="base"/><child link="l{n}"/>'
+        f'<origin xyz="0 0 {0.01 * (n + 1):.2f}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-3" upper="3" effort="50" velocity="9"/></joint>\n'
+        for n, kind in enumerate(kinds)
+    )
+    return f'<robot name="comb"><link name="base">{INERTIAL.format(100)}</link>\n{"".join(parts)}</robot>'
+
+
+def start(joint: str) -> float:
+    return 0.1 + int(joint.removeprefix("j")) / 1000
+
+
+def after(folder: Path, urdf: str, base: str, steps: int) -> list[Observation]:
+    """As it begins, and after so many steps with the last joint turning."""
+    path = folder / "comb.urdf"
+    path.write_text(urdf)
+    model = read_urdf(path)
+    names = [joint.name for joint in model.moving_joints]
+    robot = Robot.model_validate({"model": "comb.urdf", "base": base, "joints": {n: start(n) for n in names}})
+    backend = PyBulletBackend(Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True)
+    try:
+        begun = backend.observe(0, contacts=False)
+        targets = JointTargets(velocity={names[-1]: SPEED})
+        backend.advance(0, [targets, *[None] * (steps - 1)])
+        return [begun, backend.observe(steps, contacts=False)]
+    finally:
+        backend.close()
+
+
+@pytest.mark.parametrize("base", ["free", "fixed"])
+@pytest.mark.parametrize(
+    ("fixed", "moving"), [(0, MOST_MOVING_JOINTS), (MOST_JOINTS - MOST_MOVING_JOINTS, MOST_MOVING_JOINTS), (126, 1)]
+)
+def test_as_many_joints_as_there_may_be_are_where_they_should_be(
+    fixed: int, moving: int, base: str, tmp_path: Path
+) -> None:
+    begun, turned = after(tmp_path, comb(fixed, moving), base, steps=24)
+    assert len(begun.joints) == moving
+    for name, state in begun.joints.items():
+        assert state.position == pytest.approx(start(name), abs=1e-12)
+    *_, last = turned.joints
+    assert turned.joints[last].velocity == pytest.approx(SPEED, rel=0.05)
+    assert turned.joints[last].position == pytest.approx(start(last) + SPEED * 24 / 240, rel=0.05)
+    # What lies beyond the table of positions is that of velocities, and the base's come first in it.
+    assert begun.twist.linear_xyz == (0, 0, 0)
+    assert turned.twist.linear_xyz == pytest.approx((0, 0, 0), abs=1e-3)
+
+
+@pytest.mark.parametrize(("fixed", "moving"), [(0, MOST_MOVING_JOINTS + 1), (MOST_JOINTS, 1), (MOST_JOINTS + 1, 0)])
+def test_one_more_is_refused(fixed: int, moving: int, tmp_path: Path) -> None:
+    path = tmp_path / "comb.urdf"
+    path.write_text(comb(fixed, moving))
+    with pytest.raises(RefusedModel, match=r"and the engine takes 12[17]: make one link of those"):
+        read_urdf(path)
+
+
+# What the engine itself does with one more, in a process of its own: it writes past the end of its tables.
+RAW = """
+import sys, pybullet
+pybullet.connect(pybullet.DIRECT)
+robot = pybullet.loadURDF(sys.argv[1], useFixedBase=True)
+last = pybullet.getNumJoints(robot) - 1
+pybullet.resetJointState(robot, last, 0.25)
+print(last, pybullet.getJointState(robot, last)[0], pybullet.getBaseVelocity(robot)[0][0], file=sys.stderr)
+"""
+
+
+def raw(folder: Path, urdf: str) -> subprocess.CompletedProcess[str]:
+    (folder / "comb.urdf").write_text(urdf)
+    command = [sys.executable, "-c", RAW, str(folder / "comb.urdf")]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_the_engine_is_silently_wrong_of_one_more_that_moves(tmp_path: Path) -> None:
+    right, wrong = (raw(tmp_path, comb(0, MOST_MOVING_JOINTS + more)).stderr.split()[-3:] for more in (0, 1))
+    assert right == ["120", "0.25", "0.0"]
+    assert wrong == ["121", "0.0", "0.25"], "the position of a joint is told as a velocity of the base"
+
+
+def test_the_engine_answers_nothing_of_one_more_link(tmp_path: Path) -> None:
+    assert raw(tmp_path, comb(MOST_JOINTS - 1, 1)).stderr.split()[-3:] == ["126", "0.25", "0.0"]
+    refused = raw(tmp_path, comb(MOST_JOINTS, 1))
+    assert "getJointState failed" in refused.stderr
