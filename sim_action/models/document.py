@@ -19,6 +19,11 @@ from sim_action.robot_model import Finding
 
 _MAX_BYTES: Final = 20_000_000
 _MAX_DEPTH: Final = 100
+# A model of as many links as the engine takes has 300 for each. Read in the caller's process, each takes 300 bytes.
+_MAX_ELEMENTS: Final = 50_000
+_MAX_ATTRIBUTES: Final = 500_000
+# Of bytes in which an image or an archive has a zero.
+_HEAD: Final = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +78,15 @@ class _Parser:
         self._depth = 0
 
     def parse(self, data: bytes) -> ModelDocument:
+        if data.count(b"=") > _MAX_ATTRIBUTES:  # all those of an element are in memory before it is seen
+            self._refuse(f"more than {_MAX_ATTRIBUTES:,} attributes", 1)
         try:
             self._expat.Parse(data, True)
             return ModelDocument(self._builder.close(), self._places)
         except expat.ExpatError as error:
-            self._refuse(f"not well-formed XML: {expat.errors.messages[error.code]}", error.lineno)
+            is_text = error.lineno > 1 or b"\0" not in data[:_HEAD]
+            hint = "" if is_text else "; it does not even begin as text: is this a model?"
+            self._refuse(f"not well-formed XML: {expat.errors.messages[error.code]}{hint}", error.lineno)
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
             self._refuse(f"{error}; save the model as UTF-8", 1)
         raise AssertionError("unreachable")
@@ -86,6 +95,8 @@ class _Parser:
         self._depth += 1
         if self._depth > _MAX_DEPTH:
             self._refuse(f"more than {_MAX_DEPTH} elements inside each other", self._expat.CurrentLineNumber)
+        if len(self._places) == _MAX_ELEMENTS:
+            self._refuse(f"more than {_MAX_ELEMENTS:,} elements", self._expat.CurrentLineNumber)
         place = Location(self._file, self._expat.CurrentLineNumber)
         self._places[self._builder.start(tag, attributes)] = place
 

@@ -23,7 +23,7 @@ class Rule:
 
 RULES: Final[Mapping[str, Rule]] = MappingProxyType(
     {
-        "bad-xml": Rule("fatal", "XML that is not well-formed, too deep, or has a DOCTYPE"),
+        "bad-xml": Rule("fatal", "XML that is not well-formed, too deep, too much, or has a DOCTYPE"),
         "bad-xacro": Rule("fatal", "xacro that cannot be evaluated"),
         "unknown-argument": Rule("fatal", "an argument in `robot.args` that the xacro file does not have"),
         "missing-include": Rule("fatal", "a file that xacro is to include and that is not there"),

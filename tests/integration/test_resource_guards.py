@@ -1,0 +1,185 @@
+"""Files that are too much, beside a scenario that is honest: each is an error with its cause, and costs little."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import junitparser
+import pytest
+
+from sim_action.outcome import Outcome, Results
+
+ROOT: Final = Path(__file__).parents[2]
+MOST_MEGABYTES: Final = 160
+"""Of the caller, at its peak: 55 MB are its own, and one of these files may be in memory as bytes."""
+
+PATIENCE: Final = 120
+"""s; each takes less than 2 s on an idle machine."""
+
+# The command line, and then its caller's own peak of memory in kB.
+CALLER: Final = """
+import re, sys
+from pathlib import Path
+from sim_action.cli import call, leave
+code = call(sys.argv[1:])
+Path("peak").write_text(re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())[1])
+leave(code)
+"""
+
+SCENARIO: Final = """\
+name: {name}
+robot: {{model: {model}}}
+physics: {{settle: 0}}
+expect: [upright]
+time_limit: 0.1 s
+"""
+
+INERTIAL: Final = (
+    '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    '<collision><geometry><sphere radius="1"/></geometry></collision>'
+)
+TETRAHEDRON: Final = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+FACES: Final = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+TEXTURED: Final = (
+    '<visual><geometry><box size="1 1 1"/></geometry><material name="m"><texture filename="i.png"/></material></visual>'
+)
+TRIANGLES: Final = 1_000_000
+SIDE: Final = 20_000
+
+
+def robot(links: str) -> bytes:
+    return f'<robot name="r">\n{links}</robot>\n'.encode()
+
+
+def body(part: str) -> bytes:
+    return robot(f'<link name="base">{INERTIAL}{part}</link>\n')
+
+
+def shape(tag: str, mesh: str) -> bytes:
+    return body(f'<{tag}><geometry><mesh filename="{mesh}"/></geometry></{tag}>')
+
+
+def chain(count: int) -> bytes:
+    links = "".join(f'<link name="l{number}">{INERTIAL}</link>\n' for number in range(count))
+    joints = "".join(
+        f'<joint name="j{number}" type="fixed"><parent link="l{number}"/><child link="l{number + 1}"/></joint>\n'
+        for number in range(count - 1)
+    )
+    return robot(links + joints)
+
+
+def stl() -> bytes:
+    return bytes(80) + struct.pack("<I", TRIANGLES) + bytes(50 * TRIANGLES)
+
+
+def obj() -> bytes:
+    return (TETRAHEDRON + FACES * (TRIANGLES // 4)).encode()
+
+
+def image() -> bytes:
+    """A black PNG that takes 1.2 GB when it is unpacked."""
+    packer = zlib.compressobj(1)
+    packed = b"".join(packer.compress(bytes(3 * SIDE + 1)) for _ in range(SIDE)) + packer.flush()
+    chunks = ((b"IHDR", struct.pack(">IIBBBBB", SIDE, SIDE, 8, 2, 0, 0, 0)), (b"IDAT", packed), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
+    )
+
+
+Files = Callable[[], dict[str, bytes]]
+
+# What there is beside the model -> the cause.
+REFUSED: Final[dict[str, tuple[Files, str]]] = {
+    "a mesh of a million triangles, STL": (
+        lambda: {"robot.urdf": shape("collision", "mesh.stl"), "mesh.stl": stl()},
+        "robot.urdf:2: mesh 'mesh.stl': has 1,000,000 triangles or more, at most 500,000 are read",
+    ),
+    "a mesh of a million triangles, OBJ": (
+        lambda: {"robot.urdf": shape("collision", "mesh.obj"), "mesh.obj": obj()},
+        "robot.urdf:2: mesh 'mesh.obj': has 500,001 triangles or more, at most 500,000 are read",
+    ),
+    "a chain of 3,000 links": (lambda: {"robot.urdf": chain(3000)}, "2999 joints, and the engine takes 127"),
+    "a model of 100,000 links": (lambda: {"robot.urdf": chain(100_000)}, "a model of more than 20 MB is not read"),
+    "a model of 100,000 links that say little": (
+        lambda: {"robot.urdf": robot('<link name="l"/>\n' * 100_000)},
+        "robot.urdf:50001: more than 50,000 elements [bad-xml]",
+    ),
+    "a model of 25 MB": (
+        lambda: {"robot.urdf": body("") + b" " * 25_000_000},
+        "a model of more than 20 MB is not read",
+    ),
+    "a model of 19 MB of small elements": (
+        lambda: {"robot.urdf": body("<a/>" * 4_700_000)},
+        "robot.urdf:2: more than 50,000 elements [bad-xml]",
+    ),
+    "an image as a model": (
+        lambda: {"robot.urdf": image()},
+        "robot.urdf:1: not well-formed XML: not well-formed (invalid token); it does not even begin as text",
+    ),
+    "an image as a mesh": (
+        lambda: {"robot.urdf": shape("collision", "image.png"), "image.png": image()},
+        "robot.urdf:2: mesh 'image.png': '.png' files are not read",
+    ),
+    "an image as a mesh, by another name": (
+        lambda: {"robot.urdf": shape("collision", "image.stl"), "image.stl": image()},
+        "robot.urdf:2: mesh 'image.stl': is no STL, or was cut off",
+    ),
+}
+
+# Nothing is drawn, so that nobody opens these.
+PASSED_OVER: Final[dict[str, Files]] = {
+    "a texture": lambda: {
+        "robot.urdf": body(TEXTURED),
+        "i.png": image(),
+    },
+    "a visual": lambda: {"robot.urdf": shape("visual", "i.png"), "i.png": image()},
+    "a material of a mesh": lambda: {
+        "robot.urdf": shape("collision", "mesh.obj"),
+        "mesh.obj": f"mtllib mesh.mtl\nusemtl m\n{TETRAHEDRON}{FACES}".encode(),
+        "mesh.mtl": b"newmtl m\nmap_Kd i.png\n",
+        "i.png": image(),
+    },
+}
+
+
+def run_suite(folder: Path, files: Files) -> tuple[Outcome, ...]:
+    """What came of the scenario with the files, and of the honest one."""
+    for name, data in files().items():
+        (folder / name).write_bytes(data)
+    (folder / "a.sim.yml").write_text(SCENARIO.format(name="too much", model="robot.urdf"))
+    (folder / "b.sim.yml").write_text(SCENARIO.format(name="honest", model="turtlebot3_burger"))
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    subprocess.run(
+        [sys.executable, "-c", CALLER, "run", ".", "--jobs", "2"],
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(folder / "cache")},
+        capture_output=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert int((folder / "peak").read_text()) / 1024 < MOST_MEGABYTES
+    return Results.read(folder / "sim-results/results.json").outcomes
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_too_much_is_an_error_with_its_cause(name: str, tmp_path: Path) -> None:
+    files, cause = REFUSED[name]
+    refused, honest = run_suite(tmp_path, files)
+    assert (refused.status, honest.status) == ("error", "passed")
+    (failure,) = refused.failures
+    assert cause in f"{failure.location}: {failure.message}"
+    junit = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
+    assert (junit.tests, junit.errors, junit.failures) == (2, 1, 0)
+
+
+@pytest.mark.parametrize("name", PASSED_OVER)
+def test_an_image_that_would_be_drawn_is_never_opened(name: str, tmp_path: Path) -> None:
+    outcomes = run_suite(tmp_path, PASSED_OVER[name])
+    assert [outcome.status for outcome in outcomes] == ["passed", "passed"]
