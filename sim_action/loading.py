@@ -19,9 +19,11 @@ from sim_action.errors import InvalidScenario, ModelError, RefusedModel
 from sim_action.location import Location, Problem
 from sim_action.messages import did_you_mean, escaped_line, shown
 from sim_action.models import check_text, load_model
+from sim_action.models.library import ModelLibrary
 from sim_action.permissions import Permissions
 from sim_action.registry import Table
 from sim_action.regular_files import open_regular
+from sim_action.robot_model import RobotModel
 from sim_action.scenario import DrivenRobot, Expectation, ExpectationOptions, LoadedScenario, Scenario
 from sim_action.scene import Scene, SpecProblems
 from sim_action.spec_errors import spec_errors
@@ -33,19 +35,27 @@ Model = TypeVar("Model", bound=BaseModel)
 _PERMISSIONS: Final = Permissions()
 
 
-def load_scenario(path: Path, permissions: Permissions = _PERMISSIONS, *, evaluate: bool = False) -> LoadedScenario:
+def load_scenario(
+    path: Path, permissions: Permissions = _PERMISSIONS, models: ModelLibrary | None = None, *, evaluate: bool = False
+) -> LoadedScenario:
     """Reads a scenario file, and checks everything that can be checked without running it.
 
-    `evaluate`: whether xacro is, which runs what is written in it. Raises InvalidScenario with all problems; their file
-    is named as `path` names it.
+    Args:
+        path: of the file; problems name it so.
+        permissions: what it may do.
+        models: those that scenarios of the same suite have read.
+        evaluate: whether xacro is, which runs what is written in it.
+
+    Raises InvalidScenario with all problems.
     """
     try:
         workspace = Workspace.around(path, allow_outside=permissions.outside)
     except (PathError, OSError, RuntimeError) as error:
         raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(str(error)))]) from None
-    loader = _Loader(read_document(file_name(path), _read_text(path)), workspace, permissions, evaluate=evaluate)
+    document = read_document(file_name(path), _read_text(path))
+    loader = _Loader(document, workspace, permissions, models or ModelLibrary(), evaluate=evaluate)
     scenario = loader.load()
-    return LoadedScenario(scenario, path, file_name(path), workspace, loader.unchecked)
+    return LoadedScenario(scenario, path, file_name(path), workspace, loader.model, loader.unchecked)
 
 
 def load_all(
@@ -54,21 +64,22 @@ def load_all(
     """Every path is in one of the two: the scenarios that can be run, and what is wrong with the others."""
     valid: dict[Path, LoadedScenario] = {}
     invalid: dict[Path, InvalidScenario] = {}
+    models = ModelLibrary()
     for path in paths:
         try:
-            valid[path] = load_scenario(path, permissions)
+            valid[path] = load_scenario(path, permissions, models)
         except InvalidScenario as error:
             invalid[path] = error
     return valid, invalid
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:
-    """The scene of a scenario, its model read. Raises ModelError."""
-    return _scene(loaded.scenario, loaded.workspace)
+    """The scene of a scenario; its model is read if that has not been done. Raises ModelError."""
+    model = loaded.model or load_model(loaded.scenario.robot, loaded.workspace)
+    return _scene(loaded.scenario, model, loaded.workspace)
 
 
-def _scene(scenario: Scenario, workspace: Workspace) -> Scene:
-    model = load_model(scenario.robot, workspace)
+def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace) -> Scene:
     return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace)
 
 
@@ -93,8 +104,18 @@ def _read_text(path: Path) -> str:
 class _Loader:
     """One document while it becomes a scenario."""
 
-    def __init__(self, document: Document, workspace: Workspace, permissions: Permissions, *, evaluate: bool) -> None:
+    def __init__(
+        self,
+        document: Document,
+        workspace: Workspace,
+        permissions: Permissions,
+        models: ModelLibrary,
+        *,
+        evaluate: bool,
+    ) -> None:
+        self.model: RobotModel | None = None
         self.unchecked: tuple[str, ...] = ()
+        self._models = models
         self._evaluate = evaluate
         self._document = document
         self._workspace = workspace
@@ -227,7 +248,7 @@ class _Loader:
             if scenario.robot.is_xacro and not self._evaluate:
                 self._check_text(scenario.robot)
                 return
-            scene = _scene(scenario, self._workspace)
+            self.model = self._models.load(scenario.robot, self._workspace)
         except RefusedModel as error:
             # They are mended in the model's own file.
             self._problems |= {((problem.location.file,), str(problem)): problem for problem in error.problems}
@@ -235,7 +256,7 @@ class _Loader:
         except ModelError as error:
             self._note(("robot", "model"), str(error))
             return
-        self._check_scene(scenario, scene, states_drive=states_drive)
+        self._check_scene(_scene(scenario, self.model, self._workspace), scenario, states_drive=states_drive)
 
     def _check_text(self, robot: DrivenRobot) -> None:
         """What can be said before xacro has run; the rest is checked by the process that runs it."""
@@ -244,7 +265,7 @@ class _Loader:
         name = f"{robot.model} is evaluated when it runs: until then, what is said of links and joints is not checked"
         self.unchecked = (name, *check_text(robot, self._workspace))
 
-    def _check_scene(self, scenario: Scenario, scene: Scene, *, states_drive: bool) -> None:
+    def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         self._note_all((), scenario_checks.robot_problems(scenario, scene.model))
         # A drive that was written and refused is missing from the scenario: that is not a second problem.
         if not states_drive:

@@ -14,6 +14,7 @@ from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
 from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveBytes, PositiveHertz, PositiveSeconds
+from sim_action.robot_model import RobotModel
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 
@@ -138,6 +139,7 @@ class LoadedScenario:
         path: of the file that it came from, as it was named.
         file: the same, as reports show it.
         workspace: where its own files are found.
+        model: of the robot, as it was read and checked; None if only the process that runs it may do so.
         unchecked: what nobody can know before code of the user's has run.
     """
 
@@ -145,4 +147,5 @@ class LoadedScenario:
     path: Path
     file: str
     workspace: Workspace
+    model: RobotModel | None = None
     unchecked: tuple[str, ...] = ()

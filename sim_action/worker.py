@@ -11,7 +11,7 @@ import sys
 import time
 import traceback
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -138,8 +138,7 @@ class _Progress:
 def _outcome(job: Job, progress: _Progress) -> Outcome:
     scenario = job.loaded.scenario
     try:
-        _check_again(job.loaded)
-        run = _simulated(job, progress)
+        run = _simulated(_checked(job.loaded), progress)
         job.trace.parent.mkdir(parents=True, exist_ok=True)
         run.trace.save(job.trace)
     except InvalidScenario as error:
@@ -156,17 +155,19 @@ def _outcome(job: Job, progress: _Progress) -> Outcome:
     return _judged(job, scenario, run)
 
 
-def _check_again(loaded: LoadedScenario) -> None:
-    """What nobody could know before xacro had run, here where it may. Raises InvalidScenario."""
-    if loaded.scenario.robot.is_xacro:
-        load_scenario(loaded.path, Permissions(outside=loaded.workspace.allow_outside), evaluate=True)
+def _checked(loaded: LoadedScenario) -> LoadedScenario:
+    """With what nobody could know before xacro had run, here where it may. Raises InvalidScenario."""
+    if not loaded.scenario.robot.is_xacro:
+        return loaded
+    again = load_scenario(loaded.path, Permissions(outside=loaded.workspace.allow_outside), evaluate=True)
+    return replace(loaded, model=again.model)
 
 
-def _simulated(job: Job, progress: _Progress) -> SimulationRun:
+def _simulated(loaded: LoadedScenario, progress: _Progress) -> SimulationRun:
     """The run; only in the process that began it. Raises RunError, ModelError."""
     born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
     try:
-        run = simulate(job.loaded.scenario, build_scene(job.loaded), progress)
+        run = simulate(loaded.scenario, build_scene(loaded), progress)
     finally:
         if os.getpid() != born:
             # A copy that came of os.fork() in the user's code, and went on: the verdict is for the original to give.

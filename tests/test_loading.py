@@ -14,8 +14,9 @@ from sim_action.assertions.upright import Upright
 from sim_action.commands.twist import TwistCommands
 from sim_action.drives.diff import DiffDrive
 from sim_action.errors import InvalidScenario
-from sim_action.loading import build_scene, load_scenario
+from sim_action.loading import build_scene, load_all, load_scenario
 from sim_action.location import Location
+from sim_action.permissions import Permissions
 from tests.scenarios import FULL, LEAST, load, told
 
 
@@ -53,6 +54,17 @@ def test_everything_spelled_out_is_read(tmp_path: Path) -> None:
 
 def test_a_scene_has_its_model_read(tmp_path: Path) -> None:
     assert build_scene(load(tmp_path, FULL)).model.root == "base_footprint"
+
+
+def test_a_suite_reads_a_model_once_and_hands_it_to_its_runs(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}.sim.yml" for number in range(3)]
+    for path in paths:
+        path.write_text(FULL)
+    valid, _ = load_all(paths, Permissions())
+    first, *others = (loaded.model for loaded in valid.values())
+    assert first is not None
+    assert all(model is first for model in others)
+    assert build_scene(valid[paths[0]]).model is first
 
 
 def test_the_file_is_named_as_the_user_named_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
