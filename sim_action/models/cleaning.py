@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.models.audit.inertia import principal_moments
-from sim_action.models.audit.joints import UNSUPPORTED, is_free_base, trouble_of_mimic
+from sim_action.models.audit.joints import LIMITED, UNSUPPORTED, is_free_base, trouble_of_mimic
 from sim_action.models.document import ModelDocument
 from sim_action.models.values import child_of, is_expression, number, parent_of
 
@@ -75,6 +75,13 @@ def drop_odd_mimics(document: ModelDocument) -> None:
     odd = [joint for joint in joints.values() if trouble_of_mimic(joint, joints) is not None]
     for joint in odd:
         joint.remove(cast(Element, joint.find("mimic")))
+
+
+def fill_in_limits(document: ModelDocument) -> None:
+    """A joint that was let go without limits has none; an engine would refuse one without the element."""
+    for joint in document.elements("joint"):
+        if joint.attrib["type"] in LIMITED and joint.find("limit") is None:
+            ET.SubElement(joint, "limit")
 
 
 def drop_expressions(document: ModelDocument) -> None:

@@ -20,6 +20,7 @@ from sim_action.models.cleaning import (
     drop_zero_masses,
     engine_text,
     fill_in_inertia,
+    fill_in_limits,
     hold_odd_joints,
     mend_inertia,
 )
@@ -52,7 +53,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     plugins = gazebo.plugins(document)
     links = tuple(_link(document, link) for link in document.elements("link"))
     joints = tuple(map(_joint, document.elements("joint")))
-    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, drop_expressions, drop_visuals):
+    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, fill_in_limits, drop_expressions, drop_visuals):
         mend(document)
     name = document.root.get("name", path.stem)
     return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings), plugins)

@@ -10,12 +10,13 @@ from sim_action.geometry import ZERO
 from sim_action.messages import did_you_mean
 from sim_action.models.document import ModelDocument
 from sim_action.models.values import child_of, number, parent_of, vector
-from sim_action.robot_model import Finding
+from sim_action.robot_model import MOVING_TYPES, Finding
 
 UNSUPPORTED: Final = ("floating", "planar")
 """Types of URDF that no engine here has inside a robot."""
 
-MOVING: Final = ("revolute", "continuous", "prismatic")
+LIMITED: Final = ("revolute", "prismatic")
+"""Types that say how far they go."""
 
 
 def axes(document: ModelDocument) -> Iterator[Finding]:
@@ -33,7 +34,7 @@ def limits(document: ModelDocument) -> Iterator[Finding]:
     """A joint that is not continuous says how far it goes (URDF requires <limit> of both kinds)."""
     for joint in document.elements("joint"):
         kind, name, limit = joint.attrib["type"], joint.attrib["name"], joint.find("limit")
-        if kind not in {"revolute", "prismatic"}:
+        if kind not in LIMITED:
             continue
         lower, upper = number(limit, "lower"), number(limit, "upper")
         if limit is None or (lower is None and upper is None):
@@ -83,7 +84,7 @@ def trouble_of_mimic(joint: Element, joints: Mapping[str, Element]) -> str | Non
     leader = mimic.attrib["joint"]
     if leader not in joints:
         return f"the unknown joint '{leader}'{did_you_mean(leader, joints)}"
-    if joints[leader].attrib["type"] not in MOVING or joint.attrib["type"] not in MOVING:
+    if joints[leader].attrib["type"] not in MOVING_TYPES or joint.attrib["type"] not in MOVING_TYPES:
         return f"'{leader}', and one of them does not move"
     if number(mimic, "multiplier") == 0:
         return f"'{leader}' times 0: it stands still, and is a fixed joint"
