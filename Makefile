@@ -10,7 +10,7 @@ WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
 PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
 
-.PHONY: demo test coverage lint lint-workflows format docs picture bench lock clean
+.PHONY: demo test coverage lint lint-workflows format docs robots picture bench lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -40,6 +40,9 @@ format: $(VENV)/.dev
 
 docs: $(VENV)/.dev ## what is generated from the code: the README's tables, the schema
 	$(BIN)/python docs/generate.py
+
+robots: $(VENV)/.dev ## the table of docs/robots.md, measured anew
+	$(BIN)/python -m docs.robots
 
 picture: $(VENV)/.dev ## the README's pictures
 	$(BIN)/python docs/picture.py

@@ -6,6 +6,7 @@ are printed for orientation only.
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -51,7 +52,7 @@ class Ratio:
 
     def __str__(self) -> str:
         bound = "at most" if self.at_most else "at least"
-        times = f"{self.ours * 1000:.0f} ms / {self.theirs * 1000:.0f} ms"
+        times = f"{self.ours * 1000:.3g} ms / {self.theirs * 1000:.3g} ms"
         return f"{'ok  ' if self.met else 'MISS'} {self.name}: {self.value:.2f} ({bound} {self.target:g}; {times})"
 
 
@@ -135,12 +136,27 @@ def start_up(folder: Path) -> Iterator[Ratio]:
     yield Ratio("validate of one file, against python -c pass", validate, bare, 20)
 
 
+def models() -> Iterator[Ratio]:
+    """Reading a model of 27 links against importing the engine, and a second time in a suite against the first."""
+    rounds = [_model_cost() for _ in range(9)][1:]  # the first one fills the cache of meshes
+    engine, first, second = map(min, zip(*rounds, strict=True))
+    yield Ratio("reading a model of 27 links, against importing the engine", first, engine, 0.3)
+    yield Ratio("the same model a second time in a suite, against the first", second, first, 0.05)
+
+
+def _model_cost() -> tuple[float, ...]:
+    command = [sys.executable, "-m", "bench.model_cost"]
+    ran = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    return tuple(map(float, ran.stdout.splitlines()[-1].split()))
+
+
 def main() -> None:
     """Prints a line a ratio; exits with 1 if one is missed."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         ratios = []
-        for ratio in (*start_up(folder), *(measure(folder) for measure in (whole_process, further_scenario, parallel))):
+        single = (measure(folder) for measure in (whole_process, further_scenario, parallel))
+        for ratio in itertools.chain(start_up(folder), models(), single):
             print(ratio, flush=True)
             ratios.append(ratio)
     sys.exit(not all(ratio.met for ratio in ratios))

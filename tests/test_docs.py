@@ -7,10 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from docs.robots import without_figures
 from sim_action.loading import load_scenario
+from sim_action.models.findings import RULES
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+ROBOTS = (ROOT / "docs/robots.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:
@@ -22,6 +27,35 @@ def test_tables_and_schema_are_fresh() -> None:
         [sys.executable, "docs/generate.py", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert checked.returncode == 0, checked.stderr
+
+
+def test_the_table_of_robots_is_fresh_but_for_its_figures() -> None:
+    checked = subprocess.run(
+        [sys.executable, "-m", "docs.robots", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert checked.returncode == 0, checked.stderr
+
+
+ROW = "| husky<br>`husky.urdf` | none | 44 kg | 10, 4 move | none | {} |\n"
+
+
+@pytest.mark.parametrize("figures", ["52 / 49 | 1.07", "1234 / 1 | 1234.00"])
+def test_figures_of_time_may_differ(figures: str) -> None:
+    assert without_figures(ROW.format(figures)) == ROW.format("# / # | #")
+
+
+@pytest.mark.parametrize("figures", [" | ", "52 / 49 | ", " | 1.07", "52 | 1.07", "a / b | 1.07", "52 / 49 | 1"])
+def test_figures_of_time_must_be_there(figures: str) -> None:
+    assert without_figures(ROW.format(figures)) != ROW.format("# / # | #")
+
+
+def test_what_was_found_of_a_robot_is_explained() -> None:
+    head, _, explained = ROBOTS.partition("## What to do about a finding")
+    _, _, found = head.partition("<!-- generated: robots -->")
+    table, _, _ = found.partition("<!-- end -->")
+    rules = set(re.findall(r"[`\[]([a-z]+(?:-[a-z]+)+)[`\]]", table))
+    assert {"bad-xml", "zero-mass"} <= rules <= set(RULES)
+    assert rules <= set(re.findall(r"^\| `([a-z-]+)` \|", explained, re.MULTILINE)) <= set(RULES)
 
 
 def test_every_scenario_of_the_readme_loads(tmp_path: Path) -> None:

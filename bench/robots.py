@@ -1,0 +1,91 @@
+"""Robots that come with the engine, as scenarios name them: one list for tests, docs/robots.md and benchmarks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import pybullet_data
+
+from sim_action.loading import load_scenario
+from sim_action.permissions import Permissions
+from sim_action.scenario import LoadedScenario
+from sim_action.workspace import Workspace
+from sim_action.world import Robot
+
+DATA: Final = Path(pybullet_data.getDataPath())
+WORKSPACE: Final = Workspace(DATA, DATA, allow_outside=True)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownRobot:
+    """A robot that loads.
+
+    Attributes:
+        name: as people call it.
+        model: built in, or a path below `DATA`.
+        keys: of the scenario's `robot:`, beside the model.
+        drive: whose wheels must be braked for it to rest.
+    """
+
+    name: str
+    model: str
+    keys: Mapping[str, object] = field(default_factory=dict)
+    drive: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def path(self) -> str:
+        """The model, from anywhere."""
+        return str(DATA / self.model) if "/" in self.model or "." in self.model else self.model
+
+    @property
+    def robot(self) -> Robot:
+        """As a scenario would have it."""
+        return Robot.model_validate_json(json.dumps({"model": self.path, **self.keys}))
+
+    def resting(self, folder: Path, seconds: float) -> LoadedScenario:
+        """A scenario in which it rests, written to a folder."""
+        drive, commands = ({"drive": self.drive}, {"commands": _BRAKES}) if self.drive else ({}, {})
+        scenario = {
+            "name": f"{self.name} rests",
+            "robot": {"model": self.path, **self.keys, **drive},
+            **commands,
+            "expect": [{"upright": {"max_tilt": "5 deg"}}, {"travel": {"at_most": "2 cm"}}],
+            "duration": seconds,
+            "time_limit": seconds,
+        }
+        path = folder / f"{self.name}.sim.yml"
+        path.write_text(json.dumps(scenario))
+        return load_scenario(path, Permissions(outside=True))
+
+
+_BRAKES: Final = {"twist": [{"linear": 0}]}
+_LEGS: Final = ("FR", "FL", "RR", "RL")
+_STANCE: Final = {f"{leg}_upper_joint": 0.8 for leg in _LEGS} | {f"{leg}_lower_joint": -1.6 for leg in _LEGS}
+# Wheels that nobody holds roll, and a robot of 44 kg is never quite level.
+_HUSKYS_WHEELS: Final = {side: [f"front_{side}_wheel", f"rear_{side}_wheel"] for side in ("left", "right")}
+
+BURGER: Final = KnownRobot("burger", "turtlebot3_burger")
+MINITAUR: Final = KnownRobot("minitaur", "quadruped/minitaur.urdf", {"allow": ["missing-limits"]})
+
+ROBOTS: Final = (
+    KnownRobot("husky", "husky/husky.urdf", {"allow": ["unexpanded-expression"]}, {"diff": _HUSKYS_WHEELS}),
+    KnownRobot("racecar", "racecar/racecar.urdf"),
+    KnownRobot("r2d2", "r2d2.urdf"),
+    KnownRobot("a1", "a1/a1.urdf", {"joints": _STANCE}),
+    KnownRobot("laikago", "laikago/laikago_toes.urdf", {"allow": ["impossible-inertia"]}),
+    MINITAUR,
+    KnownRobot("kuka_iiwa", "kuka_iiwa/model.urdf", {"allow": ["zero-mass"], "base": "fixed"}),
+    KnownRobot(
+        "franka_panda",
+        "franka_panda/panda.urdf",
+        {"allow": ["zero-mass"], "base": "fixed", "packages": {"meshes": str(DATA / "franka_panda/meshes")}},
+    ),
+)
+"""Those of `pybullet_data`."""
+
+REFUSED: Final = KnownRobot("humanoid", "humanoid/humanoid.urdf")
+"""Its file ends in a NUL."""

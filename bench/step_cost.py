@@ -1,0 +1,69 @@
+"""What a step costs with sim-action, and in the same world without it, in microseconds; the two take turns."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import pybullet
+
+from bench.robots import KnownRobot
+from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.geometry import Twist
+from sim_action.loading import build_scene
+from sim_action.scenario import LoadedScenario
+from sim_action.simulation import simulate
+
+SECONDS: Final = 5
+"""Of sim time that are measured, after settling."""
+
+ROUNDS: Final = 5
+"""Noise only ever adds: the least time counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepCost:
+    """Microseconds of wall time a step."""
+
+    ours: float
+    raw: float
+
+
+def step_cost(known: KnownRobot) -> StepCost:
+    """Measures a robot at rest."""
+    with tempfile.TemporaryDirectory() as folder:
+        loaded = known.resting(Path(folder), SECONDS)
+    rounds = [(_ours(loaded), _raw(loaded)) for _ in range(ROUNDS)]
+    ours, raw = map(min, zip(*rounds, strict=True))
+    return StepCost(ours, raw)
+
+
+def _ours(loaded: LoadedScenario) -> float:
+    """The whole loop: commands, steps, the state of each, the watchdog, two assertions, the digest."""
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return run.wall_time / (run.sim_time * loaded.scenario.physics.rate) * 1e6
+
+
+def _raw(loaded: LoadedScenario) -> float:
+    """A loop by hand: a step, and the state of the base and of all joints that move."""
+    physics, scene = loaded.scenario.physics, build_scene(loaded)
+    backend = PyBulletBackend(scene, contacts=False)
+    settling = round(physics.settle * physics.rate)
+    drive = loaded.scenario.robot.drive
+    brake = drive.open(scene.model, physics.rate).targets(Twist(), 1) if drive else []
+    backend.advance(-settling, [*brake, *[None] * (settling - len(brake))])
+    robot = pybullet.getBodyUniqueId(pybullet.getNumBodies() - 1)
+    joints = [n for n in range(pybullet.getNumJoints(robot)) if pybullet.getJointInfo(robot, n)[3] >= 0]
+    steps = round(SECONDS * physics.rate)
+    rows = []
+    started = time.perf_counter()
+    for _ in range(steps):
+        pybullet.stepSimulation()
+        base = pybullet.getBasePositionAndOrientation(robot), pybullet.getBaseVelocity(robot)
+        rows.append((*base, pybullet.getJointStates(robot, joints) if joints else ()))
+    took = time.perf_counter() - started
+    backend.close()
+    return took / steps * 1e6
