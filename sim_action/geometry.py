@@ -12,6 +12,8 @@ from typing import Final, Self
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+Box = tuple[Vector3, Vector3]
+"""The lower and the upper corner of a box along the axes of a frame."""
 
 ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 IDENTITY: Final[Quaternion] = (0.0, 0.0, 0.0, 1.0)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 from sim_action import units
-from sim_action.geometry import Pose, Vector3
+from sim_action.geometry import ZERO, Pose, Vector3
 from sim_action.location import Location
 from sim_action.messages import did_you_mean
 from sim_action.units import Dimension
@@ -41,14 +41,14 @@ class Shape:
         kind: "box", "cylinder", "sphere", "mesh", ...
         pose: in the link's frame.
         radius: m, for cylinders, capsules and spheres.
-        lower_xyz, upper_xyz: m, the corners of the box around it, in its own frame; None where they are not known.
+        lower_xyz, upper_xyz: m, the corners of the box around it, in its own frame.
     """
 
     kind: str
     pose: Pose
     radius: float | None = None
-    lower_xyz: Vector3 | None = None
-    upper_xyz: Vector3 | None = None
+    lower_xyz: Vector3 = ZERO
+    upper_xyz: Vector3 = ZERO
 
 
 @dataclass(frozen=True, slots=True)

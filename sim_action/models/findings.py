@@ -62,6 +62,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "absurd-size": Rule("error", "a part larger than any robot: millimetres taken for metres"),
         "xacro-warning": Rule("warning", "what xacro itself warned of"),
         "concave-mesh": Rule("warning", "a collision mesh that is not convex: its hull is what collides"),
+        "tiny-mesh": Rule("warning", "a collision mesh smaller than 1 mm: metres taken for millimetres"),
         "flat-mesh": Rule("warning", "a collision mesh without a volume"),
         "several-packages": Rule("warning", "a package that is there twice: the nearer one is taken"),
         "missing-inertia": Rule("warning", "a link without <inertial>: it gets a negligible mass"),

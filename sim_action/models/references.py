@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
 
+from sim_action.geometry import Box, Vector3
+from sim_action.models.audit.shapes import LARGEST
 from sim_action.models.document import ModelDocument
 from sim_action.models.packages import PackageError, Packages
 from sim_action.models.values import vector
@@ -15,14 +18,30 @@ from sim_action.robot_model import Finding
 
 # In m: PyBullet puts so much around every hull, and a wheel would roll over 2 % too far.
 _ENGINE_MARGIN: Final = 0.001
+# In m: what is smaller is nothing but that margin.
+_SMALLEST: Final = 0.001
 _ODD_SHAPES: Final = {
     "concave": ("concave-mesh", "is hollow or open: what collides is its convex hull; split it into convex parts"),
     "flat": ("flat-mesh", "has no volume: what collides is as thick as the engine's margin; give it a thickness"),
 }
 
 
-def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> Iterator[Finding]:
+@dataclass(frozen=True)
+class Meshes:
+    """What came of a model's meshes; `boxes`: m, around each collision mesh, in its own frame, scale applied."""
+
+    findings: list[Finding] = field(default_factory=list)
+    boxes: dict[Element, Box] = field(default_factory=dict)
+
+
+def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> Meshes:
     """Makes collision meshes files that were written here; `path`: of the model's file."""
+    meshes = Meshes()
+    meshes.findings.extend(_resolve(document, path, packages, meshes.boxes))
+    return meshes
+
+
+def _resolve(document: ModelDocument, path: Path, packages: Packages, boxes: dict[Element, Box]) -> Iterator[Finding]:
     told = set[str]()
     for shape in document.elements("link/collision", "link/visual"):
         mesh = shape.find("geometry/mesh")
@@ -40,24 +59,40 @@ def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> I
         if shape.tag == "collision":
             # On a body that moves, the engine would let it fall through the ground.
             shape.attrib.pop("concave", None)
-            yield from _rewrite(document, mesh, found.path)
+            yield from _rewrite(document, mesh, found.path, boxes)
 
 
-def _rewrite(document: ModelDocument, mesh: Element, path: Path) -> Iterator[Finding]:
+def _rewrite(document: ModelDocument, mesh: Element, path: Path, boxes: dict[Element, Box]) -> Iterator[Finding]:
     # Reading meshes takes numpy, which most scenarios do without until they run.
     from sim_action.models.meshes import MeshError, clean_mesh
 
-    name = mesh.attrib["filename"]
+    name, scale = mesh.attrib["filename"], vector(mesh, "scale", (1.0, 1.0, 1.0))
     try:
-        clean = clean_mesh(path, _cache_folder(), vector(mesh, "scale", (1.0, 1.0, 1.0)), _ENGINE_MARGIN)
+        clean = clean_mesh(path, _cache_folder(), scale, _ENGINE_MARGIN)
     except MeshError as error:
         yield document.finding(error.rule, mesh, f"mesh '{name}': {error}")
         return
     if clean.facts.shape in _ODD_SHAPES:
         rule, what = _ODD_SHAPES[clean.facts.shape]
         yield document.finding(rule, mesh, f"mesh '{name}' {what}")
+    boxes[mesh] = clean.box
+    for rule, what in _odd_sizes(clean.box, scale):
+        yield document.finding(rule, mesh, f"mesh '{name}' {what}")
     mesh.attrib.clear()
     mesh.set("filename", str(clean.path))
+
+
+def _odd_sizes(box: Box, scale: Vector3) -> Iterator[tuple[str, str]]:
+    """Rules about lengths that no part of a robot has, and what to write instead."""
+    largest = max(above - below for below, above in zip(*box, strict=True))
+    if largest > LARGEST:
+        yield "absurd-size", f"measures {largest:.4g} m: is it in millimetres? then write {_scale(scale, 1e-3)}"
+    elif largest < _SMALLEST:
+        yield "tiny-mesh", f"measures {largest:.2g} m: is it in metres already? then write {_scale(scale, 1e3)}"
+
+
+def _scale(stated: Vector3, factor: float) -> str:
+    return f'scale="{" ".join(f"{part * factor:.6g}" for part in stated)}"'
 
 
 def _cache_folder() -> Path:

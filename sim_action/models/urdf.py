@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import cast
 from xml.etree.ElementTree import Element
 
 from sim_action import geometry
-from sim_action.geometry import Vector3
+from sim_action.geometry import Box, Vector3
 from sim_action.models import gazebo
 from sim_action.models.audit import audit
 from sim_action.models.cleaning import (
@@ -46,12 +46,13 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     allowed = set(allow)
     findings = audit(document)
     refuse_errors(findings, allowed)
-    findings += resolve_meshes(document, path, packages)
+    meshes = resolve_meshes(document, path, packages)
+    findings += meshes.findings
     refuse_errors(findings, allowed)
     for mend in (drop_empty_root, hold_odd_joints, drop_odd_mimics):
         mend(document)
     plugins = gazebo.plugins(document)
-    links = tuple(_link(document, link) for link in document.elements("link"))
+    links = tuple(_link(document, link, meshes.boxes) for link in document.elements("link"))
     joints = tuple(map(_joint, document.elements("joint")))
     for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, fill_in_limits, drop_expressions, drop_visuals):
         mend(document)
@@ -63,30 +64,28 @@ def _of_folder(folder: Path) -> Packages:
     return Packages(Workspace(folder, folder))
 
 
-def _link(document: ModelDocument, element: Element) -> Link:
-    shapes = tuple(map(_shape, element.findall("collision")))
+def _link(document: ModelDocument, element: Element, meshes: Mapping[Element, Box]) -> Link:
+    shapes = tuple(_shape(collision, meshes) for collision in element.findall("collision"))
     mass = number(element.find("inertial/mass"), "value")
     return Link(element.attrib["name"], mass, shapes, gazebo.surface(document, element))
 
 
-def _shape(collision: Element) -> Shape:
+def _shape(collision: Element, meshes: Mapping[Element, Box]) -> Shape:
     kind = next(iter(cast(Element, collision.find("geometry"))))
-    upper = _half_sizes(kind)
-    lower = (-upper[0], -upper[1], -upper[2]) if upper else None
+    lower, upper = meshes[kind] if kind in meshes else _box(kind)
     return Shape(kind.tag, origin(collision), number(kind, "radius"), lower, upper)
 
 
-def _half_sizes(shape: Element) -> Vector3 | None:
-    """Of the box around a shape that has its frame in the middle."""
+def _box(shape: Element) -> Box:
+    """Around a shape that has its frame in the middle."""
     radius, length = number(shape, "radius") or 0.0, number(shape, "length") or 0.0
-    x, y, z = vector(shape, "size", geometry.ZERO)
-    known: dict[str, Vector3] = {
-        "box": (x / 2, y / 2, z / 2),
-        "sphere": (radius, radius, radius),
-        "cylinder": (radius, radius, length / 2),
-        "capsule": (radius, radius, length / 2 + radius),
-    }
-    return known.get(shape.tag)
+    if shape.tag == "box":
+        width, depth, height = vector(shape, "size", geometry.ZERO)
+    else:
+        width = depth = 2 * radius
+        height = length if shape.tag == "cylinder" else length + 2 * radius
+    x, y, z = width / 2, depth / 2, height / 2
+    return (-x, -y, -z), (x, y, z)
 
 
 def _joint(element: Element) -> Joint:

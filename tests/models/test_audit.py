@@ -56,6 +56,7 @@ def test_every_rule_has_a_model_that_breaks_it() -> None:
         "too-large-mesh",
         "concave-mesh",
         "flat-mesh",
+        "tiny-mesh",
     }
     assert {bad.rule for bad in BAD_MODELS} == set(RULES) - elsewhere
 

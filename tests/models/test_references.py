@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.errors import RefusedModel
+from sim_action.models import meshes
 from sim_action.models.urdf import read_urdf
 from tests.models.bad_models import GOOD
 
@@ -53,3 +54,54 @@ def test_what_is_not_convex_is_told(tmp_path: Path) -> None:
     texts = (CUBE, dented, f"{SQUARE}f 1 2 3 4\n")
     rules = [[found.rule for found in read_urdf(model(tmp_path, "part.obj", text)).findings] for text in texts]
     assert rules == [[], ["concave-mesh"], ["flat-mesh"]]
+
+
+@pytest.mark.parametrize(
+    ("scale", "lower", "upper"),
+    [
+        ("", (0, 0, 0), (1, 1, 1)),
+        (' scale="2 1 0.5"', (0, 0, 0), (2, 1, 0.5)),
+        (' scale="-1 -2 3"', (-1, -2, 0), (0, 0, 3)),
+    ],
+)
+def test_a_mesh_is_as_large_as_its_scale_makes_it(
+    scale: str, lower: tuple[float, ...], upper: tuple[float, ...], tmp_path: Path
+) -> None:
+    (shape,) = read_urdf(model(tmp_path, "part.obj", CUBE, scale)).links[0].collisions
+    assert (shape.lower_xyz, shape.upper_xyz) == (lower, upper)
+
+
+def test_the_size_of_a_mesh_that_is_known_costs_no_second_look_at_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = model(tmp_path, "part.obj", CUBE, ' scale="-1 2 0.5"')
+    first = read_urdf(path)
+    monkeypatch.setattr(meshes, "READERS", {"obj": None})
+    assert read_urdf(path).links == first.links
+    (tmp_path / "part.obj").write_text(CUBE + "# changed\n")
+    with pytest.raises(TypeError):
+        read_urdf(path)
+
+
+@pytest.mark.parametrize(
+    ("scale", "rule", "message"),
+    [
+        ("100 100 100", "absurd-size", 'measures 100 m: is it in millimetres? then write scale="0.1 0.1 0.1"'),
+        ("-1 -51 1", "absurd-size", 'measures 51 m: is it in millimetres? then write scale="-0.001 -0.051 0.001"'),
+        ("1e-4 2e-4 1e-4", "tiny-mesh", 'measures 0.0002 m: is it in metres already? then write scale="0.1 0.2 0.1"'),
+    ],
+)
+def test_millimetres_that_were_taken_for_metres_are_told_where_the_mesh_is_named(
+    scale: str, rule: str, message: str, tmp_path: Path
+) -> None:
+    path = model(tmp_path, "part.obj", CUBE, f' scale="{scale}"')
+    (found,) = read_urdf(path, allow=["absurd-size"]).findings
+    assert (found.rule, found.location.line) == (rule, 10)
+    assert found.message == f"mesh 'part.obj' {message}"
+
+
+def test_a_part_as_long_as_a_house_is_not_absurd(tmp_path: Path) -> None:
+    scales = ("50 50 50", "0.001 0.001 0.001")
+    found = [read_urdf(model(tmp_path, "part.obj", CUBE, f' scale="{scale}"')).findings for scale in scales]
+    assert found == [(), ()]

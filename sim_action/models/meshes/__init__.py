@@ -49,7 +49,7 @@ def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margi
     """
     data = _bytes(path)
     cleaned = folder / clean_name(_format(path), data, scale, margin)
-    known = known_mesh(cleaned)
+    known = known_mesh(cleaned, scale)
     if known is not None:
         return known
     mesh = _parsed(path, data)

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.geometry import Vector3
+from sim_action.geometry import Box, Vector3
 from sim_action.models.meshes.hulls import MeshFacts, hull_points
 from sim_action.models.meshes.mesh import Mesh, MeshError
 from sim_action.whole_files import whole_file
@@ -29,19 +29,27 @@ _LARGEST: Final = 1e6
 
 @dataclass(frozen=True, slots=True)
 class CleanMesh:
-    """A mesh that was rewritten, and what it was before."""
+    """A mesh that was rewritten, and what it was before; `scale`: what one unit of it was in m."""
 
     path: Path
     facts: MeshFacts
+    scale: Vector3
+
+    @property
+    def box(self) -> Box:
+        """Around it, in m; a scale below 0 has mirrored it."""
+        ends = zip(self.scale, self.facts.lower_xyz, self.facts.upper_xyz, strict=True)
+        (ax, bx), (ay, by), (az, bz) = (sorted((factor * low, factor * high)) for factor, low, high in ends)
+        return (ax, ay, az), (bx, by, bz)
 
 
-def known_mesh(path: Path) -> CleanMesh | None:
+def known_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
     """The rewritten mesh, if it is there."""
     try:
         with path.open(encoding="ascii") as file:
             stated = json.loads(file.readline().removeprefix(_FACTS))
         corners = {corner: tuple(stated[corner]) for corner in ("lower_xyz", "upper_xyz")}
-        return CleanMesh(path, MeshFacts(**stated | corners))
+        return CleanMesh(path, MeshFacts(**stated | corners), scale)
     except (OSError, ValueError, TypeError, KeyError):
         return None
 
@@ -50,7 +58,7 @@ def written_mesh(path: Path, mesh: Mesh, facts: MeshFacts, scale: Vector3, margi
     """Writes a mesh anew. Raises MeshError."""
     _check(facts, scale)
     _write(path, facts, hull_points(mesh, scale, margin))
-    return CleanMesh(path, facts)
+    return CleanMesh(path, facts, scale)
 
 
 def clean_name(format_name: str, data: bytes, scale: Vector3, margin: float) -> str:
