@@ -7,6 +7,7 @@
     │   └── RefusedModel               a model file with what has to change in it
     └── RunError                  1    a valid scenario ran into something that leaves it without a verdict
         ├── EngineError                the physics engine refused the world
+        ├── BadStart                   the robot cannot begin where the scenario puts it
         ├── SimulationUnstable         the simulated state is no longer physics
         └── ScriptError                the user's controller raised or answered nonsense
 
@@ -88,6 +89,16 @@ class RunError(SimActionError):
 
 class EngineError(RunError):
     """The physics engine refused the world."""
+
+
+class BadStart(RunError):
+    """The robot cannot begin where the scenario puts it; each problem has the keys that lead to what to change."""
+
+    exit_code = ExitCode.INVALID
+
+    def __init__(self, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(message for _, message in self.problems))
 
 
 class SimulationUnstable(RunError):

@@ -55,7 +55,7 @@ def load_scenario(
     document = read_document(file_name(path), _read_text(path))
     loader = _Loader(document, workspace, permissions, models or ModelLibrary(), evaluate=evaluate)
     scenario = loader.load()
-    return LoadedScenario(scenario, path, file_name(path), workspace, loader.model, loader.unchecked)
+    return LoadedScenario(scenario, path, document, workspace, loader.model, loader.unchecked)
 
 
 def load_all(
@@ -280,9 +280,7 @@ class _Loader:
             self._note((*path, *below), message)
 
     def _note(self, path: KeyPath, message: str) -> None:
-        dotted = ".".join(str(step) for step in path)
-        text = escaped_line(f"{dotted}: {message}" if dotted else message)
-        self._problems.setdefault((path, message), Problem(self._document.location(path), text))
+        self._problems.setdefault((path, message), self._document.problem(path, message))
 
 
 def _with_unique_names(expectations: tuple[Expectation, ...]) -> tuple[Expectation, ...]:

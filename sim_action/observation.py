@@ -35,6 +35,14 @@ class Contact(NamedTuple):
     force: float
 
 
+class Overlap(NamedTuple):
+    """A link of the robot inside a body of the world: how deep in m, where it is deepest."""
+
+    link: str
+    body: str
+    depth: float
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
     """The robot at one moment.

@@ -17,6 +17,7 @@ from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, Positiv
 from sim_action.robot_model import RobotModel
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
+from sim_action.yaml_document import Document
 
 _STEP_ROUNDING = 1e-6
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
@@ -137,7 +138,7 @@ class LoadedScenario:
 
     Attributes:
         path: of the file that it came from, as it was named.
-        file: the same, as reports show it.
+        document: what it was read from, with the place of each key.
         workspace: where its own files are found.
         model: of the robot, as it was read and checked; None if only the process that runs it may do so.
         unchecked: what nobody can know before code of the user's has run.
@@ -145,7 +146,12 @@ class LoadedScenario:
 
     scenario: Scenario
     path: Path
-    file: str
+    document: Document
     workspace: Workspace
     model: RobotModel | None = None
     unchecked: tuple[str, ...] = ()
+
+    @property
+    def file(self) -> str:
+        """Its path, as reports show it."""
+        return self.document.file

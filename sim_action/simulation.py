@@ -19,6 +19,7 @@ from sim_action.observation import Observation
 from sim_action.panel import End, Panel
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
+from sim_action.start import refuse_bad_start
 from sim_action.trace import Digest, Trace
 from sim_action.verdict import Verdict
 from sim_action.watchdog import Watchdog
@@ -68,6 +69,7 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> Simulation
     contacts = any(expected.assertion.watches_contacts for expected in scenario.expect)
     backend = BACKENDS.load(ENGINE)(scene, contacts=contacts)
     try:
+        refuse_bad_start(scene, backend.overlaps())
         return _Loop(scenario, scene, backend).run(progress)
     finally:
         backend.close()

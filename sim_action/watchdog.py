@@ -32,7 +32,7 @@ _ANY_NUMBER: Final = float(np.finfo(np.float64).max)
 
 _EXPLODES: Final = (
     "usual causes: an inertia too small for the forces on it, time steps too long (raise physics.rate), "
-    "the gains of a controller, a start inside an object"
+    "the gains of a controller"
 )
 _SINKS: Final = (
     "usual causes: no collision shape that carries it, a start below the ground (robot.pose.z), "

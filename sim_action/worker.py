@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from sim_action.errors import (
+    BadStart,
     EngineError,
     InvalidScenario,
     ModelError,
@@ -142,7 +143,7 @@ def _outcome(job: Job, progress: _Progress) -> Outcome:
         job.trace.parent.mkdir(parents=True, exist_ok=True)
         run.trace.save(job.trace)
     except InvalidScenario as error:
-        return Outcome.of_invalid(job.loaded.file, error)
+        return _invalid(job, error)
     except (RunError, ModelError) as error:
         if isinstance(error.__context__, MemoryError):
             return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(scenario)}", error)
@@ -155,6 +156,11 @@ def _outcome(job: Job, progress: _Progress) -> Outcome:
     return _judged(job, scenario, run)
 
 
+def _invalid(job: Job, error: InvalidScenario) -> Outcome:
+    """What nobody could see before it ran, of a scenario that has a name."""
+    return Outcome.of_invalid(job.loaded.file, error).model_copy(update={"name": job.loaded.scenario.name})
+
+
 def _checked(loaded: LoadedScenario) -> LoadedScenario:
     """With what nobody could know before xacro had run, here where it may. Raises InvalidScenario."""
     if not loaded.scenario.robot.is_xacro:
@@ -164,10 +170,12 @@ def _checked(loaded: LoadedScenario) -> LoadedScenario:
 
 
 def _simulated(loaded: LoadedScenario, progress: _Progress) -> SimulationRun:
-    """The run; only in the process that began it. Raises RunError, ModelError."""
+    """The run; only in the process that began it. Raises RunError, ModelError, InvalidScenario."""
     born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
     try:
         run = simulate(loaded.scenario, build_scene(loaded), progress)
+    except BadStart as error:
+        raise InvalidScenario(loaded.document.problem(*problem) for problem in error.problems) from None
     finally:
         if os.getpid() != born:
             # A copy that came of os.fork() in the user's code, and went on: the verdict is for the original to give.

@@ -56,6 +56,11 @@ class Document:
             path = path[:-1]
         return self.marks.get(path, Location(self.file, 1, 1))
 
+    def problem(self, path: KeyPath, message: str) -> Problem:
+        """What is wrong at `path`, as people are told."""
+        dotted = ".".join(str(step) for step in path)
+        return Problem(self.location(path), escaped_line(f"{dotted}: {message}" if dotted else message))
+
 
 def read_document(file: str, text: str) -> Document:
     """Reads one YAML document. Raises InvalidScenario."""

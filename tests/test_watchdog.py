@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.errors import SimulationUnstable
+from sim_action.errors import BadStart, SimulationUnstable
 from sim_action.geometry import Pose
 from sim_action.loading import build_scene, load_scenario
 from sim_action.observation import Observation
@@ -248,7 +248,10 @@ def test_a_robot_that_nothing_carries_is_an_error_although_it_stays_upright(tmp_
 
 
 def test_a_start_below_the_ground_is_an_error(tmp_path: Path) -> None:
-    assert "0.004 s after it was let go, first in the base link base" in unstable(tmp_path, ", pose: {z: -5}")
+    below = ", pose: {z: -5}"
+    assert "0.004 s after it was let go, first in the base link base" in unstable(tmp_path, below, shape="")
+    with pytest.raises(BadStart, match=r"begins 5\.05 m deep in the ground"):
+        pendulum(tmp_path, below)
 
 
 def test_steps_that_are_too_long_are_an_error(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.command import JointTargets
 from sim_action.errors import UsageError
-from sim_action.observation import Observation
+from sim_action.observation import Observation, Overlap
 from sim_action.registry import Table
 from sim_action.scene import Scene
 
@@ -40,6 +40,9 @@ class Backend(Protocol):
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """The present, as that of step number `step`, with or without contacts; the ground is among those."""
+
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """Which links are inside which bodies at present, the ground among those; each pair of them once."""
 
     def close(self) -> None:
         """Frees the engine."""

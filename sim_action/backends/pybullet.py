@@ -28,7 +28,7 @@ from sim_action.backends.pybullet_scene import (
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist
-from sim_action.observation import Contact, JointState, Observation
+from sim_action.observation import Contact, JointState, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.world import GROUND
@@ -98,6 +98,16 @@ class PyBulletBackend:
             joints=dict(zip(self._joint_names, states, strict=True)),
             contacts=tuple(self._contacts(step, ground=True)) if contacts else (),
         )
+
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """See Backend.overlaps."""
+        deepest: dict[tuple[str, str], float] = {}
+        for body, name in self._body_names.items():
+            # Contact points are those of the last step, and there may have been none.
+            for point in pybullet.getClosestPoints(self._robot, body, 0.0, physicsClientId=self._client):
+                pair = self._link_names[point[3]], name
+                deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
+        return tuple(Overlap(link, name, depth) for (link, name), depth in deepest.items() if depth > 0)
 
     def close(self) -> None:
         """See Backend.close."""

@@ -254,3 +254,19 @@ def test_an_interrupted_run_reports_what_had_finished(tmp_path: Path, number: si
     assert 'name="a-quick"' in junit
     assert junit.count("<error") == 2
     assert processes_of(tmp_path) == []
+
+
+def test_a_robot_that_begins_inside_something_is_told_on_the_line_to_change_and_spoils_no_other(tmp_path: Path) -> None:
+    good, bad = scenario(tmp_path, "good"), tmp_path / "bad.sim.yml"
+    wall = "{name: wall, box: [0.1, 2.0, 0.5], pose: {x: 0.06}}"
+    placed = "  pose: {z: -2 cm}\nworld:\n  objects:\n    - " + wall
+    text = good.read_text().replace("name: good", "name: bad").replace("robot: {model", "robot:\n  model")
+    bad.write_text(text.replace("burger}", f"burger\n{placed}"))
+    passed, refused = run([good, bad], tmp_path)
+    assert (passed.status, refused.status, refused.name, refused.exit_code) == ("passed", "error", "bad", 2)
+    (wall_failure, ground_failure) = refused.failures
+    assert wall_failure.kind == ground_failure.kind == "invalid"
+    assert "m deep in 'wall'; move it, or world.objects[0].pose" in wall_failure.message
+    assert "0.02 m deep in the ground" in ground_failure.message
+    assert wall_failure.location is not None
+    assert (Path(wall_failure.location.file).name, wall_failure.location.line) == ("bad.sim.yml", 5)

@@ -71,6 +71,33 @@ def at(z: float | None = None, **pose: float) -> Robot:
     return Robot(model="robot.urdf", pose=Placement(z=z, **pose))
 
 
+@pytest.mark.parametrize("height", [0.2, 0.1, 0.099, 0.05, -0.1])
+def test_a_ball_is_as_deep_in_the_ground_as_it_is_low(height: float, tmp_path: Path) -> None:
+    with scene(tmp_path, BALL, at(z=height)) as backend:
+        found = backend.overlaps()
+    assert [(overlap.link, overlap.body) for overlap in found] == [("ball", "ground")] * (height < 0.1)
+    assert [overlap.depth for overlap in found] == pytest.approx([0.1 - height] * len(found))
+
+
+def test_only_what_the_robot_is_in_is_named_and_once(tmp_path: Path) -> None:
+    # The box of 20 cm is around (0.3, 0.1, 0.2), and the post reaches 5 cm into its side.
+    post = Body(name="post", box=(0.1, 0.1, 1), pose=Placement(x=0.25, z=0.5))
+    slab = Body(name="slab", box=(1, 1, 0.08), pose=Placement(z=0.04))
+    with scene(tmp_path, LOPSIDED, at(z=0), World(objects=(slab, post))) as backend:
+        (found,) = backend.overlaps()
+    assert (found.link, found.body) == ("base", "post")
+    assert found.depth == pytest.approx(0.05, abs=1e-6)
+
+
+def test_looking_for_overlaps_changes_nothing(tmp_path: Path) -> None:
+    world, states = World(objects=(Body(name="crate", box=(0.2, 0.2, 0.2), pose=Placement(x=0.18), mass=1),)), []
+    for looks in (0, 3):
+        with scene(tmp_path, BALL, at(), world) as backend:
+            assert all(any(found.body == "crate" for found in backend.overlaps()) for _ in range(looks))
+            states.append(advance(backend, 0, 240).state)
+    assert np.array_equal(states[0], states[1])
+
+
 def test_free_fall_follows_the_parabola_of_the_engines_integrator(tmp_path: Path) -> None:
     with scene(tmp_path, BALL, at(z=10)) as backend:
         trace = advance(backend, 0, 240)

@@ -1,0 +1,90 @@
+"""Which starts are refused, and what is said of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.errors import BadStart
+from sim_action.geometry import Pose
+from sim_action.observation import Overlap
+from sim_action.robot_model import Joint, JointType, Link, RobotModel
+from sim_action.scene import Scene
+from sim_action.start import DEPTH, refuse_bad_start
+from sim_action.world import GROUND, Body, Physics, Robot, World
+from tests.traces import HERE
+
+CRATE = Body(name="crate", box=(1, 1, 1), mass=2)
+WALL = Body(name="wall", box=(1, 1, 1))
+DEEP = 2 * DEPTH
+
+
+def joint(kind: JointType, parent: str, child: str) -> Joint:
+    return Joint(f"{parent}_{child}", kind, parent, child, Pose(), (0.0, 0.0, 1.0))
+
+
+ARM = RobotModel(
+    name="arm",
+    source="/arm.urdf",
+    links=tuple(Link(name, 1.0) for name in ("base", "foot", "upper", "hand")),
+    joints=(joint("fixed", "base", "foot"), joint("revolute", "base", "upper"), joint("fixed", "upper", "hand")),
+    urdf="<robot/>",
+)
+
+
+def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1) -> list[str]:
+    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
+    try:
+        refuse_bad_start(Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), overlaps)
+    except BadStart as error:
+        return [".".join(map(str, path)) + f": {message}" for path, message in error.problems]
+    return []
+
+
+def test_what_touches_may_begin() -> None:
+    assert told() == []
+    assert told(Overlap("base", "wall", DEPTH), Overlap("hand", GROUND, DEPTH)) == []
+
+
+def test_what_is_inside_an_object_is_told_with_what_to_move() -> None:
+    assert told(Overlap("hand", "wall", 0.12)) == [
+        "robot.pose: the robot's link 'hand' begins 0.12 m deep in 'wall'; move it, or world.objects[1].pose"
+    ]
+
+
+def test_what_is_below_the_ground_is_told_how_to_stand_on_it() -> None:
+    (message,) = told(Overlap("base", GROUND, 0.3))
+    assert "0.3 m deep in the ground" in message
+    assert "leave z out" in message
+
+
+def test_what_is_bolted_at_the_height_of_the_world_has_no_z_to_leave_out() -> None:
+    (message,) = told(Overlap("hand", GROUND, 0.3), base="fixed", z=None)
+    assert message.endswith("deep in the ground; raise its z")
+
+
+def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
+    found = told(
+        Overlap("hand", "wall", 0.1),
+        Overlap("upper", "wall", 0.2),
+        Overlap("foot", "wall", DEEP),
+        Overlap("hand", "crate", 0.3),
+    )
+    assert [message.split(";")[0] for message in found] == [
+        "robot.pose: the robot's link 'hand' begins 0.3 m deep in 'crate'",
+        "robot.pose: the robot's link 'upper' begins 0.2 m deep in 'wall'",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("link", "body", "is_told"),
+    [
+        ("base", "wall", False),
+        ("foot", GROUND, False),
+        ("foot", "crate", True),
+        ("upper", "wall", True),
+        ("hand", GROUND, True),
+    ],
+)
+def test_what_is_bolted_to_the_world_may_be_in_what_is_fixed(link: str, body: str, is_told: bool) -> None:
+    assert bool(told(Overlap(link, body, DEEP), base="fixed")) is is_told
+    assert told(Overlap(link, body, DEEP), base="free")
