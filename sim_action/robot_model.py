@@ -116,6 +116,15 @@ class Joint:
         return sliding if self.type == "prismatic" else turning
 
     @property
+    def home(self) -> float:
+        """Where it begins if nobody says where, in rad, or m: at 0, or amid limits that 0 is beyond.
+
+        So does ROS's joint_state_publisher.
+        """
+        lower, upper = self.lower or 0.0, self.upper or 0.0
+        return (lower + upper) / 2 if 0 < lower <= upper or lower <= upper < 0 else 0.0
+
+    @property
     def moves(self) -> bool:
         """Whether a motor could turn or slide it."""
         return self.type in MOVING_TYPES

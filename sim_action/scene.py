@@ -47,4 +47,4 @@ class Scene:
         if joint.mimic is not None:
             leader = self.model.joints_by_name[joint.mimic.joint]
             return joint.mimic.multiplier * self._position(leader) + joint.mimic.offset
-        return units.parse(self.robot.joints.get(joint.name, 0.0), joint.dimension("position"))
+        return units.parse(self.robot.joints.get(joint.name, joint.home), joint.dimension("position"))

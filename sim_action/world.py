@@ -65,9 +65,10 @@ class Robot(FrozenModel):
         default_factory=dict
     )
     allow: Annotated[tuple[str, ...], Field(description="rules of the model's audit that need not hold")] = ()
-    joints: Annotated[dict[str, JointPosition], Field(description="where joints begin, by name")] = Field(
-        default_factory=dict
-    )
+    joints: Annotated[
+        dict[str, JointPosition],
+        Field(description="where joints begin, by name; left out: at 0, or amid limits that 0 is beyond"),
+    ] = Field(default_factory=dict)
 
     @property
     def is_xacro(self) -> bool:

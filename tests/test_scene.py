@@ -54,6 +54,28 @@ def test_the_world_is_where_the_world_is(tmp_path: Path) -> None:
     assert scene(tmp_path, base="fixed").placement == Placement()
 
 
+@pytest.mark.parametrize(
+    ("limits", "home"),
+    [
+        ('lower="-1" upper="2"', 0),
+        ('lower="0" upper="2"', 0),
+        ('lower="-2.7" upper="-0.9"', -1.8),
+        ('lower="0.5" upper="1.5"', 1.0),
+        ('lower="0.5" upper="0.5"', 0.5),
+    ],
+)
+def test_a_joint_that_cannot_be_at_zero_begins_amid_its_limits(limits: str, home: float, tmp_path: Path) -> None:
+    text = GOOD.replace('lower="-1" upper="2"', limits)
+    assert scene(tmp_path, text).joint_positions == {"shoulder": pytest.approx(home)}
+    assert scene(tmp_path, text, joints={"shoulder": 0.5}).joint_positions == {"shoulder": 0.5}
+
+
+def test_limits_that_are_the_wrong_way_round_move_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace('lower="-1" upper="2"', 'lower="2" upper="1"'))
+    assert read_urdf(path, allow=["reversed-limits"]).joints[0].home == 0
+
+
 def test_followers_begin_where_their_leader_wants_them(tmp_path: Path) -> None:
     there = scene(tmp_path, GOOD.replace("</robot>", f"{FOLLOWER}</robot>"), joints={"shoulder": 1.0})
     assert there.joint_positions == {"shoulder": 1.0, "bend": -1.5, "curl": -1.5}

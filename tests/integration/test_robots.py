@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from bench.robots import REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from sim_action.errors import ModelError
 from sim_action.models import load_model
+from tests.integration.conftest import sim_action
 
 NEGLIGIBLE: Final = 0.002  # of the whole, for all links that state no mass
 
@@ -37,6 +39,21 @@ def test_it_rests(known: KnownRobot, tmp_path: Path) -> None:
     known.resting(tmp_path, seconds=5)
     command = [sys.executable, "-m", "sim_action", "run", "--allow-outside"]
     ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout
+
+
+def test_legs_that_cannot_be_straight_begin_bent(tmp_path: Path) -> None:
+    """Begun beyond its limits, the robot would be thrown on its back."""
+    (known,) = (known for known in ROBOTS if known.name == "a1")
+    bent = {"joint": {"name": "FR_lower_joint", "at_least": "-104 deg", "at_most": "-103 deg"}}
+    scenario = {
+        "name": "stands",
+        "robot": {"model": str(known.path)},
+        "expect": [{"upright": {"max_tilt": "1 deg"}}, bent],
+        "time_limit": "2 s",
+    }
+    (tmp_path / "stands.sim.yml").write_text(json.dumps(scenario))
+    ran = sim_action(tmp_path, "run", "--allow-outside")
     assert ran.returncode == 0, ran.stdout
 
 
