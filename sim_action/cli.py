@@ -11,6 +11,7 @@ import click
 
 from sim_action import __version__
 from sim_action.errors import ExitCode, SimActionError, UsageError
+from sim_action.model_flags import asked_model, model_flags
 from sim_action.report_flags import report_flags, report_request
 
 if TYPE_CHECKING:
@@ -239,19 +240,17 @@ def models() -> None:
 @program.command()
 @click.argument("model")
 @click.option("--json", "as_json", is_flag=True, help="For programs.")
+@model_flags
 @_ALLOW_OUTSIDE
-def inspect(model: str, as_json: bool, allow_outside: bool) -> ExitCode:
+def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
     """Show what a robot model is: a built-in one, or a file. MODEL is as a scenario in this folder would name it.
 
     Exit code: 2 if no engine could take it.
     """
-    from pathlib import Path
-
     from sim_action.inspection import inspect_model
     from sim_action.inspection_text import inspection_text
-    from sim_action.workspace import Workspace
 
-    found = inspect_model(model, Workspace.around(Path("a scenario"), allow_outside=allow_outside))
+    found = inspect_model(*asked_model(model, flags))
     click.echo(found.model_dump_json(indent=2) if as_json else inspection_text(found))
     return ExitCode.PASSED
 

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import product
+from collections.abc import Iterator, Mapping
+from typing import Final
 
 from sim_action import geometry
 from sim_action.drives import Drive, recognise
-from sim_action.drives.wheels import link_pose
+from sim_action.drives.diff import DiffDrive
+from sim_action.drives.wheels import wheel
 from sim_action.geometry import Pose, Vector3
+from sim_action.kinematics import link_poses, robot_box
 from sim_action.models import load_model
 from sim_action.models.findings import ALLOWABLE
 from sim_action.quantities import FrozenModel
-from sim_action.robot_model import Finding, Joint, JointType, Link, RobotModel, Shape
+from sim_action.robot_block import drive_text, robot_block
+from sim_action.robot_model import WORLD, Finding, Joint, JointType, Link, RobotModel
+from sim_action.scene import Scene
 from sim_action.workspace import Workspace
-from sim_action.world import Robot
+from sim_action.world import Physics, Robot, World
+
+# Of its radius: how far above the lowest shape a wheel may end that is on the ground.
+_LIFTED: Final = 0.1
+# Of a unit vector: how far an axis may be off one of the base.
+_ASKEW: Final = 0.1
 
 
 class JointEntry(FrozenModel):
-    """A joint; limits in rad (m if it slides), None without; `mimics`: the joint that it follows."""
+    """A joint; positions in rad (m if it slides), limits None without; `mimics`: the joint that it follows."""
 
     name: str
     type: JointType
@@ -27,6 +36,7 @@ class JointEntry(FrozenModel):
     axis_xyz: Vector3
     lower: float | None
     upper: float | None
+    start: float
     mimics: str | None
 
 
@@ -38,16 +48,26 @@ class LinkEntry(FrozenModel):
     collision_shapes: int
 
 
+class WheelEntry(FrozenModel):
+    """A round link on the ground that a joint turns freely; radius and place in m, axis too in the base frame."""
+
+    joint: str
+    radius: float
+    position_xyz: Vector3
+    axis_xyz: Vector3
+
+
 class Inspection(FrozenModel):
     """All of it.
 
     Attributes:
         model: as a scenario names it.
         mass: kg, of the links that say what they weigh.
-        lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, joints at zero;
-            None if there are meshes among them.
+        lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, joints where they
+            begin; None if there are no shapes.
         height: m, of the base link above the ground when the lowest shape touches it.
-        drive: the wheels that were recognised, with their figures.
+        wheels: what looks like wheels, whether or not it is plain how they drive.
+        drive: how it drives, if that was recognised, with the figures.
         needs: rules that `robot.allow` has to name.
         robot: a `robot:` block to paste.
     """
@@ -61,41 +81,63 @@ class Inspection(FrozenModel):
     lower_xyz: Vector3 | None
     upper_xyz: Vector3 | None
     height: float | None
+    wheels: tuple[WheelEntry, ...]
     drive: str | None
     findings: tuple[Finding, ...]
     needs: tuple[str, ...]
     robot: str
 
 
-def inspect_model(name: str, workspace: Workspace) -> Inspection:
-    """Looks at what a scenario could name as its model. Raises ModelError for what no engine could take."""
-    model = load_model(Robot(model=name, allow=ALLOWABLE), workspace)
-    drive = recognise(model)
+def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
+    """Looks at what a scenario could have as its robot, as if it allowed all that can be allowed.
+
+    Raises ModelError for what no engine could take.
+    """
+    model = load_model(robot.model_copy(update={"allow": ALLOWABLE}), workspace)
     needs = tuple(sorted({finding.rule for finding in model.findings if finding.level == "error"}))
-    box = _box(model)
-    lower, upper = box or (None, None)
+    robot = robot.model_copy(update={"allow": needs, "base": robot.base or _base(model)})
+    start = Scene(robot, model, World(), Physics(), workspace).joint_positions
+    poses = link_poses(model, start)
+    lower, upper = robot_box(model, poses) or (None, None)
+    wheels = tuple(_wheels(model, poses, lower[2])) if lower else ()
+    drive = recognise(model)
     return Inspection(
         name=model.name,
-        model=name,
+        model=robot.model,
         mass=model.mass,
         root=model.root,
         links=tuple(map(_link_entry, model.links)),
-        joints=tuple(map(_joint_entry, model.joints)),
+        joints=tuple(_joint_entry(joint, start) for joint in model.joints),
         lower_xyz=lower,
         upper_xyz=upper,
         height=-lower[2] if lower else None,
+        wheels=wheels,
         drive=drive.describe(model) if drive else None,
         findings=model.findings,
         needs=needs,
-        robot=_block(name, needs, drive),
+        robot=robot_block(robot, drive, *_remarks(model, robot, wheels, drive)),
     )
+
+
+def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], drive: Drive | None) -> Iterator[str]:
+    """What may be so, and is for the robot's owner to say."""
+    if robot.base is None and model.root != WORLD and not wheels and drive is None:
+        yield "base: fixed  # if it is bolted to the world, as arms are"
+    skid_steer = None if drive else _skid_steer(model, wheels)
+    if skid_steer:
+        yield f"drive: {drive_text(skid_steer)}"
+
+
+def _base(model: RobotModel) -> str | None:
+    """What has to be said of a base that weighs nothing: an engine holds it still."""
+    return "fixed" if model.links_by_name[model.root].mass == 0 and model.root != WORLD else None
 
 
 def _link_entry(link: Link) -> LinkEntry:
     return LinkEntry(name=link.name, mass=link.mass, collision_shapes=len(link.collisions))
 
 
-def _joint_entry(joint: Joint) -> JointEntry:
+def _joint_entry(joint: Joint, start: Mapping[str, float]) -> JointEntry:
     return JointEntry(
         name=joint.name,
         type=joint.type,
@@ -104,50 +146,40 @@ def _joint_entry(joint: Joint) -> JointEntry:
         axis_xyz=joint.axis_xyz,
         lower=joint.lower,
         upper=joint.upper,
+        start=start.get(joint.name, 0.0),
         mimics=None if joint.mimic is None else joint.mimic.joint,
     )
 
 
-def _box(model: RobotModel) -> tuple[Vector3, Vector3] | None:
-    """None if there is no shape, or one whose size is not known: a box that leaves something out tells a lie."""
-    if any(shape.lower_xyz is None for link in model.links for shape in link.collisions):
-        return None
-    corners = [corner for link in model.links for corner in _corners(model, link)]
-    if not corners:
-        return None
-    xs, ys, zs = zip(*corners, strict=True)
-    return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
+def _wheels(model: RobotModel, poses: Mapping[str, Pose], ground: float) -> Iterator[WheelEntry]:
+    """Round links that turn about a level axis, as low as anything is; `ground`: m, the z of that."""
+    for joint in model.joints:
+        radius = wheel(model, joint.name).radius
+        if joint.type != "continuous" or radius is None:
+            continue
+        pose = poses[joint.child]
+        axis = geometry.rotate(pose.orientation_xyzw, joint.axis_xyz)
+        if abs(axis[2]) < _ASKEW and pose.position_xyz[2] - radius < ground + _LIFTED * radius:
+            yield WheelEntry(joint=joint.name, radius=radius, position_xyz=pose.position_xyz, axis_xyz=axis)
 
 
-def _corners(model: RobotModel, link: Link) -> Iterator[Vector3]:
-    """Of the boxes around a link's shapes, in the base frame; where a shape is turned, its box is a little large."""
-    frame = link_pose(model, link.name)
-    for shape in link.collisions:
-        yield from _shape_corners(geometry.compose(frame, shape.pose), shape)
+def _skid_steer(model: RobotModel, wheels: tuple[WheelEntry, ...]) -> DiffDrive | None:
+    """The drive of wheels on both sides that all roll forward and none of which is steered."""
+    left, right = (
+        tuple(entry.joint for entry in wheels if entry.position_xyz[1] * side > 0 and entry.axis_xyz[1] > 1 - _ASKEW)
+        for side in (1, -1)
+    )
+    is_skid_steer = left and right and len(left) + len(right) == len(wheels)
+    is_steered = any(_is_steered(model, entry.joint) for entry in wheels)
+    return DiffDrive(left=left, right=right) if is_skid_steer and not is_steered else None
 
 
-def _shape_corners(pose: Pose, shape: Shape) -> Iterator[Vector3]:
-    if shape.lower_xyz is None or shape.upper_xyz is None:
-        return
-    if shape.kind == "sphere":
-        x, y, z = pose.position_xyz
-        radius = shape.upper_xyz[0]
-        yield from ((x - radius, y - radius, z - radius), (x + radius, y + radius, z + radius))
-        return
-    for x, y, z in product(*zip(shape.lower_xyz, shape.upper_xyz, strict=True)):
-        yield geometry.compose(pose, Pose((x, y, z))).position_xyz
-
-
-def _block(name: str, needs: tuple[str, ...], drive: Drive | None) -> str:
-    lines = ["robot:", f"  model: {name}"]
-    if needs:
-        lines.append(f"  allow: [{', '.join(needs)}]")
-    if drive:
-        keys = drive.model_dump(exclude_defaults=True)
-        written = ", ".join(f"{key}: {_written(value)}" for key, value in keys.items())
-        lines.append(f"  drive: {{{drive.key}: {{{written}}}}}")
-    return "\n".join(lines) + "\n"
-
-
-def _written(value: float | tuple[str, ...]) -> str:
-    return f"[{', '.join(value)}]" if isinstance(value, tuple) else f"{value:g}"
+def _is_steered(model: RobotModel, joint: str) -> bool:
+    """Whether a wheel hangs on something that moves."""
+    above = {joint.child: joint for joint in model.joints}
+    link = model.joints_by_name[joint].parent
+    while link in above:
+        if above[link].moves:
+            return True
+        link = above[link].parent
+    return False

@@ -1,0 +1,129 @@
+"""What `sim-action inspect` says of real robots: it is what the engine has, and its block runs as it stands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import pybullet
+import pytest
+import yaml
+
+from bench.robots import ROBOTS, KnownRobot
+from sim_action.kinematics import link_poses, robot_box
+from sim_action.models import load_model
+from sim_action.scene import Scene
+from sim_action.workspace import Workspace
+from sim_action.world import Physics, World
+from tests.integration.conftest import sim_action
+from tests.ros_workspace import ros_workspace
+
+FAR: Final = 50.0
+TIGHT: Final = 2e-4
+"""m: what margins of the engine and its floats come to."""
+TURNED: Final = {"laikago": (0.001, TIGHT), "franka_panda": (TIGHT, 0.012)}
+"""m, where a mesh that is turned reaches furthest: the engine's margin rounds its edges, and we know but its box."""
+ASKEW: Final = (0.001, 0.05)
+every_robot = pytest.mark.parametrize("known", ROBOTS, ids=lambda known: known.name)
+BLOCK: Final = "to paste into a scenario in this folder:\n\n"
+
+
+def engines_box(scene: Scene) -> list[float]:
+    """How far the engine's robot reaches from its base frame along -x, +x, -y, ..."""
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        pybullet.setPhysicsEngineParameter(enableFileCaching=0, physicsClientId=client)
+        body = loaded(scene, client)
+        return [reach(body, axis, sign, client) for axis in range(3) for sign in (-1, 1)]
+    finally:
+        pybullet.disconnect(client)
+
+
+def loaded(scene: Scene, client: int) -> int:
+    path = scene.workspace.directory / "engine.urdf"
+    path.write_text(scene.model.urdf)
+    flags = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
+    body = int(pybullet.loadURDF(str(path), flags=flags, physicsClientId=client))
+    com = pybullet.getDynamicsInfo(body, -1, client)[3:5]
+    pybullet.resetBasePositionAndOrientation(body, *com, client)
+    infos = [pybullet.getJointInfo(body, joint, client) for joint in range(pybullet.getNumJoints(body, client))]
+    for index, name in ((info[0], info[1].decode()) for info in infos):
+        pybullet.resetJointState(body, index, scene.joint_positions.get(name, 0.0), physicsClientId=client)
+    return body
+
+
+def reach(body: int, axis: int, sign: int, client: int) -> float:
+    normal, at = ([value * (place == axis) for place in range(3)] for value in (-sign, sign * FAR))
+    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal, physicsClientId=client)
+    wall = pybullet.createMultiBody(0, shape, basePosition=at, physicsClientId=client)
+    nearest = min(point[8] for point in pybullet.getClosestPoints(body, wall, 2 * FAR, physicsClientId=client))
+    pybullet.removeBody(wall, client)
+    return float(sign * (FAR - nearest))
+
+
+@every_robot
+@pytest.mark.parametrize("askew", [0.0, 0.3])
+def test_the_box_is_the_engines(known: KnownRobot, askew: float, tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path, tmp_path, allow_outside=True)
+    spec = known.robot
+    robots = load_model(spec, workspace)
+    joints = {joint.name: joint.home + askew * (joint.type != "prismatic") for joint in robots.moving_joints}
+    spec = spec.model_copy(update={"joints": joints})
+    scene = Scene(spec, robots, World(), Physics(), workspace)
+    box = robot_box(robots, link_poses(robots, scene.joint_positions))
+    assert box is not None
+    ours = [corner[axis] * (1 if upper else -1) for axis in range(3) for upper, corner in enumerate(box)]
+    engines = [at * (1 if place % 2 else -1) for place, at in enumerate(engines_box(scene))]
+    below, above = ASKEW if askew else TURNED.get(known.name, (TIGHT, TIGHT))
+    for mine, its in zip(ours, engines, strict=True):
+        assert its - below <= mine <= its + above
+
+
+def inspected(folder: Path, model: str, *options: str) -> tuple[str, dict[str, Any]]:
+    text = sim_action(folder, "inspect", model, "--allow-outside", *options)
+    found = sim_action(folder, "inspect", model, "--allow-outside", "--json", *options)
+    assert (text.returncode, found.returncode) == (0, 0), text.stderr
+    block = text.stdout.split(BLOCK)[1]
+    document = json.loads(found.stdout)
+    assert block.strip() == document["robot"].strip()
+    return block, document
+
+
+def run(folder: Path, block: str, **rest: object) -> dict[str, Any]:
+    spec = {"name": "pasted", "time_limit": "2 s", "expect": [{"upright": {"max_tilt": "10 deg"}}], **rest}
+    (folder / "pasted.sim.yml").write_text(block + yaml.safe_dump(spec))
+    ran = sim_action(folder, "run", "--allow-outside", "pasted.sim.yml")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    (outcome,) = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    return dict(outcome)
+
+
+@every_robot
+def test_the_block_of_a_robot_runs_as_it_was_pasted(known: KnownRobot, tmp_path: Path) -> None:
+    packages = [f"--package={name}={folder}" for name, folder in known.robot.packages.items()]
+    block, found = inspected(tmp_path, known.path, *packages)
+    assert tuple(found["needs"]) == known.robot.allow
+    if known.robot.base == "fixed":
+        # An arm that stands on the ground may fall over, so the block offers to bolt it.
+        assert "  base: fixed" in block or "  # base: fixed  # if" in block
+        block = block.replace("# base", "base")
+    assert run(tmp_path, block)["status"] == "passed"
+
+
+def test_the_drive_that_is_offered_drives(tmp_path: Path) -> None:
+    (husky,) = (known for known in ROBOTS if known.name == "husky")
+    block, _ = inspected(tmp_path, husky.path)
+    assert "\n  # drive: {diff: {" in block
+    goal = {"expect": [{"travel": {"at_least": "0.5 m"}}], "commands": {"twist": [{"linear": 0.5}]}, "time_limit": 5}
+    assert run(tmp_path, block.replace("# drive", "drive"), **goal)["status"] == "passed"
+
+
+def test_the_block_of_a_xacro_with_packages_and_arguments_runs(tmp_path: Path) -> None:
+    made = ros_workspace(tmp_path)
+    model = str(made.rover.relative_to(made.root))
+    block, found = inspected(made.root, model, "--arg", "with_lidar=false", "--arg", "mass=3")
+    assert found["mass"] == 3
+    assert 'args: {with_lidar: "false", mass: "3"}' in block
+    goal = {"expect": [{"travel": {"at_least": "0.2 m"}}], "commands": {"twist": [{"linear": 0.5}]}}
+    assert run(made.root, block, **goal)["status"] == "passed"

@@ -1,0 +1,64 @@
+"""The block to paste is YAML that reads back as what it was written from, whatever the names."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.drives.diff import DiffDrive
+from sim_action.robot_block import robot_block
+from sim_action.world import Robot
+from sim_action.yaml_document import read_document
+
+names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), min_size=1, max_size=20)
+
+
+def read(block: str) -> Any:
+    data = read_document("it.sim.yml", block).data
+    assert isinstance(data, dict)
+    return data["robot"]
+
+
+def test_only_what_differs_is_written() -> None:
+    assert robot_block(Robot(model="robots/arm.urdf"), None) == "robot:\n  model: robots/arm.urdf\n"
+
+
+def test_all_of_it() -> None:
+    robot = Robot(
+        model="my robots/arm.xacro",
+        base="fixed",
+        args={"lidar": "true", "mass": 3},
+        packages={"a": "../a"},
+        allow=("b",),
+    )
+    drive = DiffDrive(left=("l",), right=("r",), radius=0.05)
+    assert robot_block(robot, drive, "base: free").splitlines() == [
+        "robot:",
+        '  model: "my robots/arm.xacro"',
+        "  base: fixed",
+        '  args: {lidar: "true", mass: 3}',
+        "  packages: {a: ../a}",
+        "  allow: [b]",
+        "  drive: {diff: {left: [l], right: [r], radius: 0.05}}",
+        "  # base: free",
+    ]
+
+
+@pytest.mark.parametrize("name", ["on", "null", "~", "1e3", "0x1", "a: b", "#a", "[", "-", "'", '"', "\u2028", "🤖"])
+def test_names_that_yaml_would_take_for_something_else_are_quoted(name: str) -> None:
+    assert read(robot_block(Robot(model=name), None)) == {"model": name}
+
+
+@given(names, names, names)
+def test_what_is_written_reads_back(model: str, left: str, right: str) -> None:
+    robot = Robot(model=model, args={left: right}, packages={right: left})
+    drive = DiffDrive(left=(left,), right=(right,))
+    assert read(robot_block(robot, drive)) == {
+        "model": model,
+        "args": {left: right},
+        "packages": {right: left},
+        "drive": {"diff": {"left": (left,), "right": (right,)}},
+    }
