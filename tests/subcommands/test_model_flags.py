@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_action.errors import UsageError
-from sim_action.model_flags import asked_model
+from sim_action.subcommands.model_flags import asked_model
 from sim_action.world import Robot
 
 

@@ -1,0 +1,39 @@
+"""`sim-action matrix`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from sim_action.errors import ExitCode, UsageError
+from sim_action.subcommands.paths import PATHS, discovered, note
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+@click.command()
+@PATHS
+@click.option("--shards", type=click.IntRange(min=1, max=256), metavar="N", required=True, help="How many, at most.")
+@click.option("--durations", metavar="PATH", help="An earlier results.json, by which to balance them.")
+def matrix(paths: Sequence[str], shards: int, durations: str | None) -> ExitCode:
+    """Deal scenarios to shards that take about equally long; print them as JSON, for the matrix of a GitHub job.
+
+    Exit code: 5 if there is no scenario.
+    """
+    from pathlib import Path
+
+    from sim_action.matrix import known_durations, matrix_text
+    from sim_action.outcome import Results
+
+    files, empty = discovered(paths)
+    if not files:
+        return ExitCode.NO_SCENARIO
+    known: dict[str, float] = {}
+    try:
+        known = known_durations(Results.read(Path(durations))) if durations else known
+    except UsageError as error:
+        note(f"{error}; every scenario counts the same")
+    click.echo(matrix_text(files, empty, shards, known))
+    return ExitCode.PASSED

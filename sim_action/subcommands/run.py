@@ -1,0 +1,64 @@
+"""`sim-action run`."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sim_action.errors import ExitCode
+from sim_action.subcommands.paths import ALLOW_OUTSIDE, PATHS, discovered
+from sim_action.subcommands.report_flags import report_flags, report_request
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sim_action.permissions import AllowScripts
+
+
+@click.command()
+@PATHS
+@report_flags
+@click.option("--shard", metavar="I/N", help="Run every N-th scenario of the list only, beginning with the I-th.")
+@click.option(
+    "--jobs", "-j", type=click.IntRange(min=1, max=256), metavar="N", help="At the same time.  [default: the cores]"
+)
+@click.option(
+    "--allow-scripts",
+    type=click.Choice(("auto", "true", "false")),
+    default="auto",
+    show_default=True,
+    help="Run code that scenarios name; auto: but on pull_request_target and workflow_run.",
+)
+@ALLOW_OUTSIDE
+def run(
+    paths: Sequence[str],
+    shard: str | None,
+    jobs: int | None,
+    allow_scripts: AllowScripts,
+    allow_outside: bool,
+    **reports: Any,
+) -> ExitCode:
+    """Run scenarios, report their verdicts.
+
+    Exit code: 0 all passed, 1 a scenario failed or has no verdict, 2 a scenario is invalid, 3 a fault of sim-action,
+    5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1. A shard that has no scenario, of a
+    list that has some, passes.
+    """
+    from sim_action.interruption import Interruption
+
+    with Interruption() as interruption:
+        from sim_action import running
+        from sim_action.permissions import Permissions, scripts_refused
+
+        files, empty = discovered(paths)
+        request = running.RunRequest(
+            files=files,
+            empty=empty,
+            shard=shard,
+            jobs=jobs or len(os.sched_getaffinity(0)),
+            permissions=Permissions(allow_outside, scripts_refused(allow_scripts, os.environ)),
+            reports=report_request(reports),
+        )
+        return running.run(request, interruption)
