@@ -1,0 +1,151 @@
+"""The parts of a scenario whose class depends on a key: drive, commands, expectations. Plain values -> specs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import count
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS, CommandSource
+from sim_action.drives import DRIVES, Drive
+from sim_action.messages import did_you_mean, shown
+from sim_action.permissions import Permissions
+from sim_action.problem_list import ProblemList
+from sim_action.registry import Table
+from sim_action.scenario import Expectation, ExpectationOptions
+from sim_action.spec_errors import spec_errors
+from sim_action.workspace import Workspace
+from sim_action.yaml_document import Document, KeyPath
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class PartReader:
+    """Reads the parts of one document, and notes what is wrong with them.
+
+    Attributes:
+        command_paths, expect_paths: the keys that lead to each command and expectation that was read.
+    """
+
+    def __init__(
+        self, document: Document, workspace: Workspace, permissions: Permissions, problems: ProblemList
+    ) -> None:
+        self.command_paths: list[KeyPath] = []
+        self.expect_paths: list[KeyPath] = []
+        self._document = document
+        self._workspace = workspace
+        self._permissions = permissions
+        self._problems = problems
+
+    def with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
+        """The document's data, with drive, commands and expectations made into objects."""
+        parts = dict(data)
+        if "commands" in data:
+            parts["commands"] = self._commands(data["commands"])
+        if isinstance(data.get("expect"), tuple):
+            parts["expect"] = self._expectations(data["expect"])
+        robot = data.get("robot")
+        if isinstance(robot, dict) and "drive" in robot:
+            parts["robot"] = {**robot, "drive": self._drive(robot["drive"], ("robot", "drive"))}
+        return parts
+
+    def _commands(self, data: Any) -> tuple[CommandSource, ...]:
+        entries: list[tuple[KeyPath, Any]]
+        entries = [(("commands", index), entry) for index, entry in enumerate(data)] if isinstance(data, tuple) else []
+        found = [(path, self._command(entry, path)) for path, entry in entries or [(("commands",), data)]]
+        self.command_paths = [path for path, source in found if source is not None]
+        return tuple(source for _, source in found if source is not None)
+
+    def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
+        key = self._family_key(COMMANDS, data, path, beside=CommandSource)
+        if key is None:
+            return None
+        source = self.validated(COMMANDS.load(key), data, path)
+        if source is not None:
+            self._problems.note_all(path, source.problems(self._workspace))
+            if source.runs_user_code and self._permissions.scripts_refused:
+                self._problems.note((*path, key), self._permissions.scripts_refused)
+        return source
+
+    def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
+        found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(data)]
+        self.expect_paths = [path for path, expectation in found if expectation is not None]
+        return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
+
+    def _expectation(self, data: Any, path: KeyPath) -> Expectation | None:
+        data = {data: None} if isinstance(data, str) else data
+        key = self._family_key(ASSERTIONS, data, path, beside=ExpectationOptions)
+        if key is None:
+            return None
+        spec = {} if data[key] is None else data[key]
+        assertion = self.validated(ASSERTIONS.load(key), spec, (*path, key))
+        beside = {name: value for name, value in data.items() if name != key}
+        options = self.validated(ExpectationOptions, beside, path)
+        if assertion is None or options is None:
+            return None
+        if options.before is not None and options.before <= options.after:
+            self._problems.note((*path, "before"), f"must be later than 'after' ({options.after:g} s)")
+        return Expectation(
+            assertion=assertion,
+            location=self._document.location((*path, key)),
+            name=options.name or assertion.title,
+            after=options.after,
+            before=float("inf") if options.before is None else options.before,
+            severity=options.severity,
+        )
+
+    def _drive(self, data: Any, path: KeyPath) -> Drive | None:
+        key = self._family_key(DRIVES, data, path)
+        return None if key is None else self.validated(DRIVES.load(key), data[key], (*path, key))
+
+    def _family_key(
+        self, table: Table[Any], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
+    ) -> str | None:
+        """The one key of `data` that the table knows; `beside`: the class of the keys that may stand next to it."""
+        names = ", ".join(table)
+        if not isinstance(data, dict):
+            self._problems.note(path, f"expected a map with one {table.kind} ({names}), found {shown(data)}")
+            return None
+        known = [key for key in data if key in table]
+        if len(known) == 1 and (beside or len(data) == 1):
+            return str(known[0])
+        others = [key for key in data if key not in table and key not in (beside.model_fields if beside else ())]
+        if len(known) > 1:
+            self._problems.note((*path, known[1]), f"'{known[0]}' and '{known[1]}' in one entry; begin each with '- '")
+        elif others:
+            self._problems.note(
+                (*path, others[0]), f"unknown {table.kind} '{others[0]}'{did_you_mean(others[0], table)}"
+            )
+        else:
+            self._problems.note(path, f"names no {table.kind}; give one of {names}")
+        return None
+
+    def validated(self, model: type[Model], data: Any, path: KeyPath) -> Model | None:
+        """A spec of what a part of the document says; None if something is wrong with it, which is noted."""
+        try:
+            return model.model_validate(data)
+        except ValidationError as error:
+            for location, message in spec_errors(model, data, error):
+                # A part that was refused is missing from the whole: that is not a second problem.
+                if not self._problems.has_below((*path, *location)):
+                    self._problems.note((*path, *location), message)
+            return None
+
+
+def _with_unique_names(expectations: tuple[Expectation, ...]) -> tuple[Expectation, ...]:
+    """Reports tell assertions apart by name: the second of a name becomes "name (2)"."""
+    taken = {expectation.name for expectation in expectations}
+    seen: set[str] = set()
+    unique = []
+    for expectation in expectations:
+        name = expectation.name
+        if name in seen:
+            name = next(free for n in count(2) if (free := f"{name} ({n})") not in taken)
+        seen.add(name)
+        taken.add(name)
+        unique.append(replace(expectation, name=name))
+    return tuple(unique)
