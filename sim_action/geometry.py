@@ -59,6 +59,17 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
     )
 
 
+def rpy_from_quaternion(rotation: Quaternion) -> Vector3:
+    """Roll, pitch and yaw of a rotation; together they are exact also where pitch is a right angle."""
+    x, y, z, w = rotation
+    forward = rotate(rotation, (1.0, 0.0, 0.0))
+    pitch = math.atan2(-forward[2], math.hypot(forward[0], forward[1]))
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    # What is left when yaw and pitch are turned back is the roll, however badly the two were to be told apart.
+    rx, _, _, rw = multiply(conjugate(quaternion_from_rpy(0.0, pitch, yaw)), rotation)
+    return (math.remainder(2 * math.atan2(rx, rw), 2 * math.pi), pitch, yaw)
+
+
 def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
     """The rotation that applies `second`, then `first`."""
     ax, ay, az, aw = first
@@ -99,3 +110,10 @@ def compose(outer: Pose, inner: Pose) -> Pose:
     ox, oy, oz = outer.position_xyz
     ix, iy, iz = rotate(outer.orientation_xyzw, inner.position_xyz)
     return Pose((ox + ix, oy + iy, oz + iz), multiply(outer.orientation_xyzw, inner.orientation_xyzw))
+
+
+def inverse(pose: Pose) -> Pose:
+    """The pose of the parent frame, seen from the frame that `pose` places in it."""
+    back = conjugate(pose.orientation_xyzw)
+    x, y, z = rotate(back, pose.position_xyz)
+    return Pose((-x, -y, -z), back)

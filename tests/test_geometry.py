@@ -16,9 +16,11 @@ from sim_action.geometry import (
     Vector3,
     compose,
     conjugate,
+    inverse,
     multiply,
     quaternion_from_rpy,
     rotate,
+    rpy_from_quaternion,
 )
 
 QUARTER = math.pi / 2
@@ -71,6 +73,22 @@ def test_composed_poses_are_seen_from_the_outermost_frame() -> None:
     composed = compose(outer, inner)
     assert composed.position_xyz == pytest.approx((1.0, 3.0, 3.0))
     assert abs(composed.yaw) == pytest.approx(math.pi)
+
+
+@given(st.tuples(*[st.floats(-3.1, 3.1)] * 3))
+def test_a_pose_and_its_inverse_cancel(angles: tuple[float, float, float]) -> None:
+    pose = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(*angles))
+    for both in (compose(pose, inverse(pose)), compose(inverse(pose), pose)):
+        assert both.position_xyz == pytest.approx((0, 0, 0), abs=1e-12)
+        assert both.orientation_xyzw == pytest.approx((0, 0, 0, 1), abs=1e-12)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.5, -1.2, QUARTER, -QUARTER, QUARTER - 1e-9])
+@given(roll=st.floats(-3.1, 3.1), yaw=st.floats(-3.1, 3.1))
+def test_roll_pitch_and_yaw_make_the_rotation_they_came_from(pitch: float, roll: float, yaw: float) -> None:
+    rotation = quaternion_from_rpy(roll, pitch, yaw)
+    again = quaternion_from_rpy(*rpy_from_quaternion(rotation))
+    assert multiply(conjugate(rotation), again)[:3] == pytest.approx((0, 0, 0), abs=1e-12)
 
 
 def test_composing_with_no_pose_changes_nothing() -> None:
