@@ -179,6 +179,7 @@ def test_the_burger_weighs_and_is_what_is_published() -> None:
         ("", "not well-formed XML: no element found"),
         ("robot", "not well-formed XML"),
         ("<sdf/>", "a URDF begins with <robot>, this file with <sdf>"),
+        ("<mujoco/>", "it is MJCF, which PyBullet often reads without its joints"),
         ("<robot/>", "a model has at least one <link>, this one has none"),
         ("<robot>" + "<a>" * 5000, "more than 100 elements inside each other"),
         (b"\xff\xfe\x00", "not well-formed XML"),

@@ -52,11 +52,20 @@ _NUMBERS: Final = {
 """Path -> attribute -> how many numbers it holds."""
 
 
+_HINTS: Final = {
+    "mujoco": "; it is MJCF, which PyBullet often reads without its joints; it needs the engine MuJoCo, which "
+    "sim-action does not run yet: convert the model to URDF",
+    "gazebo": "; it is older than SDF 1.4: 'gz sdf -p' writes a newer one",
+}
+"""What is to be done about other formats, by their root."""
+
+
 def robot(document: ModelDocument) -> Iterator[Finding]:
     """Whether it is a URDF at all."""
     root = document.root
     if root.tag != "robot":
-        yield document.finding("not-a-robot", root, f"a URDF begins with <robot>, this file with <{root.tag}>")
+        message = f"a URDF begins with <robot>, this file with <{root.tag}>"
+        yield document.finding("not-a-robot", root, message + _HINTS.get(root.tag, ""))
     elif root.find("link") is None:
         yield document.finding("not-a-robot", root, "a model has at least one <link>, this one has none")
 

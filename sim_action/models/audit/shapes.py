@@ -41,7 +41,7 @@ def extents(document: ModelDocument) -> Iterator[Finding]:
     for shape in _shapes(document):
         largest = max((max(lengths) for lengths in _lengths(shape).values()), default=0.0)
         if largest > LARGEST:
-            message = f"a <{shape.tag}> of {largest:g} m; URDF is in metres: is this in millimetres?"
+            message = f"a <{shape.tag}> of {largest:g} m; models are in metres: is this in millimetres?"
             yield document.finding("absurd-size", shape, message)
 
 

@@ -35,19 +35,22 @@ def tree(document: ModelDocument) -> Iterator[Finding]:
     """Every link can be reached from one root, in one way."""
     links = {link.attrib["name"] for link in document.elements("link")}
     children: dict[str, list[str]] = {}
-    has_parent = set[str]()
+    carriers: dict[str, str] = {}
     for joint in document.elements("joint"):
         name, parent, child = joint.attrib["name"], parent_of(joint), child_of(joint)
         for link in (parent, child):
             if link not in links:
                 yield document.finding("unknown-link", joint, f"joint '{name}' names the unknown link '{link}'")
-        if child in has_parent:
-            yield document.finding("two-parents", joint, f"link '{child}' is the child of two joints")
-        has_parent.add(child)
+        if child in carriers:
+            message = f"link '{child}' is the child of two joints, '{carriers[child]}' and '{name}': it can hang on one"
+            yield document.finding("two-parents", joint, message)
+        carriers[child] = name
         children.setdefault(parent, []).append(child)
-    roots = sorted(links - has_parent)
+    roots = sorted(links - carriers.keys())
     if len(roots) != 1:
-        found = f"{len(roots)}: {', '.join(roots)}" if roots else "none: its joints form a loop"
+        found = (
+            f"{len(roots)}: {', '.join(roots)}; join them by fixed joints" if roots else "none: its joints form a loop"
+        )
         yield document.finding("one-root", document.root, f"a model has one root link, this one has {found}")
     elif lost := sorted(links - _reached(roots[0], children)):
         yield document.finding("loop", document.root, f"joints form a loop among the links {', '.join(lost)}")
