@@ -25,6 +25,32 @@ def test_a_built_in_model_is_named_without_a_path(name: str, tmp_path: Path) -> 
     assert load_model(Robot(model=name), Workspace(tmp_path, tmp_path)).name == name
 
 
+SDF = """\
+<sdf version="1.9">
+  <model name="box">
+    <link name="base">
+      <inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>
+    </link>
+  </model>
+</sdf>
+"""
+
+
+@pytest.mark.parametrize("name", ["box.sdf", "box.world", "box.urdf"])
+def test_sdf_is_known_by_what_is_in_the_file(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(SDF)
+    assert load_model(Robot(model=name), Workspace(tmp_path, tmp_path)).root == "base"
+
+
+def test_sdf_is_made_by_xacro(tmp_path: Path) -> None:
+    made = SDF.replace("<sdf", '<sdf xmlns:xacro="http://www.ros.org/wiki/xacro"').replace(
+        "<mass>1", '<xacro:arg name="mass" default="1"/><mass>$(arg mass)'
+    )
+    (tmp_path / "box.sdf.xacro").write_text(made)
+    robot = Robot(model="box.sdf.xacro", args={"mass": 2.5})
+    assert load_model(robot, Workspace(tmp_path, tmp_path)).mass == 2.5
+
+
 def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
     (tmp_path / "box.urdf").write_text(URDF)
     assert load_model(Robot(model="box.urdf"), Workspace(tmp_path, tmp_path)).source == str(tmp_path / "box.urdf")
@@ -34,16 +60,22 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("turtlebot3", "unknown robot 'turtlebot3'; did you mean 'turtlebot3_burger'?"),
-        ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf or .xacro file"),
+        ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf, .xacro or .sdf file"),
         ("package://a/b.urdf", "refers to the package 'a', which is not there"),
         ("absent.xacro", "'absent.xacro' does not exist"),
         ("absent.urdf", "'absent.urdf' does not exist"),
         ("../box.urdf", "is outside the workspace"),
         (".", "'.' is a folder"),
         ("a\0.urdf", "cannot be a file"),
+        ("model://absent", "refers to the model 'absent', which is not there"),
+        ("model://", "names no file"),
+        ("ant.xml", "it is MJCF, which PyBullet often reads without its joints"),
+        ("robot.sdf", "a URDF begins with <robot>, this file with <model>"),
     ],
 )
 def test_what_is_no_model_is_told_with_what_would_be(name: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "ant.xml").write_text("<mujoco/>")
+    (tmp_path / "robot.sdf").write_text("<model/>")
     with pytest.raises(ModelError) as raised:
         load_model(Robot(model=name), Workspace(tmp_path, tmp_path))
     assert message in str(raised.value)

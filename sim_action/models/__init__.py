@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -9,6 +10,8 @@ from typing import Final
 
 from sim_action.errors import ModelError
 from sim_action.messages import did_you_mean
+from sim_action.models.document import ModelDocument, read_document
+from sim_action.models.model_files import find_model_file, is_model_folder
 from sim_action.models.packages import PackageError, Packages
 from sim_action.models.urdf import model_of, read_urdf
 from sim_action.robot_model import RobotModel
@@ -33,13 +36,24 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     packages = Packages(workspace, robot.packages)
     path = _path(robot.model, packages)
     if not robot.is_xacro:
-        return read_urdf(path, packages, robot.allow)
+        return _model(read_document(path), path, packages, robot.allow)
     # xacro takes 40 ms to import.
     from sim_action.models.expansion import read_xacro
 
     document, warnings = read_xacro(path, robot.args, packages)
-    model = model_of(document, path, packages, robot.allow)
+    model = _model(document, path, packages, robot.allow)
     return replace(model, findings=(*model.findings, *warnings))
+
+
+def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
+    """The model in a document of URDF or SDF, whatever its file is called."""
+    if document.root.tag != "sdf":
+        return model_of(document, path, packages, allow)
+    from sim_action.models.sdf import urdf_of_sdf
+
+    urdf, findings = urdf_of_sdf(document, path, packages, allow)
+    model = model_of(urdf, path, packages, allow)
+    return replace(model, findings=(*model.findings, *findings))
 
 
 def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
@@ -52,9 +66,12 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
 
 def _path(name: str, packages: Packages) -> Path:
     if "/" not in name and "." not in name:
-        raise ModelError(f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}, or the path of a .urdf or .xacro file")
+        formats = "or the path of a .urdf, .xacro or .sdf file"
+        raise ModelError(f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}, {formats}")
     workspace = packages.workspace
     try:
-        return packages.resolve(name, workspace.directory / "scenario").path if "://" in name else workspace.file(name)
+        if "://" in name or is_model_folder(workspace.directory / name):
+            return find_model_file(name, workspace.directory / "scenario", packages).path
+        return workspace.file(name)
     except (PathError, PackageError) as error:
         raise ModelError(str(error)) from None

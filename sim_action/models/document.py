@@ -28,10 +28,17 @@ _HEAD: Final = 64
 
 @dataclass(frozen=True, eq=False)
 class ModelDocument:
-    """A parsed file."""
+    """A parsed file.
+
+    Attributes:
+        root: of all elements.
+        places: where each element was written.
+        files: the file from which relative paths of an element start, where that is not the model's own.
+    """
 
     root: Element
     places: Mapping[Element, Location] = field(repr=False)
+    files: Mapping[Element, Path] = field(default_factory=dict, repr=False)
 
     def finding(self, rule: str, element: Element, message: str) -> Finding:
         """A finding at an element."""

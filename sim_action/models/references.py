@@ -48,7 +48,7 @@ def _resolve(document: ModelDocument, path: Path, packages: Packages, boxes: dic
         if mesh is None:
             continue
         try:
-            found = packages.resolve(mesh.attrib["filename"], path)
+            found = packages.resolve(mesh.attrib["filename"], document.files.get(mesh, path))
         except PackageError as error:
             rule = "missing-visual" if shape.tag == "visual" else "missing-mesh"
             yield document.finding(rule, mesh, str(error))

@@ -1,0 +1,41 @@
+"""SDF texts, and what loading makes of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sim_action.models import load_model
+from sim_action.robot_model import RobotModel
+from sim_action.workspace import Workspace
+from sim_action.world import Robot
+from tests.ros_workspace import written
+
+INERTIAL = (
+    "<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz>"
+    "<ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia></inertial>"
+)
+SPHERE = "<collision name='c'><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>"
+
+
+def link(name: str, inside: str = "") -> str:
+    return f'<link name="{name}">{inside}{INERTIAL}{SPHERE}</link>'
+
+
+def joint(name: str, parent: str, child: str, inside: str = "", kind: str = "fixed") -> str:
+    ends = f"<parent>{parent}</parent><child>{child}</child>"
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
+
+
+def sdf(*parts: str, version: str = "1.9", attributes: str = "") -> str:
+    """One part a line, the first on line 3."""
+    body = "\n".join(parts)
+    return f'<sdf version="{version}">\n<model name="m"{attributes}>\n{body}\n</model>\n</sdf>\n'
+
+
+def load(folder: Path, text: str, allow: tuple[str, ...] = ()) -> RobotModel:
+    written(folder / "robot.sdf", text)
+    return load_named(folder, "robot.sdf", allow)
+
+
+def load_named(folder: Path, name: str, allow: tuple[str, ...] = ()) -> RobotModel:
+    return load_model(Robot(model=name, allow=allow), Workspace(folder, folder))

@@ -1,0 +1,384 @@
+"""SDF -> RobotModel: where frames are and what axes mean, by hand; then what links and joints hold."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from sim_action.drives.wheels import link_pose
+from sim_action.geometry import Vector3, rotate
+from sim_action.models.sdf.values import UNLIMITED
+from sim_action.robot_model import Mimic, Plugin, RobotModel
+from tests.models.sdf_models import INERTIAL, SPHERE, joint, link, load, sdf
+
+HALF = math.pi / 2
+QUARTER_TURN = f"0 0 0 0 0 {HALF}"
+
+
+def position(model: RobotModel, name: str) -> Vector3:
+    """Of a link in the base frame."""
+    return link_pose(model, name).position_xyz
+
+
+def facing(model: RobotModel, name: str) -> Vector3:
+    """Where the x axis of a link points, in the base frame."""
+    return rotate(link_pose(model, name).orientation_xyzw, (1.0, 0.0, 0.0))
+
+
+def near(x: float, y: float, z: float) -> object:
+    return pytest.approx((x, y, z), abs=1e-12)
+
+
+def rules(model: RobotModel) -> list[str]:
+    return [finding.rule for finding in model.findings]
+
+
+# --- frames ---
+
+
+def test_a_link_is_placed_in_the_models_frame(tmp_path: Path) -> None:
+    model = load(
+        tmp_path,
+        sdf(link("a", "<pose>1 0 0 0 0 0</pose>"), link("b", "<pose>1 2 0 0 0 0</pose>"), joint("j", "a", "b")),
+    )
+    assert model.root == "a"
+    assert position(model, "b") == near(0, 2, 0)
+
+
+def test_a_turned_root_turns_what_it_sees(tmp_path: Path) -> None:
+    root, child = link("a", f"<pose>{QUARTER_TURN}</pose>"), link("b", "<pose>0 2 0 0 0 0</pose>")
+    model = load(tmp_path, sdf(root, child, joint("j", "a", "b")))
+    assert position(model, "b") == near(2, 0, 0)
+    assert facing(model, "b") == near(0, -1, 0)
+    (finding,) = model.findings
+    assert finding.rule == "turned-base"
+    assert finding.message.endswith("robot.pose: {yaw: 90 deg}")
+    assert finding.location.line == 3
+
+
+@pytest.mark.parametrize(
+    ("pose", "expected"),
+    [
+        ('<pose relative_to="a">0 0 1 0 0 0</pose>', (0, 0, 1)),
+        ('<pose relative_to="f">0 0 1 0 0 0</pose>', (5, 0, 1)),
+        ('<pose relative_to="j">0 0 1 0 0 0</pose>', (0, 7, 1)),
+        ('<pose relative_to="__model__">0 0 1 0 0 0</pose>', (-3, 0, 1)),
+        ('<pose relative_to="">0 0 1 0 0 0</pose>', (-3, 0, 1)),
+        ("<pose/>", (-3, 0, 0)),
+        ('<pose relative_to="g"/>', (5, 0, 2)),
+    ],
+)
+def test_a_link_is_placed_relative_to_what_its_pose_names(pose: str, expected: Vector3, tmp_path: Path) -> None:
+    parts = (
+        link("a", "<pose>3 0 0 0 0 0</pose>"),
+        '<frame name="f" attached_to="a"><pose>5 0 0 0 0 0</pose></frame>',
+        '<frame name="g"><pose relative_to="f">0 0 2 0 0 0</pose></frame>',
+        link("b", pose),
+        joint("j", "a", "b", '<pose relative_to="a">0 7 0 0 0 0</pose>'),
+    )
+    assert position(load(tmp_path, sdf(*parts)), "b") == near(*expected)
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        f"<pose>1 2 3 0 0 {HALF}</pose>",
+        '<pose degrees="true">1 2 3 0 0 90</pose>',
+        '<pose rotation_format="quat_xyzw">1 2 3 0 0 1 1</pose>',
+        '<pose rotation_format="euler_rpy" degrees="1">\n  1 2 3\n  0 0 90\n</pose>',
+    ],
+)
+def test_a_rotation_is_written_in_three_ways(pose: str, tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(link("a"), link("b", pose), joint("j", "a", "b")))
+    assert (position(model, "b"), facing(model, "b")) == (near(1, 2, 3), near(0, 1, 0))
+
+
+def test_a_long_chain_of_frames_is_followed(tmp_path: Path) -> None:
+    attached = [("f0", "a"), *((f"f{n}", f"f{n - 1}") for n in range(1, 5_000))]
+    pose = "<pose>0.01 0 0 0 0 0</pose>"
+    frames = [f'<frame name="{name}" attached_to="{other}">{pose}</frame>' for name, other in attached]
+    parts = (link("a"), link("b", '<pose relative_to="f4999"/>'), joint("j", "f4999", "b"))
+    model = load(tmp_path, sdf(*parts, *reversed(frames)))
+    assert model.joints[0].parent == "a"
+    assert position(model, "b") == pytest.approx((50, 0, 0))
+
+
+def test_a_joint_joins_the_links_that_frames_are_attached_to(tmp_path: Path) -> None:
+    parts = (
+        link("a"),
+        link("b", "<pose>4 0 0 0 0 0</pose>"),
+        '<frame name="mount" attached_to="a"><pose>1 0 0 0 0 0</pose></frame>',
+        '<frame name="flange" attached_to="grip"/>',
+        '<frame name="grip" attached_to="b"><pose>1 0 0 0 0 0</pose></frame>',
+        joint("j", "mount", "flange", "<axis><xyz>0 0 1</xyz></axis>", "continuous"),
+    )
+    model = load(tmp_path, sdf(*parts))
+    (made,) = model.joints
+    assert (made.parent, made.child) == ("a", "b")
+    # The joint is where the flange is, 1 m in front of its link.
+    assert position(model, "b") == near(5, 0, 0)
+
+
+def test_a_models_frame_is_attached_to_its_canonical_link(tmp_path: Path) -> None:
+    inner = f'<model name="arm" canonical_link="b">{link("a")}{link("b")}{joint("j", "a", "b")}</model>'
+    on_arm = joint("k", "arm", "tool")
+    assert load(tmp_path, sdf(inner, link("tool"), on_arm)).joints_by_name["k"].parent == "arm::b"
+
+
+def test_in_old_files_a_joint_may_have_the_name_of_a_link(tmp_path: Path) -> None:
+    parts = (joint("b", "a", "b"), link("a"), link("b"), joint("c", "b", "c"), link("c"))
+    model = load(tmp_path, sdf(*parts, version="1.6"))
+    assert [(joint.parent, joint.child) for joint in model.joints] == [("a", "b"), ("b", "c")]
+
+
+# --- joints and their frames ---
+
+
+def turning(pose: str = "", axis: str = "<xyz>0 0 1</xyz>", kind: str = "revolute") -> str:
+    child = link("b", f"<pose>1 0 0 0 0 {HALF}</pose>")
+    return "\n".join((link("a"), child, joint("j", "a", "b", f"{pose}<axis>{axis}</axis>", kind)))
+
+
+def test_a_link_whose_joint_is_elsewhere_has_its_frame_at_the_joint(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(turning("<pose>0.5 0 0 0 0 0</pose>")))
+    # The joint is half a metre along the child's x axis, which is the parent's y.
+    assert position(model, "b") == near(1, 0.5, 0)
+    (shape,) = model.links_by_name["b"].collisions
+    assert shape.pose.position_xyz == near(-0.5, 0, 0)
+    inertial = ET.fromstring(model.urdf).find("link[@name='b']/inertial/origin")
+    assert inertial is not None
+    assert [float(word) for word in inertial.attrib["xyz"].split()] == pytest.approx([-0.5, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("pose", "kind"), [("0 0 0.5 0 0 0", "revolute"), ("0.5 0 0 0 0 0", "prismatic"), ("0 1 0.5 0 0 0", "fixed")]
+)
+def test_a_link_keeps_its_frame_where_that_moves_alike(pose: str, kind: str, tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(turning(f"<pose>{pose}</pose>", kind=kind)))
+    assert position(model, "b") == near(1, 0, 0)
+    assert model.links_by_name["b"].collisions[0].pose.position_xyz == near(0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("version", "axis", "expected"),
+    [
+        # The child is turned by 90 degrees about z, and the joint by as much again: its x axis is the parent's -x.
+        ("1.4", "<xyz>1 0 0</xyz>", (0, -1, 0)),
+        ("1.6", "<xyz>1 0 0</xyz>", (0, 1, 0)),
+        ("1.6", "<xyz>1 0 0</xyz><use_parent_model_frame>true</use_parent_model_frame>", (0, -1, 0)),
+        ("1.6", "<xyz>1 0 0</xyz><use_parent_model_frame>0</use_parent_model_frame>", (0, 1, 0)),
+        ("1.7", "<xyz>1 0 0</xyz>", (0, 1, 0)),
+        ("1.9", '<xyz expressed_in="__model__">1 0 0</xyz>', (0, -1, 0)),
+        ("1.9", '<xyz expressed_in="b">1 0 0</xyz>', (1, 0, 0)),
+        ("1.9", '<xyz expressed_in="a">1 0 0</xyz>', (0, -1, 0)),
+        ("1.9", "", (0, 0, 1)),
+    ],
+)
+def test_an_axis_is_in_the_frame_that_its_version_says(
+    version: str, axis: str, expected: Vector3, tmp_path: Path
+) -> None:
+    text = sdf(turning(f"<pose>{QUARTER_TURN}</pose>", axis), version=version)
+    (made,) = load(tmp_path, text).joints
+    assert made.axis_xyz == near(*expected)
+
+
+@pytest.mark.parametrize(
+    ("limit", "type_", "lower", "upper"),
+    [
+        ("", "continuous", None, None),
+        ("<limit><lower>-1e16</lower><upper>1e+16</upper></limit>", "continuous", None, None),
+        ("<limit><lower>-inf</lower><upper>inf</upper></limit>", "continuous", None, None),
+        ("<limit><effort>3</effort></limit>", "continuous", None, None),
+        ("<limit><lower>-1</lower><upper>2</upper></limit>", "revolute", -1, 2),
+        ("<limit><lower>0</lower></limit>", "revolute", 0, UNLIMITED),
+        ("<limit><lower>0</lower><upper>inf</upper></limit>", "revolute", 0, UNLIMITED),
+    ],
+)
+def test_a_joint_without_limits_turns_for_ever(
+    limit: str, type_: str, lower: float | None, upper: float | None, tmp_path: Path
+) -> None:
+    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limit}"))).joints
+    assert (made.type, made.lower, made.upper) == (type_, lower, upper)
+
+
+@pytest.mark.parametrize(
+    ("effort", "velocity", "expected"), [("-1", "-1", (None, None)), ("inf", "2", (None, 2)), ("5", "1e16", (5, None))]
+)
+def test_a_negative_or_infinite_effort_is_no_limit(
+    effort: str, velocity: str, expected: tuple[float | None, float | None], tmp_path: Path
+) -> None:
+    limit = f"<limit><effort>{effort}</effort><velocity>{velocity}</velocity></limit>"
+    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limit}", kind="continuous"))).joints
+    assert (made.max_effort, made.max_velocity) == expected
+
+
+def test_a_slider_without_limits_slides(tmp_path: Path) -> None:
+    (made,) = load(tmp_path, sdf(turning(kind="prismatic"))).joints
+    assert (made.type, made.lower, made.upper) == ("prismatic", -UNLIMITED, UNLIMITED)
+
+
+def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:
+    leader = joint("lead", "a", "b", "<axis><xyz>0 0 1</xyz></axis>", "continuous")
+    mimic = '<mimic joint="lead"><multiplier>2</multiplier><offset>1</offset><reference>0.25</reference></mimic>'
+    dynamics = (
+        "<dynamics><damping>0.3</damping><friction>0.2</friction><spring_stiffness>9</spring_stiffness></dynamics>"
+    )
+    start = "<initial_position>0.5</initial_position>"
+    follower = joint("j", "b", "c", f"<axis><xyz>0 0 1</xyz>{start}{dynamics}{mimic}</axis>", "continuous")
+    model = load(tmp_path, sdf(link("a"), link("b"), link("c"), leader, follower, version="1.11"))
+    made = ET.fromstring(model.urdf).find("joint[@name='j']/dynamics")
+    assert made is not None
+    assert made.attrib == {"damping": "0.3", "friction": "0.2"}
+    assert model.joints_by_name["j"].mimic == Mimic("lead", 2.0, 0.5)
+    assert rules(model) == ["passed-over", "passed-over"]
+    assert "robot.joints: {j: 0.5}" in model.findings[0].message
+
+
+@pytest.mark.parametrize("kind", ["ball", "universal", "screw", "revolute2"])
+def test_a_joint_that_is_not_simulated_is_fixed_where_that_is_allowed(kind: str, tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", "", kind)), allow=("unsupported-joint",))
+    assert model.joints[0].type == "fixed"
+    assert rules(model) == ["unsupported-joint"]
+
+
+# --- the world ---
+
+
+def test_what_hangs_on_the_world_is_where_the_file_puts_it(tmp_path: Path) -> None:
+    parts = ("<pose>0 0 1 0 0 0</pose>", link("a", "<pose>2 0 0 0 0 0</pose>"), joint("j", "world", "a"))
+    model = load(tmp_path, sdf(*parts))
+    assert model.root == "world"
+    assert position(model, "a") == near(2, 0, 1)
+
+
+def test_a_placement_frame_is_what_the_pose_is_of(tmp_path: Path) -> None:
+    parts = ("<pose>0 0 1 0 0 0</pose>", link("a", "<pose>2 0 0 0 0 0</pose>"), joint("j", "world", "a"))
+    model = load(tmp_path, sdf(*parts, attributes=' placement_frame="a"'))
+    assert position(model, "a") == near(0, 0, 1)
+
+
+def test_what_is_static_hangs_on_the_world_and_does_not_move(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<static>true</static>", turning(), link("lid", "<pose>0 0 3 0 0 0</pose>")))
+    assert model.root == "world"
+    assert {joint.type for joint in model.joints} == {"fixed"}
+    assert (position(model, "b"), position(model, "lid")) == (near(1, 0, 0), near(0, 0, 3))
+
+
+# --- links ---
+
+
+def test_the_mass_and_its_place_are_read(tmp_path: Path) -> None:
+    inertial = INERTIAL.replace("<mass>1", f"<pose>1 2 3 0 0 {HALF}</pose><mass>2.5")
+    model = load(tmp_path, sdf(f'<link name="a">{inertial}{SPHERE}</link>'))
+    assert model.mass == 2.5
+    assert model.findings == ()
+    origin = ET.fromstring(model.urdf).find("link/inertial/origin")
+    assert origin is not None
+    assert origin.attrib["xyz"] == "1.0 2.0 3.0"
+    assert [float(word) for word in origin.attrib["rpy"].split()] == pytest.approx([0, 0, HALF])
+
+
+def test_what_an_inertial_leaves_out_is_as_the_format_has_it(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(f'<link name="a">{SPHERE}<inertial/></link>'))
+    assert model.mass == 1.0
+    (finding,) = model.findings
+    assert finding.rule == "default-inertia"
+    assert "1 kg of mass, 1 kg m^2 of inertia/ixx" in finding.message
+
+
+def test_a_link_without_inertial_weighs_next_to_nothing(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(link("a"), f'<link name="b">{SPHERE}</link>', joint("j", "a", "b")))
+    assert (model.mass, rules(model)) == (1.0, ["missing-inertia"])
+
+
+@pytest.mark.parametrize(
+    ("shape", "upper"),
+    [
+        ("<box><size>1 2 3</size></box>", (0.5, 1, 1.5)),
+        ("<sphere><radius>2</radius></sphere>", (2, 2, 2)),
+        ("<cylinder><radius>2</radius><length>3</length></cylinder>", (2, 2, 1.5)),
+        ("<capsule><radius>2</radius><length>3</length></capsule>", (2, 2, 3.5)),
+        ("<ellipsoid><radii>2 2 2</radii></ellipsoid>", (2, 2, 2)),
+    ],
+)
+def test_shapes_have_their_size(shape: str, upper: Vector3, tmp_path: Path) -> None:
+    collision = f'<collision name="c"><pose>1 0 0 0 0 0</pose><geometry>{shape}</geometry></collision>'
+    model = load(tmp_path, sdf(f'<link name="a">{collision}{INERTIAL}</link>'))
+    (read,) = model.links[0].collisions
+    assert (read.upper_xyz, read.pose.position_xyz) == (upper, (1, 0, 0))
+
+
+def test_what_is_empty_collides_with_nothing(tmp_path: Path) -> None:
+    empty = '<collision name="e"><geometry><empty/></geometry></collision>'
+    assert len(load(tmp_path, sdf(link("a", empty))).links[0].collisions) == 1
+
+
+def test_a_part_of_a_link_may_be_placed_relative_to_another_frame(tmp_path: Path) -> None:
+    part = '<collision name="d"><pose relative_to="a">0 0 1 0 0 0</pose><geometry><sphere><radius>1</radius></sphere>'
+    child = link("b", f"<pose>5 0 0 0 0 0</pose>{part}</geometry></collision>")
+    model = load(tmp_path, sdf(link("a"), child, joint("j", "a", "b")))
+    assert model.links_by_name["b"].collisions[0].pose.position_xyz == near(-5, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("frictions", "expected", "found"),
+    [
+        ([""], 1.0, []),
+        (["<mu>0.2</mu><mu2>0.3</mu2>"], 0.2, ["two-frictions"]),
+        (["<mu>0.2</mu>"], 0.2, []),
+        (["<mu>100</mu><mu2>50</mu2>"], 1.0, ["two-frictions"]),
+        (["<mu>0.2</mu><mu2>0.2</mu2>", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["passed-over"]),
+        (["<mu>0.2</mu><mu2>0.2</mu2>", ""], 0.2, []),
+    ],
+)
+def test_friction_is_what_a_collision_of_the_link_says(
+    frictions: list[str], expected: float, found: list[str], tmp_path: Path
+) -> None:
+    surfaces = [f"<surface><friction><ode>{text}</ode></friction></surface>" if text else "" for text in frictions]
+    shapes = [SPHERE.replace("</collision>", f"{surface}</collision>") for surface in surfaces]
+    model = load(tmp_path, sdf(f'<link name="a">{INERTIAL}{"".join(shapes)}</link>'))
+    assert model.links[0].surface.friction == expected
+    assert rules(model) == found
+
+
+def test_stiffness_and_damping_of_contacts_are_handed_on(tmp_path: Path) -> None:
+    contact = "<surface><contact><ode><kp>1e5</kp><kd>10</kd></ode></contact></surface>"
+    model = load(
+        tmp_path, sdf(f'<link name="a">{INERTIAL}{SPHERE.replace("</collision>", contact + "</collision>")}</link>')
+    )
+    assert (model.links[0].surface.stiffness, model.links[0].surface.damping) == (1e5, 10)
+
+
+def test_plugins_are_handed_on_as_they_stand(tmp_path: Path) -> None:
+    plugin = (
+        '<plugin filename="libdrive.so" name="drive"><left_joint>wl</left_joint><odom><rate>30</rate></odom></plugin>'
+    )
+    model = load(tmp_path, sdf(link("a"), plugin))
+    assert model.plugins == (Plugin("drive", (("left_joint", "wl"), ("odom", ""))),)
+    assert ET.fromstring(model.urdf).findtext("gazebo/plugin/odom/rate") == "30"
+
+
+@pytest.mark.parametrize(
+    "inside", ["<gravity>false</gravity>", "<kinematic>1</kinematic>", "<self_collide>true</self_collide>"]
+)
+def test_what_a_link_is_and_is_not_simulated_as_is_said(inside: str, tmp_path: Path) -> None:
+    assert rules(load(tmp_path, sdf(link("a", inside)))) == ["passed-over"]
+    assert rules(load(tmp_path, sdf(link("a", "<gravity>true</gravity>")))) == []
+
+
+def test_what_never_had_a_meaning_is_said(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<self_collide>1</self_collide>", link("a", '<pose frame="base"/>'), version="1.6"))
+    assert rules(model) == ["passed-over", "passed-over"]
+    assert [finding.location.line for finding in model.findings] == [2, 4]
+
+
+def test_a_link_named_world_is_the_world_where_it_may_be(tmp_path: Path) -> None:
+    parts = ('<link name="world"/>', link("a"), joint("j", "world", "a"))
+    assert [link.name for link in load(tmp_path, sdf(*parts, version="1.6")).links] == ["world", "a"]
+
+
+def test_a_newer_version_is_read_as_the_newest_that_is_known(tmp_path: Path) -> None:
+    assert rules(load(tmp_path, sdf(link("a"), version="1.12"))) == ["passed-over"]
