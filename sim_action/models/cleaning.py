@@ -7,14 +7,16 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.models.audit.inertia import principal_moments
-from sim_action.models.audit.joints import LIMITED, UNSUPPORTED, is_free_base, trouble_of_mimic
+from sim_action.models.audit.joints import UNSUPPORTED, is_free_base, trouble_of_mimic
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import child_of, is_expression, number, parent_of
+from sim_action.models.values import child_of, number, parent_of
 
 # Of a link that does not say what it weighs: this share of what the others weigh, as a ball of this radius in m.
 _NEGLIGIBLE_SHARE: Final = 1e-4
 _NEGLIGIBLE_RADIUS: Final = 0.05
 _LEAST_MASS: Final = 1e-6
+# What engines are off by where they look for the principal axes: a flat plate is at the limit, and it is no mistake.
+_ROUNDING: Final = 1e-6
 
 
 def fill_in_inertia(document: ModelDocument) -> None:
@@ -45,12 +47,23 @@ def drop_zero_masses(document: ModelDocument) -> None:
 
 
 def mend_inertia(document: ModelDocument) -> None:
-    """A body that resists no turning would turn without end: what was let go as that is a ball of the same mass."""
+    """Inertias that the engine would take for none at all, which is a body that no torque turns."""
     for inertial in document.elements("link/inertial"):
         inertia = inertial.find("inertia")
-        if inertia is not None and principal_moments(inertia)[0] <= 0:
+        if inertia is None:
+            continue
+        least, middle, most = sorted(principal_moments(inertia))
+        if least <= 0:
             ball = _ball(number(inertial.find("mass"), "value") or _LEAST_MASS)
             inertia.attrib.update(cast(Element, ball.find("inertia")).attrib)
+        elif (lacking := most - least - middle + _ROUNDING * most) > 0:
+            _spread(inertia, lacking)
+
+
+def _spread(inertia: Element, moment: float) -> None:
+    """Adds as much about every axis: the principal axes stay, and no moment exceeds the sum of the others by now."""
+    for name in ("ixx", "iyy", "izz"):
+        inertia.set(name, repr((number(inertia, name) or 0.0) + moment))
 
 
 def drop_empty_root(document: ModelDocument) -> None:
@@ -75,32 +88,3 @@ def drop_odd_mimics(document: ModelDocument) -> None:
     odd = [joint for joint in joints.values() if trouble_of_mimic(joint, joints) is not None]
     for joint in odd:
         joint.remove(cast(Element, joint.find("mimic")))
-
-
-def fill_in_limits(document: ModelDocument) -> None:
-    """A joint that was let go without limits has none; an engine would refuse one without the element."""
-    for joint in document.elements("joint"):
-        if joint.attrib["type"] in LIMITED and joint.find("limit") is None:
-            ET.SubElement(joint, "limit")
-
-
-def drop_expressions(document: ModelDocument) -> None:
-    """What was let go as an expression is left out."""
-    for element in document.root.iter():
-        for name in [name for name, text in element.attrib.items() if is_expression(text)]:
-            del element.attrib[name]
-
-
-def drop_visuals(document: ModelDocument) -> None:
-    """Nothing is rendered, and each is a file of somebody's that an engine would open."""
-    for link in document.elements("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
-    for material in document.elements("material"):
-        document.root.remove(material)
-
-
-def engine_text(document: ModelDocument) -> str:
-    """The model on short lines: the engine's parser cuts long ones inside a token."""
-    ET.indent(document.root)
-    return ET.tostring(document.root, encoding="unicode")

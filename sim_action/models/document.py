@@ -72,6 +72,21 @@ def _bytes(path: Path, where: Location) -> bytes:
     return data
 
 
+_MISPLACED: Final = expat.errors.codes[expat.errors.XML_ERROR_MISPLACED_XML_PI]
+
+
+def _trouble(error: expat.ExpatError, data: bytes) -> str:
+    """What the parser says, and what other tools let pass that it does not."""
+    if error.code == _MISPLACED:
+        return "something stands before <?xml ...?>, which must be the first in a file; remove either"
+    if error.lineno == 1 and b"\0" in data[:_HEAD]:
+        return f"{expat.errors.messages[error.code]}; it does not even begin as text: is this a model?"
+    lines = data.split(b"\n")
+    if error.lineno <= len(lines) and lines[error.lineno - 1][error.offset : error.offset + 1] == b"\0":
+        return "a NUL character; remove it"
+    return expat.errors.messages[error.code]
+
+
 class _Parser:
     """One file while it is parsed: elements, and the place of each."""
 
@@ -91,9 +106,7 @@ class _Parser:
             self._expat.Parse(data, True)
             return ModelDocument(self._builder.close(), self._places)
         except expat.ExpatError as error:
-            is_text = error.lineno > 1 or b"\0" not in data[:_HEAD]
-            hint = "" if is_text else "; it does not even begin as text: is this a model?"
-            self._refuse(f"not well-formed XML: {expat.errors.messages[error.code]}{hint}", error.lineno)
+            self._refuse(f"not well-formed XML: {_trouble(error, data)}", error.lineno)
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
             self._refuse(f"{error}; save the model as UTF-8", 1)
         raise AssertionError("unreachable")

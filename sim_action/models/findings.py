@@ -33,6 +33,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "not-a-robot": Rule("fatal", "a file that is no robot model, or not one alone"),
         "missing-part": Rule("fatal", "an element without a part or an attribute that it must have"),
         "bad-number": Rule("fatal", "text where finite numbers are due"),
+        "bad-name": Rule("fatal", "a name of a link or a joint that is longer than an engine takes"),
         "duplicate-name": Rule("fatal", "two links, or two joints, of one name"),
         "unknown-frame": Rule("fatal", "a name in SDF that leads to no link, joint, frame or model"),
         "frame-loop": Rule("fatal", "frames of SDF that are given relative to each other, or attached, in a circle"),
@@ -62,7 +63,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "missing-limits": Rule("error", "a revolute or prismatic joint without limits; let go, it moves without"),
         "reversed-limits": Rule("error", "a lower limit above the upper one; let go, it moves without"),
         "zero-mass": Rule("error", "a mass of 0; let go, a base is held still, any other link weighs next to nothing"),
-        "impossible-inertia": Rule("error", "an inertia that no body can have; let go, one of zero is a small ball's"),
+        "impossible-inertia": Rule(
+            "error", "an inertia that no body can have; let go, it is made one: a small ball's, if it was 0"
+        ),
         "massless-model": Rule("error", "a model in which no link has a mass"),
         "absurd-size": Rule("error", "a part larger than any robot: millimetres taken for metres"),
         "unsupported-part": Rule("error", "a part of SDF that is not simulated; let go, it is passed over"),

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import cast
 from xml.etree.ElementTree import Element
 
 from sim_action import geometry
-from sim_action.geometry import Box, Vector3
+from sim_action.geometry import Box
 from sim_action.models import gazebo
 from sim_action.models.audit import audit
 from sim_action.models.cleaning import (
     drop_empty_root,
-    drop_expressions,
     drop_odd_mimics,
-    drop_visuals,
     drop_zero_masses,
-    engine_text,
     fill_in_inertia,
-    fill_in_limits,
     hold_odd_joints,
     mend_inertia,
 )
 from sim_action.models.document import ModelDocument, read_document
+from sim_action.models.engine_text import engine_text
 from sim_action.models.findings import refuse_errors
 from sim_action.models.packages import Packages
 from sim_action.models.references import resolve_meshes
-from sim_action.models.values import child_of, number, origin, parent_of, vector
+from sim_action.models.values import axis, child_of, number, origin, parent_of, vector
 from sim_action.robot_model import Joint, JointType, Link, Mimic, RobotModel, Shape
 from sim_action.workspace import Workspace
 
@@ -54,7 +50,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     plugins = gazebo.plugins(document)
     links = tuple(_link(document, link, meshes.boxes) for link in document.elements("link"))
     joints = tuple(map(_joint, document.elements("joint")))
-    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia, fill_in_limits, drop_expressions, drop_visuals):
+    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia):
         mend(document)
     name = document.root.get("name", path.stem)
     return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings), plugins)
@@ -97,7 +93,7 @@ def _joint(element: Element) -> Joint:
         parent=parent_of(element),
         child=child_of(element),
         origin=origin(element),
-        axis_xyz=_unit(vector(element.find("axis"), "xyz", (1.0, 0.0, 0.0))),
+        axis_xyz=axis(element),
         lower=None if turns_freely else number(limit, "lower"),
         upper=None if turns_freely else number(limit, "upper"),
         max_effort=number(limit, "effort"),
@@ -111,9 +107,3 @@ def _mimic(element: Element | None) -> Mimic | None:
         return None
     stated = {name: number(element, name) for name in ("multiplier", "offset")}
     return Mimic(element.attrib["joint"], **{name: value for name, value in stated.items() if value is not None})
-
-
-def _unit(axis: Vector3) -> Vector3:
-    x, y, z = axis
-    length = math.hypot(x, y, z)
-    return (x / length, y / length, z / length) if length else (1.0, 0.0, 0.0)

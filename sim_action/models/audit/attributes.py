@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.models.document import ModelDocument
+from sim_action.models.engine_text import CONTACT
 from sim_action.models.values import is_expression
 from sim_action.robot_model import Finding
 
@@ -23,11 +23,15 @@ _REQUIRED: Final = {
     "link/collision/geometry/box": ("size",),
     "link/collision/geometry/sphere": ("radius",),
     "link/collision/geometry/cylinder": ("radius", "length"),
+    "link/collision/geometry/capsule": ("radius", "length"),
     "link/collision/geometry/mesh": ("filename",),
     "link/visual/geometry/mesh": ("filename",),
     "link/visual/material": ("name",),
 }
 _CHILDREN: Final = {"joint": ("parent", "child"), "link/collision": ("geometry",), "link/inertial": ("mass", "inertia")}
+
+MOST: Final = 1e18
+"""Of any number: exporters write 1e16 for what is not limited, and squares of what is larger overflow."""
 
 _NUMBERS: Final = {
     "link/inertial/origin": {"xyz": 3, "rpy": 3},
@@ -45,11 +49,18 @@ _NUMBERS: Final = {
     "joint/limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
     "joint/dynamics": {"damping": 1, "friction": 1},
     "joint/mimic": {"multiplier": 1, "offset": 1},
-    "link/contact/lateral_friction": {"value": 1},
-    "link/contact/stiffness": {"value": 1},
-    "link/contact/damping": {"value": 1},
+    "link/contact/inertia_scaling": {"value": 1},
+    **{f"link/contact/{tag}": {"value": 1} for tag in CONTACT},
 }
 """Path -> attribute -> how many numbers it holds."""
+
+_NOT_NEGATIVE: Final = {
+    "limit": ("effort", "velocity"),
+    "dynamics": ("damping", "friction"),
+    "inertia_scaling": ("value",),
+    **dict.fromkeys(CONTACT, ("value",)),
+}
+"""Tag -> attributes that would push where they are to brake."""
 
 
 _HINTS: Final = {
@@ -106,23 +117,44 @@ def _not_numbers(
     text = element.get(name)
     if text is None:
         return
-    wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-    message = f'<{element.tag} {name}="{text}">: expected {wanted}'
+    message = f'<{element.tag} {name}="{text}">: expected {_wanted(text, count)}'
     if is_expression(text):
         message += "; this is an expression of xacro: expand it, or name the .xacro file"
     if is_expression(text) and not required:
         yield document.finding("unexpanded-expression", element, message)
     elif not is_numbers(text, count):
         yield document.finding("bad-number", element, message)
+    elif element.tag in _NOT_NEGATIVE and name in _NOT_NEGATIVE[element.tag] and float(text) < 0:
+        message = f'<{element.tag} {name}="{text}">: expected a number of 0 or more'
+        yield document.finding("bad-number", element, message)
+
+
+def _wanted(text: str, count: int) -> str:
+    """What is due, and what is wrong with what there is."""
+    if count == 1:
+        return f"a finite number of {MOST:g} at most" if _is_large(text) else "a finite number"
+    wanted, words = f"{count} finite numbers", text.split()
+    if "," in text:
+        return f"{wanted} with spaces between them, not commas"
+    if len(words) != count:
+        return f"{wanted}, found {len(words)}"
+    return f"{wanted} of {MOST:g} at most" if any(map(_is_large, words)) else wanted
+
+
+def _is_large(word: str) -> bool:
+    try:
+        return word[-1:].isdigit() and abs(float(word)) > MOST
+    except ValueError:
+        return False
 
 
 def is_numbers(text: str, count: int) -> bool:
-    """Whether a text is so many finite numbers with white space between them."""
+    """Whether a text is so many numbers that are not too large, with white space between them."""
     words = text.split()
     # Python reads digits of every script, and underscores between them; no engine does.
     if len(words) != count or not text.isascii() or "_" in text:
         return False
     try:
-        return all(math.isfinite(float(word)) for word in words)
+        return all(abs(float(word)) <= MOST for word in words)  # a NaN is not
     except ValueError:
         return False

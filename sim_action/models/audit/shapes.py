@@ -43,6 +43,11 @@ def extents(document: ModelDocument) -> Iterator[Finding]:
         if largest > LARGEST:
             message = f"a <{shape.tag}> of {largest:g} m; models are in metres: is this in millimetres?"
             yield document.finding("absurd-size", shape, message)
+    for origin in document.elements("joint/origin", "link/collision/origin", "link/inertial/origin"):
+        offset = max(map(abs, vector(origin, "xyz", (0.0, 0.0, 0.0))))
+        if offset > LARGEST:
+            message = f"an <origin> {offset:g} m away; URDF is in metres: is this in millimetres?"
+            yield document.finding("absurd-size", origin, message)
 
 
 def presence(document: ModelDocument) -> Iterator[Finding]:

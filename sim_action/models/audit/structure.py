@@ -12,12 +12,19 @@ from sim_action.robot_model import Finding
 _JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
+LONGEST_NAME: Final = 255
+"""In bytes of UTF-8. PyBullet writes a name into 1,024 bytes, and what is longer ends the process."""
+
+
 def names(document: ModelDocument) -> Iterator[Finding]:
-    """No name is there twice."""
+    """No name is there twice, and none is longer than any name is."""
     for tag in ("link", "joint"):
         seen = set[str]()
         for element in document.elements(tag):
             name = element.attrib["name"]
+            if (size := len(name.encode())) > LONGEST_NAME:
+                message = f"{tag} '{name[:40]}...': a name of {size} bytes; the engine takes {LONGEST_NAME}"
+                yield document.finding("bad-name", element, message)
             if name in seen:
                 yield document.finding("duplicate-name", element, f"a second {tag} named '{name}'")
             seen.add(name)
