@@ -10,7 +10,7 @@ WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
 PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
 
-.PHONY: demo test coverage lint lint-workflows format docs robots picture bench lock clean
+.PHONY: demo test coverage lint lint-workflows format docs robots picture bench fuzz lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -49,6 +49,9 @@ picture: $(VENV)/.dev ## the README's pictures
 
 bench: $(VENV)/.dev ## ratios against the raw engine
 	$(BIN)/python -m bench.run
+
+fuzz: $(VENV)/.dev ## a quarter of an hour of robot models that nobody has written
+	$(BIN)/python -m tests.fuzz_urdf
 
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
