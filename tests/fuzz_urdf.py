@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Final
 
 from tests.urdf_damage import model_bytes
+from tests.urdf_texts import MESH, MESH_TEXT
 
 ROOT: Final = Path(__file__).parents[1]
 BATCH: Final = 100
@@ -61,6 +62,7 @@ def kind(wrong: str) -> str:
 
 def written(folder: Path, seed: int, count: int, start: int = 0) -> list[Path]:
     """Models numbered from `start` of a seed."""
+    (folder / MESH).write_text(MESH_TEXT)
     paths = []
     for number in range(start, start + count):
         path = folder / f"{seed}-{number}.urdf"

@@ -14,6 +14,10 @@ ODD_NAMES: Final = (
     "a b", "gelenk_ä", "关节", "🤖", "..", "%s%n", "<", "&", "'", '"', " pad ", "x\ty", "a/b", "\u202eevil", "1", "-",
     "n" * 300, "ä" * 700, "w" * 3000, "base", "world", "None", "true", "${x}", "::error::", "e\u0301",
 )  # fmt: skip
+MESH: Final = "part.obj"
+MESH_TEXT: Final = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+"""What the models expect to lie beside them."""
+
 _KINDS: Final = ("revolute", "revolute", "continuous", "continuous", "prismatic", "fixed", "fixed", "floating")
 _AXES: Final = (
     "1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0 0 2", "1 1 1", "0.6 0 0.8", "0\t0\t1", "1e-3 0 0", "1e5 0 0", "3 4 0",
@@ -93,6 +97,7 @@ def _shape(chance: Chance) -> str:
             f'<sphere radius="{a}"/>',
             f'<cylinder radius="{a}" length="{b}"/>',
             f'<capsule length="{a}" radius="{b}"/>',
+            f'<mesh filename="{MESH}" scale="{a} {b} {c}"/>',
         )
     )
 

@@ -85,6 +85,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
 )
 
 
+# Each is a line in every report.
+_MOST_TOLD: Final = 100
+
 ALLOWABLE: Final = tuple(name for name, rule in RULES.items() if rule.level == "error")
 """What `robot.allow` may name."""
 
@@ -102,5 +105,8 @@ def refuse_errors(findings: Iterable[Finding], allowed: Iterable[str] = ()) -> N
         for finding in findings
         if finding.level == "fatal" or (finding.level == "error" and finding.rule not in lenient)
     ]
+    if len(problems) > _MOST_TOLD:
+        more = f"{len(problems) - _MOST_TOLD:,} more problems like these: what made this file may be at fault"
+        problems[_MOST_TOLD:] = [Problem(problems[_MOST_TOLD].location, more)]
     if problems:
         raise RefusedModel(problems)

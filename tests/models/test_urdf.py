@@ -199,6 +199,13 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
         read_urdf(tmp_path / "robot.urdf")
 
 
+def test_very_many_problems_are_told_in_few_lines(tmp_path: Path) -> None:
+    told = str(refusal(tmp_path, "<robot>\n" + "<link/>\n" * 1000 + "</robot>")).splitlines()
+    assert len(told) == 101
+    assert told[99].endswith(":101: <link> without 'name' [missing-part]")
+    assert "robot.urdf:102: 900 more problems like these" in told[100]
+
+
 def test_a_missing_file_and_a_folder_are_model_errors(tmp_path: Path) -> None:
     for path in (tmp_path / "absent.urdf", tmp_path):
         with pytest.raises(ModelError, match="cannot be read: "):

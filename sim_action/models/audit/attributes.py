@@ -33,6 +33,8 @@ _CHILDREN: Final = {"joint": ("parent", "child"), "link/collision": ("geometry",
 MOST: Final = 1e18
 """Of any number: exporters write 1e16 for what is not limited, and squares of what is larger overflow."""
 
+_LONGEST_SHOWN: Final = 100
+
 _NUMBERS: Final = {
     "link/inertial/origin": {"xyz": 3, "rpy": 3},
     "link/inertial/mass": {"value": 1},
@@ -117,7 +119,8 @@ def _not_numbers(
     text = element.get(name)
     if text is None:
         return
-    message = f'<{element.tag} {name}="{text}">: expected {_wanted(text, count)}'
+    shown = text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+    message = f'<{element.tag} {name}="{shown}">: expected {_wanted(text, count)}'
     if is_expression(text):
         message += "; this is an expression of xacro: expand it, or name the .xacro file"
     if is_expression(text) and not required:
