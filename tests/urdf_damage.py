@@ -12,7 +12,8 @@ _ODD_TEXTS: Final = (
     "", " ", "nan", "-nan", "inf", "1e308", "-1e308", "1e999", "1e-320", "-0", "+5", "0x1", "0x1p3", ".5", "5.", "1_0",
     "1,5", "1;2;3", "0 0 0", "0 0 1", "1 1 1 1", "0\t0\t1", "\u0661", "\u00a01", "1\u20030 0", "x" * 50, "${x}",
     "$(arg x)", "true", "l0", "j0", "1e10", "1e20", "1e-20", "1e155", "-1", "0", "9" * 400, "0." + "0" * 400 + "1",
-    "part.obj", "../part.obj", "file:///etc/hostname", "package://p/part.obj", "1e", "1d3", "1f", "0b1", "infinity", "1 0 0 # x",
+    "part.obj", "../part.obj", "file:///etc/hostname", "package://p/part.obj", "1e", "1d3", "1f", "0b1", "infinity",
+    "1 0 0 # x",
 )  # fmt: skip
 _STRAYS: Final = (
     "<!-- c -->", "<?go now?>", "<![CDATA[<link/>]]>", "text", "&lt;", "&#10;", "<link/>",

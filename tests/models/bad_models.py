@@ -133,7 +133,7 @@ BAD_MODELS = [
     _bad("bad-number", 5, 'value="2"', 'value="${mass}"'),
     _bad("unexpanded-expression", 9, "1 2 3", "0 0 ${height / 2}"),
     _bad("unexpanded-expression", 19, 'lower="-1"', 'lower="$(arg lower)"'),
-    _bad("bad-name", 13, 'name="upper"', f'name="{"u" * 256}"', "a link of a long name"),
+    BadModel("a link of a long name", "bad-name", 13, GOOD.replace('"upper"', f'"{"u" * 256}"')),
     _bad("bad-name", 14, 'name="shoulder"', f'name="{"é" * 128}"', "a joint of a long name, in two bytes each"),
     _bad("duplicate-name", 13, 'name="upper"', 'name="base"'),
     _bad("duplicate-name", 22, _END, f"{_fixed('shoulder', 'base', 'upper')}{_END}"),

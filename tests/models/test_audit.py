@@ -74,6 +74,32 @@ def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, tmp_path: Pa
     assert rule in {finding.rule for finding in model.findings}
 
 
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("1 1 1 1", "3 finite numbers, found 4"),
+        ("1, 2, 3", "3 finite numbers with spaces between them, not commas"),
+        ("1 2 1e999", "3 finite numbers of 1e+18 at most"),
+        ("1 2 -1E19", "3 finite numbers of 1e+18 at most"),
+        ("1 2 inf", "3 finite numbers"),
+        ("1 2 x", "3 finite numbers"),
+    ],
+)
+def test_what_is_wrong_with_numbers_is_said(text: str, wanted: str, tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace("1 2 3", text))
+    assert found.message == f'<origin xyz="{text}">: expected {wanted}'
+
+
+def test_a_long_text_in_the_place_of_a_number_is_cut(tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace('value="2"', f'value="{"9" * 10_000}"'))
+    assert found.message == f'<mass value="{"9" * 100}...">: expected a finite number of 1e+18 at most'
+
+
+def test_what_hangs_on_an_unknown_link_is_no_loop(tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="bas"/>'))
+    assert found.rule == "unknown-link"
+
+
 def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:
     text = GOOD.replace('mass value="2"', 'mass value="-2"').replace('radius="0.5"', 'radius="0"')
     assert {finding.rule for finding in findings(tmp_path, text)} == {"negative-mass", "bad-shape"}

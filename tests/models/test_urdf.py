@@ -178,6 +178,8 @@ def test_the_burger_weighs_and_is_what_is_published() -> None:
     [
         ("", "not well-formed XML: no element found"),
         ("robot", "not well-formed XML"),
+        ('\n<?xml version="1.0"?><robot/>', ":2: not well-formed XML: something stands before <?xml ...?>"),
+        ("<robot>\n</robot>\0", ":2: not well-formed XML: a NUL character; remove it"),
         ("<sdf/>", "a URDF begins with <robot>, this file with <sdf>"),
         ("<mujoco/>", "it is MJCF, which PyBullet often reads without its joints"),
         ("<robot/>", "a model has at least one <link>, this one has none"),

@@ -43,23 +43,31 @@ def tree(document: ModelDocument) -> Iterator[Finding]:
     links = {link.attrib["name"] for link in document.elements("link")}
     children: dict[str, list[str]] = {}
     carriers: dict[str, str] = {}
+    unknown = False
     for joint in document.elements("joint"):
         name, parent, child = joint.attrib["name"], parent_of(joint), child_of(joint)
-        for link in (parent, child):
-            if link not in links:
-                yield document.finding("unknown-link", joint, f"joint '{name}' names the unknown link '{link}'")
+        for link in sorted({parent, child} - links):
+            unknown = True
+            yield document.finding("unknown-link", joint, f"joint '{name}' names the unknown link '{link}'")
         if child in carriers:
             message = f"link '{child}' is the child of two joints, '{carriers[child]}' and '{name}': it can hang on one"
             yield document.finding("two-parents", joint, message)
         carriers[child] = name
         children.setdefault(parent, []).append(child)
-    roots = sorted(links - carriers.keys())
+    if not unknown:  # else what hangs on it would seem lost, and is not
+        yield from _rooted(document, sorted(links - carriers.keys()), links, children)
+
+
+def _rooted(
+    document: ModelDocument, roots: list[str], links: set[str], children: dict[str, list[str]]
+) -> Iterator[Finding]:
     if len(roots) != 1:
         found = (
             f"{len(roots)}: {', '.join(roots)}; join them by fixed joints" if roots else "none: its joints form a loop"
         )
         yield document.finding("one-root", document.root, f"a model has one root link, this one has {found}")
-    elif lost := sorted(links - _reached(roots[0], children)):
+        return
+    if lost := sorted(links - _reached(roots[0], children)):
         yield document.finding("loop", document.root, f"joints form a loop among the links {', '.join(lost)}")
 
 

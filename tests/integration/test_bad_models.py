@@ -1,0 +1,164 @@
+"""All bad models and meshes as scenarios of one suite, beside good ones; and what the engine does without the audit."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import junitparser
+import pytest
+
+from sim_action.models.findings import RULES
+from sim_action.outcome import Outcome, Results
+from tests.integration.conftest import ACTION, sim_action
+from tests.models.bad_models import BAD_MODELS, GOOD
+from tests.models.test_bad_meshes import BAD as BAD_MESHES
+
+SPHERE: Final = '<sphere radius="0.5"/>'
+GOOD_ONES: Final = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A scenario whose model has something wrong: the rule and line that say so, if it is refused."""
+
+    name: str
+    rule: str
+    line: int | None
+    text: str
+    files: tuple[tuple[str, bytes], ...] = ()
+
+    @property
+    def is_refused(self) -> bool:
+        return RULES[self.rule].level != "warning"
+
+
+CASES: Final = [
+    *(Case(f"model {number}", bad.rule, bad.line, bad.text) for number, bad in enumerate(BAD_MODELS)),
+    *(
+        Case(f"mesh {number}", rule, 10, GOOD.replace(SPHERE, f'<mesh filename="{file}"/>'), ((file, data),))
+        for number, (file, data, rule, _) in enumerate(BAD_MESHES.values())
+    ),
+]
+
+
+def write(folder: Path, name: str, text: str, files: tuple[tuple[str, bytes], ...] = ()) -> None:
+    """A scenario in a folder of its own."""
+    folder = folder / name.replace(" ", "_")
+    folder.mkdir(parents=True)
+    (folder / "robot.urdf").write_text(text, encoding="utf-8")
+    for file, data in files:
+        (folder / file).write_bytes(data)
+    scenario = {
+        "name": name,
+        "robot": {"model": "robot.urdf"},
+        "physics": {"settle": 0},
+        "expect": ["upright"],
+        "time_limit": "0.1 s",
+    }
+    (folder / "it.sim.yml").write_text(json.dumps(scenario, indent=1))
+
+
+def outcomes(folder: Path) -> dict[str, Outcome]:
+    """By the folders of their scenarios."""
+    results = Results.read(folder / "sim-results/results.json")
+    return {Path(outcome.file).parent.name.replace("_", " "): outcome for outcome in results.outcomes}
+
+
+@pytest.fixture(scope="module")
+def suite(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which all cases have run, two at a time."""
+    folder = tmp_path_factory.mktemp("suite")
+    for case in CASES:
+        write(folder, case.name, case.text, case.files)
+    for number in range(GOOD_ONES):
+        write(folder, f"good {number}", GOOD)
+    ran = sim_action(folder, "run", ".", "--jobs", "2")
+    assert ran.returncode == 2, ran.stdout + ran.stderr
+    assert "Traceback" not in ran.stdout + ran.stderr
+    return folder
+
+
+def test_every_bad_model_is_an_error_of_its_rule_on_its_line(suite: Path) -> None:
+    found = outcomes(suite)
+    for case in CASES:
+        outcome = found[case.name]
+        if not case.is_refused:
+            assert outcome.status == "passed", case
+            assert any(note.endswith(f"[{case.rule}]") for note in outcome.notes), case
+            continue
+        failure = outcome.failures[0]
+        assert (outcome.status, failure.kind) == ("error", "invalid"), case
+        assert failure.message.endswith(f"[{case.rule}]"), case
+        assert failure.location is not None, case
+        place = (failure.location.file, failure.location.line)
+        assert place == (f"{case.name.replace(' ', '_')}/robot.urdf", case.line), case
+
+
+def test_every_good_model_passes_beside_them(suite: Path) -> None:
+    found = outcomes(suite)
+    assert len(found) == len(CASES) + GOOD_ONES
+    assert {found[f"good {number}"].status for number in range(GOOD_ONES)} == {"passed"}
+
+
+def test_junit_holds_every_scenario(suite: Path) -> None:
+    junit = junitparser.JUnitXml.fromfile(str(suite / "sim-results/junit.xml"))
+    suites = list(junit)
+    assert len(suites) == len(CASES) + GOOD_ONES
+    assert sum(tests.errors > 0 for tests in suites) == sum(case.is_refused for case in CASES)
+    assert junit.failures == 0
+    told = [result.message or "" for tests in suites for test in tests for result in test.result]
+    for case in CASES:
+        assert not case.is_refused or any(f"[{case.rule}]" in message for message in told), case
+
+
+ARM: Final = GOOD
+JOINT: Final = '<joint name="{}" type="fixed"><parent link="base"/><child link="{}"/></joint></robot>'
+SPARE: Final = '<link name="spare"><inertial><mass value="1"/>{}</inertial></link></robot>'
+INERTIA: Final = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+
+SIGNALS: Final = {
+    "two roots": ARM.replace("</robot>", SPARE.format(INERTIA)),
+    "two parents": ARM.replace("</robot>", JOINT.format("second", "upper")),
+    "two joints of one name": ARM.replace("</robot>", JOINT.format("shoulder", "upper")),
+    "a joint without a type": ARM.replace(' type="revolute"', ""),
+    "a joint of a long name": ARM.replace("shoulder", "s" * 3000),
+}
+UNSTABLE: Final = {
+    "an axis of length 0": ARM.replace("0 0 2", "0 0 0"),
+    "a mass that is no number": ARM.replace('mass value="2"', 'mass value="nan"'),
+    "a mass below 0": ARM.replace('mass value="2"', 'mass value="-2"'),
+    "an inertia below 0": ARM.replace('ixx="1"', 'ixx="-1"', 1),
+    "a huge mass": ARM.replace('mass value="2"', 'mass value="1e308"'),
+}
+
+
+def test_what_the_audit_keeps_from_the_engine_would_cost_its_own_scenario_only(tmp_path: Path) -> None:
+    good = {f"good {number}": GOOD for number in range(3)}
+    for name, text in (SIGNALS | UNSTABLE | good).items():
+        write(tmp_path, name, text)
+    command = [sys.executable, "-m", "tests.integration.unaudited", "run", str(tmp_path), "--jobs", "2"]
+    ran = subprocess.run(
+        [*command, "--output-dir", str(tmp_path / "sim-results")],
+        cwd=ACTION,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 1, ran.stdout + ran.stderr
+    found = outcomes(tmp_path)
+    assert found.keys() == {*SIGNALS, *UNSTABLE, *good}
+    for name in SIGNALS:
+        (failure,) = found[name].failures
+        assert (name, failure.kind) == (name, "crash")
+        assert "was ended by SIGSEGV" in failure.message or "was ended by SIGABRT" in failure.message
+    for name in UNSTABLE:
+        (failure,) = found[name].failures
+        assert (name, failure.kind) == (name, "unstable")
+    assert {found[name].status for name in good} == {"passed"}
+    junit = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
+    assert (len(list(junit)), junit.errors) == (len(found), len(SIGNALS) + len(UNSTABLE))
