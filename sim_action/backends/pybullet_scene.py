@@ -116,9 +116,11 @@ def _height_above(client: int, ground: int, body: int) -> float:
 
 
 def _set_dynamics(client: int, body: int, link: int, **dynamics: float) -> None:
-    # Links come with a damping of 0.04, and everything stops at 100 m/s or rad/s.
+    # Links come with a damping of 0.04, and everything stops at 100 m/s or rad/s. What is set in the same call for a
+    # link other than the base is lost, silently.
     none = {"linearDamping": 0, "angularDamping": 0}
-    pybullet.changeDynamics(body, link, **none, maxJointVelocity=FASTEST, physicsClientId=client, **dynamics)
+    pybullet.changeDynamics(body, link, **none, maxJointVelocity=FASTEST, physicsClientId=client)
+    pybullet.changeDynamics(body, link, physicsClientId=client, **dynamics)
 
 
 def _shape(body: Body) -> dict[str, Any]:

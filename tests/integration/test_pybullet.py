@@ -248,6 +248,21 @@ def test_a_block_slides_as_far_as_the_friction_of_its_model_lets_it(mu: str, fri
     assert way == pytest.approx(2**2 / (2 * 0.5 * friction * GRAVITY), rel=0.01)
 
 
+def test_a_link_that_is_not_the_base_slides_as_its_friction_lets_it(tmp_path: Path) -> None:
+    carrier = """<link name="carrier"><inertial><mass value="0.1"/>
+      <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="j" type="fixed"><parent link="carrier"/><child link="block"/></joint>
+      <gazebo reference="block"><mu1>0.2</mu1></gazebo>"""
+    with scene(tmp_path, BLOCK.format(more=carrier), at(), World(ground=Ground(friction=0.5)), rate=1000) as backend:
+        import pybullet
+
+        advance(backend, 0, 100)
+        pybullet.resetBaseVelocity(backend._robot, [2, 0, 0], [0, 0, 0], backend._client)
+        trace = advance(backend, 100, 3000)
+    way = trace.base_position_xyz[-1, 0] - trace.base_position_xyz[0, 0]
+    assert way == pytest.approx(2**2 / (2 * 0.5 * 0.2 * GRAVITY), rel=0.01)
+
+
 def test_a_ball_on_a_spring_sinks_as_deep_as_it_gives_way(tmp_path: Path) -> None:
     spring = '<gazebo reference="ball"><kp>1000</kp><kd>50</kd></gazebo>'
     with scene(tmp_path, BALL.replace("</robot>", f"{spring}</robot>"), at()) as backend:
