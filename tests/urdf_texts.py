@@ -42,6 +42,8 @@ def robot_text(chance: Chance) -> str:
 
 def _names(chance: Chance, count: int) -> list[str]:
     names = [f"l{index}" for index in range(count)]
+    if chance.random() < 0.05:
+        names[0] = "world"
     if chance.random() < 0.25:
         names[chance.randrange(count)] = chance.choice(ODD_NAMES)
     return names
@@ -161,7 +163,7 @@ def _joint(chance: Chance, name: str, parent: str, child: str) -> str:
     parts += [_limit(chance)] if kind in {"revolute", "prismatic"} or chance.random() < 0.2 else []
     dynamics = chance.choice((('damping="0.1"', 'friction="0.1"'), ('damping="0.2"',), ('friction="0.3"',), ()))
     parts += [f"<dynamics {' '.join(dynamics)}/>"] if chance.random() < 0.4 else []
-    parts += ['<mimic joint="j1" multiplier="1"/>'] if chance.random() < 0.05 else []
+    parts += [f'<mimic joint="j1" multiplier="{spelled(chance, 0.5)}"/>'] if chance.random() < 0.1 else []
     chance.shuffle(parts)
     return f"<joint name={quoteattr(name)} type={quoteattr(kind)}>{_nl(chance).join(parts)}</joint>"
 
@@ -179,10 +181,10 @@ def _limit(chance: Chance) -> str:
 
 
 def _extra(chance: Chance, names: list[str]) -> str:
-    reference = quoteattr(chance.choice(names))
+    reference, friction = quoteattr(chance.choice(names)), spelled(chance, 0.2)
     return chance.choice(
         (
-            f"<gazebo reference={reference}><mu1>0.2</mu1><kp>1e6</kp><material>Gazebo/Red</material></gazebo>",
+            f"<gazebo reference={reference}><mu1>{friction}</mu1><kp>1e6</kp><material>x</material></gazebo>",
             '<gazebo><plugin name="p" filename="libgazebo_ros_diff_drive.so"><left>j1</left></plugin></gazebo>',
             '<material name="red"><color rgba="1 0 0 1"/></material>',
             '<transmission name="t"><joint name="j1"/></transmission>',

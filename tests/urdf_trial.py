@@ -73,11 +73,8 @@ def _bad_refusal(error: ModelError) -> Iterator[str]:
 
 def _in_engine(model: RobotModel, path: Path) -> Iterator[str]:
     """What the engine understands otherwise."""
-    if any(joint.type in ("floating", "planar") for joint in model.joints):
-        return
     folder = path.parent
-    base = "fixed" if len(model.name) % 2 else "free"
-    robot = Robot(model=str(path), base="fixed" if base == "fixed" else "free")
+    robot = Robot(model=str(path), base="fixed" if len(model.name) % 2 else None)
     scene = Scene(robot, model, World(), Physics(), Workspace(folder, folder))
     try:
         backend = PyBulletBackend(scene, contacts=True)
@@ -85,7 +82,7 @@ def _in_engine(model: RobotModel, path: Path) -> Iterator[str]:
         yield f"the engine refuses it: {error}"
         return
     try:
-        yield from _differences(model, backend._client, backend._robot, fixed=base == "fixed")
+        yield from _differences(model, backend._client, backend._robot, fixed=scene.bolted)
         yield from _run(scene, backend)
     finally:
         backend.close()
@@ -156,9 +153,18 @@ def _mass_differences(
         moments = _principal(inertial.find("inertia"))
         if mass and not np.allclose(sorted(dynamics[2]), moments, rtol=1e-3, atol=1e-9 * max(map(abs, moments))):
             yield f"link {name}: moments of inertia {sorted(dynamics[2])}, we have {moments}"
+        yield from _touch_differences(model.links_by_name[name], dynamics)
         centre = _pose(inertial)
         if not _same(Pose(dynamics[3]), Pose(centre.position_xyz)):
             yield f"link {name}: a centre of mass at {dynamics[3]}, we have {centre.position_xyz}"
+
+
+def _touch_differences(link: Link, dynamics: Sequence[Any]) -> Iterator[str]:
+    surface = link.surface
+    if link.collisions and not _near([dynamics[1]], [surface.friction]):
+        yield f"link {link.name}: a friction of {dynamics[1]}, we have {surface.friction}"
+    if link.collisions and surface.stiffness is not None and not _near([dynamics[9]], [surface.stiffness]):
+        yield f"link {link.name}: a stiffness of {dynamics[9]}, we have {surface.stiffness}"
 
 
 def _principal(inertia: ET.Element | None) -> list[float]:
@@ -191,7 +197,7 @@ def _link_shape_differences(link: Link, shapes: Sequence[Any], inertial: Pose) -
     for found, wanted in zip(shapes, link.collisions, strict=True):
         if _SHAPES.get(found[2]) != wanted.kind:
             yield f"link {link.name}: a shape of type {found[2]}, we have a {wanted.kind}"
-        elif wanted.upper_xyz is not None and not _near(_half_sizes(found), wanted.upper_xyz):
+        elif wanted.kind != "mesh" and wanted.upper_xyz is not None and not _near(_half_sizes(found), wanted.upper_xyz):
             yield f"link {link.name}: a {wanted.kind} of {found[3]}, we have {wanted.upper_xyz}"
         if not _same(geometry.compose(inertial, Pose(found[5], found[6])), wanted.pose):
             yield f"link {link.name}: a {wanted.kind} at {found[5:7]} seen from {inertial}, we have {wanted.pose}"

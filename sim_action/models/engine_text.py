@@ -79,7 +79,8 @@ def _collision(collision: Element) -> Element:
 
 def _contact(contact: Element) -> Element:
     written = Element("contact")
-    written.extend(_numbers(tag, part, "value") for tag in CONTACT if (part := contact.find(tag)) is not None)
+    parts = (_numbers(tag, contact.find(tag), "value") for tag in CONTACT)
+    written.extend(part for part in parts if part.attrib)
     if contact.find("friction_anchor") is not None:
         ET.SubElement(written, "friction_anchor")
     return written
