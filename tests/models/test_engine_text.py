@@ -53,6 +53,12 @@ def test_a_limit_that_is_left_out_is_0(limit: str, lower: str, upper: str, tmp_p
     assert (part(root, "joint/limit")["lower"], part(root, "joint/limit")["upper"]) == (lower, upper)
 
 
+@pytest.mark.parametrize("limit", ["", '<limit effort="10"/>'])
+def test_a_joint_that_was_let_go_without_limits_moves_without(limit: str, tmp_path: Path) -> None:
+    attributes = part(written(tmp_path, GOOD.replace(LIMIT, limit), "missing-limits"), "joint/limit")
+    assert not {"lower", "upper"} & attributes.keys()
+
+
 def test_a_joint_that_turns_for_ever_has_no_limits_of_position(tmp_path: Path) -> None:
     root = written(tmp_path, GOOD.replace("revolute", "continuous"))
     assert part(root, "joint/limit") == {"effort": "10.0", "velocity": "3.0"}
