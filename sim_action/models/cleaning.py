@@ -87,4 +87,5 @@ def drop_odd_mimics(document: ModelDocument) -> None:
     joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
     odd = [joint for joint in joints.values() if trouble_of_mimic(joint, joints) is not None]
     for joint in odd:
-        joint.remove(cast(Element, joint.find("mimic")))
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)

@@ -86,7 +86,7 @@ BAD_MODELS = [
     BadModel("an image", "bad-xml", 1, "\x89PNG\r\n\x1a\n\0\0\0\rIHDR"),
     BadModel("an empty file", "bad-xml", 1, ""),
     BadModel("text", "bad-xml", 1, "robot"),
-    BadModel("another root", "not-a-robot", 1, "<sdf><model/></sdf>"),
+    BadModel("another root", "not-a-robot", 1, "<world><model/></world>"),
     BadModel("no links", "not-a-robot", 1, '<robot name="a"/>'),
     _bad("missing-part", 2, ' name="base"', ""),
     _bad("missing-part", 5, ' value="2"', ""),

@@ -68,3 +68,9 @@ def test_an_inertia_that_no_body_can_have_and_was_let_go_is_made_one(tmp_path: P
     _, ixx, iyy, izz = inertia(links(tmp_path, GOOD.replace('izz="1"', 'izz="5"', 1), "impossible-inertia")["base"])
     assert (ixx, iyy, izz) == pytest.approx((4, 4, 8), rel=1e-5)
     assert izz < ixx + iyy
+
+
+def test_a_joint_that_was_let_go_as_it_mimics_itself_moves_by_itself_however_often_it_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace("</joint>", '<mimic joint="shoulder"/><mimic joint="shoulder"/></joint>'))
+    assert read_urdf(path, allow=["bad-mimic"]).joints[0].mimic is None
