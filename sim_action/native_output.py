@@ -13,13 +13,15 @@ from typing import Final, Literal
 
 from sim_action.outcome import Diagnostic
 
-# Bullet's messages carry no line end of their own: a marker begins where the message before it stops.
-_MARKER: Final = re.compile(r"b3(Printf|Warning|Error)\[[^\]\n]*\]:?\n?")
+# Bullet's messages carry no line end of their own: a marker begins where the message before it stops. MuJoCo's are
+# lines that `backends.mujoco` prints.
+_MARKER: Final = re.compile(r"(?:b3(Printf|Warning|Error)\[[^\]\n]*\]:?\n?|^mujoco (warning): )", re.MULTILINE)
 _BANNER: Final = re.compile(r"pybullet build time: .*\n?")
 _LEVELS: Final[dict[str, Literal["note", "warning", "error"]]] = {
     "Printf": "note",
     "Warning": "warning",
     "Error": "error",
+    "warning": "warning",
 }
 _UNBUFFERED: Final = 2  # _IONBF of glibc's stdio.h
 _MOST_DIAGNOSTICS: Final = 50
@@ -62,10 +64,10 @@ def split_output(text: str) -> tuple[tuple[Diagnostic, ...], str]:
     """The engine's messages, each once, and what else was printed."""
     pieces = _MARKER.split(_BANNER.sub("", text))
     rest, found = [pieces[0]], dict[Diagnostic, None]()
-    for kind, body in zip(pieces[1::2], pieces[2::2], strict=True):
+    for bullets, mujocos, body in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
         # A message ends with its line; what follows belongs to whoever printed it.
         message, _, after = body.partition("\n")
         if message.strip():
-            found[Diagnostic(level=_LEVELS[kind], message=message.strip())] = None
+            found[Diagnostic(level=_LEVELS[bullets or mujocos], message=message.strip())] = None
         rest.append(after)
     return tuple(found)[:_MOST_DIAGNOSTICS], "".join(rest).strip("\n")

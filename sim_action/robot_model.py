@@ -166,9 +166,10 @@ class RobotModel:
     Attributes:
         name: what the model calls itself.
         source: the file it came from, absolute.
-        urdf: clean, absolute, pretty-printed URDF text for the engine.
+        urdf: clean, absolute, pretty-printed URDF text for the engine; empty if the file is no URDF.
         findings: what is odd about it, or was let go.
         plugins: what it asks Gazebo to load.
+        mjcf: the same as MJCF text that names no file, for the one engine that takes it; empty if the file is none.
     """
 
     name: str
@@ -178,6 +179,7 @@ class RobotModel:
     urdf: str
     findings: tuple[Finding, ...] = ()
     plugins: tuple[Plugin, ...] = ()
+    mjcf: str = ""
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:

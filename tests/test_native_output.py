@@ -31,6 +31,13 @@ ERROR = "b3Error[examples/Importers/urdf.cpp,9]:\nmissing link"
         (f"before {WARNING}\nafter\n", (("warning", "No inertial data for link"),), "before after"),
         ("b3Printf[a.cpp,1]: so it is\n", (("note", "so it is"),), ""),
         ("b3Printf[a.cpp,1]:\n\nafter", (), "after"),
+        ("mujoco warning: Nan\nafter", (("warning", "Nan"),), "after"),
+        (
+            f"before\nmujoco warning: Nan\n{WARNING}\n",
+            (("warning", "Nan"), ("warning", "No inertial data for link")),
+            "before",
+        ),
+        ("a mujoco warning: said somebody", (), "a mujoco warning: said somebody"),
         ("b3Warning without a place", (), "b3Warning without a place"),
     ],
 )

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from sim_action.trace import Trace
 
 
+GRAVITY: Final = 9.80665
+"""m/s^2, standard gravity (CGPM 1901)."""
+
+
 class Backend(Protocol):
     """One engine with one scene in it.
 
@@ -57,7 +61,10 @@ class BackendFactory(Protocol):
 
 BACKENDS: Final = Table[BackendFactory](
     "engine",
-    {"pybullet": "sim_action.backends.pybullet:PyBulletBackend"},
+    {
+        "pybullet": "sim_action.backends.pybullet:PyBulletBackend",
+        "mujoco": "sim_action.backends.mujoco:MuJoCoBackend",
+    },
 )
 """The name of an engine is that of its package."""
 

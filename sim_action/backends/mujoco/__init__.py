@@ -1,0 +1,108 @@
+"""MuJoCo behind the Backend protocol.
+
+What it has to straighten out (MuJoCo's documentation, and measurements in the tests): quaternions are w, x, y, z, the
+angular velocity of a free body is that in its own frame, the greater of two friction coefficients counts, links touch
+each other, constraints are soft, and a simulation that explodes begins anew.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Final
+
+import mujoco
+
+from sim_action.backends.mujoco.contacts import Contacts
+from sim_action.backends.mujoco.model import Compiled
+from sim_action.backends.mujoco.motors import Motors
+from sim_action.backends.mujoco.states import States
+from sim_action.command import JointTargets
+from sim_action.errors import EngineError
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import Contact, JointState, Observation, Overlap
+from sim_action.scene import Scene
+from sim_action.trace import Trace
+
+WARNING: Final = "mujoco warning: "
+"""What a line begins with in which the engine warns."""
+
+_REFUSALS: Final = (ValueError, OSError, mujoco.FatalError, mujoco.UnexpectedError)
+_BAD_VELOCITY: Final = int(mujoco.mjtWarning.mjWARN_BADQVEL)
+_BAD_ACCELERATION: Final = int(mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+def _tell(message: str) -> None:
+    sys.stderr.write(f"{WARNING}{message}\n")
+    sys.stderr.flush()
+
+
+# Left to itself, the engine writes a file into the working directory.
+mujoco.set_mju_user_warning(_tell)
+
+
+class MuJoCoBackend:
+    """One model and its state."""
+
+    version = f"mujoco {version('mujoco-core')}"
+
+    def __init__(self, scene: Scene, *, contacts: bool) -> None:
+        try:
+            compiled = Compiled.of(scene)
+        except _REFUSALS as error:
+            raise EngineError(f"the engine refused the world: {error}") from None
+        self._rate = scene.physics.rate
+        self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
+        self._motors = Motors(scene.model, compiled, self._rate)
+        self._states = States(compiled, self._rate, self._motors.efforts)
+        self._contacts = Contacts(compiled)
+        self._watches_contacts = contacts and len(compiled.bodies) > 1
+        # A live view of how often the engine has warned of what.
+        self._warned = compiled.data.warning.number
+        self._touches: list[Contact] = []
+
+    def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
+        """See Backend.advance."""
+        try:
+            self._advance(first_step, targets)
+        except mujoco.FatalError as error:
+            raise EngineError(f"the engine gave up: {error}") from None
+
+    def collect(self) -> Trace:
+        """See Backend.collect."""
+        trace = Trace(self._joint_names, self._states.collect(), tuple(self._touches))
+        self._touches = []
+        return trace
+
+    def observe(self, step: int, *, contacts: bool) -> Observation:
+        """See Backend.observe."""
+        time, px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz, *joints = self._states.now(step).tolist()
+        count = len(self._joint_names)
+        states = map(JointState, joints[:count], joints[count : 2 * count], joints[2 * count :])
+        return Observation(
+            time=time,
+            pose=Pose((px, py, pz), (qx, qy, qz, qw)),
+            twist=Twist((vx, vy, vz), (wx, wy, wz)),
+            joints=dict(zip(self._joint_names, states, strict=True)),
+            contacts=tuple(self._contacts.of_step(time, ground=True)) if contacts else (),
+        )
+
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """See Backend.overlaps."""
+        return self._contacts.overlaps()
+
+    def close(self) -> None:
+        """See Backend.close; the engine's memory goes with what holds it."""
+
+    def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
+        for row, wanted in zip(self._states.expect(first_step + 1, len(targets)), targets, strict=True):
+            if wanted is not None:
+                self._motors.apply(wanted)
+            if self._warned[_BAD_ACCELERATION] or self._warned[_BAD_VELOCITY]:
+                # There is nothing left to simulate, and what is left of the trace are no numbers.
+                return
+            self._motors.step()
+            self._states.keep(row)
+            if self._watches_contacts:
+                self._touches += self._contacts.of_step(float(row[0]) / self._rate, ground=False)

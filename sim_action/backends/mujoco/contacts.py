@@ -1,0 +1,53 @@
+"""What the robot touches, in names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from sim_action.backends.mujoco.model import Compiled
+from sim_action.observation import Contact, Overlap
+from sim_action.world import GROUND
+
+
+class Contacts:
+    """Reads the contacts of the last step."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._model, self._data = compiled.model, compiled.data
+        self._links, self._bodies = compiled.links, compiled.bodies
+        geoms = range(compiled.model.ngeom)
+        self._is_link = np.array([geom in self._links for geom in geoms])
+        self._is_object = np.array([self._bodies.get(geom, GROUND) != GROUND for geom in geoms])
+
+    def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
+        """What touches now, with or without the ground."""
+        if not self._data.ncon:
+            return
+        contacts = self._data.contact
+        geoms = contacts.geom
+        if not ground and not (self._is_object[geoms] | self._is_link[geoms]).all(axis=1).any():
+            return
+        forces = self._data.efc_force
+        pairs = zip(geoms.tolist(), contacts.efc_address.tolist(), contacts.pos.tolist(), strict=True)
+        for (one, other), row, (x, y, z) in pairs:
+            link, body = (one, other) if one in self._links else (other, one)
+            if link not in self._links or row < 0 or (not ground and self._bodies[body] == GROUND):
+                continue
+            yield Contact(time, self._links[link], self._bodies[body], (x, y, z), float(forces[row]))
+
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """See Backend.overlaps."""
+        # Contacts are those of the last step, and have a part in the next: present ones are looked for on a copy.
+        present = mujoco.MjData(self._model)
+        present.qpos[:] = self._data.qpos
+        mujoco.mj_fwdPosition(self._model, present)
+        deepest: dict[tuple[str, str], float] = {}
+        for geoms, distance in zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True):
+            link, body = geoms if geoms[0] in self._links else reversed(geoms)
+            if link in self._links:
+                pair = self._links[link], self._bodies[body]
+                deepest[pair] = max(deepest.get(pair, 0.0), -distance)
+        return tuple(Overlap(link, body, depth) for (link, body), depth in deepest.items() if depth > 0)

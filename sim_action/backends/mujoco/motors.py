@@ -1,0 +1,111 @@
+"""Motors of joints: their dry friction, moved along with a target velocity.
+
+MuJoCo's own velocity actuators are springs to the solver: they lag behind while something accelerates. The row of a
+joint's dry friction is what a motor is: a constraint that brings a velocity to zero with a force up to a limit. Its
+reference acceleration is -b v; with b v_target added between the two halves of a step, it brings it to v_target.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from sim_action.backends.mujoco.model import IMPEDANCE, STEPS_TO_CONVERGE, Compiled
+from sim_action.command import JointTargets
+from sim_action.robot_model import RobotModel
+from sim_action.trace import FloatArray
+
+# For joints whose model states no limit; N m or N.
+_UNLIMITED_EFFORT: Final = 1000.0
+# Of what a position servo is off, it takes back this share in a step: what PyBullet does by default.
+_SERVO_SHARE: Final = 0.1
+
+_FREE, _VELOCITY, _POSITION = range(3)
+
+
+class Motors:
+    """What each joint's motor does until it is told otherwise."""
+
+    def __init__(self, model: RobotModel, compiled: Compiled, rate: float) -> None:
+        joints = model.moving_joints
+        self._model, self._data, self._dofs = compiled.model, compiled.data, compiled.velocities
+        self._qpos = compiled.positions
+        self._index = {joint.name: number for number, joint in enumerate(joints)}
+        self._friction = self._model.dof_frictionloss[self._dofs].copy()
+        self._max_effort = np.array([joint.max_effort or _UNLIMITED_EFFORT for joint in joints])
+        self._max_velocity = np.array([joint.max_velocity or np.inf for joint in joints])
+        self._gain = _SERVO_SHARE * rate
+        self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
+        self._mode = np.full(len(joints), _FREE)
+        self._target = np.zeros(len(joints))
+        for number, joint in enumerate(joints):
+            if joint.type != "continuous" and joint.mimic is None:
+                self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
+        self._arrange()
+        # Nothing has moved so far.
+        self._exerted = self._motors[:0], self._rows[:0]
+
+    def apply(self, targets: JointTargets) -> None:
+        """From now on, until told otherwise."""
+        before = self._mode.copy()
+        for mode, group in ((_VELOCITY, targets.velocity), (_POSITION, targets.position)):
+            for name, target in group.items():
+                number = self._index[name]
+                limit = targets.max_effort.get(name, self._max_effort[number])
+                self._set(number, mode, target, limit)
+        for name, effort in targets.effort.items():
+            number = self._index[name]
+            self._set(number, _FREE, 0.0, self._friction[number])
+            self._data.qfrc_applied[self._dofs[number]] = effort
+        if (before != self._mode).any() or targets.max_effort:
+            self._arrange()
+        self._aim()
+
+    def step(self) -> None:
+        """One step of the engine."""
+        self._exerted = self._motors, self._rows
+        if self._still:
+            mujoco.mj_step(self._model, self._data)
+            return
+        mujoco.mj_step1(self._model, self._data)
+        if len(self._servos):
+            self._servo()
+        self._data.efc_aref[self._rows] += self._bias
+        mujoco.mj_step2(self._model, self._data)
+
+    def efforts(self, into: FloatArray) -> None:
+        """What the motors exerted in the last step, (J,) in N m or N."""
+        into[:] = self._data.qfrc_applied[self._dofs]
+        motors, rows = self._exerted
+        if len(motors):
+            into[motors] = self._data.efc_force[rows]
+
+    def _set(self, number: int, mode: int, target: float, limit: float) -> None:
+        dof = self._dofs[number]
+        self._mode[number], self._target[number] = mode, target
+        self._model.dof_frictionloss[dof] = limit
+        self._data.qfrc_applied[dof] = 0.0
+
+    def _arrange(self) -> None:
+        """Finds the rows of the motors: after those of equalities, one for each joint that has any friction."""
+        has_row = self._model.dof_frictionloss > 0
+        rows = np.cumsum(has_row) - 1 + int(self._data.ne)
+        moving = (self._mode != _FREE) & has_row[self._dofs]
+        self._motors = np.flatnonzero(moving)
+        self._rows = rows[self._dofs[self._motors]]
+        self._servos = np.flatnonzero(self._mode[self._motors] == _POSITION)
+        servo_joints = self._motors[self._servos]
+        self._servo_qpos = self._qpos[servo_joints]
+        self._fastest = self._max_velocity[servo_joints]
+        self._aim()
+
+    def _aim(self) -> None:
+        self._bias = self._damping * self._target[self._motors]
+        self._goals = self._target[self._motors[self._servos]]
+        self._still = not len(self._servos) and not self._bias.any()
+
+    def _servo(self) -> None:
+        speed = self._gain * (self._goals - self._data.qpos[self._servo_qpos])
+        self._bias[self._servos] = self._damping * np.clip(speed, -self._fastest, self._fastest)
