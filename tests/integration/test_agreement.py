@@ -1,0 +1,178 @@
+"""What both engines make of robots, against what is right and against each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.robots import ROBOTS, WORKSPACE
+from sim_action.backends import BACKENDS, GRAVITY
+from sim_action.command import JointTargets
+from sim_action.loading import build_scene, load_scenario
+from sim_action.models import load_model
+from sim_action.scene import Scene
+from sim_action.simulation import SimulationRun, simulate
+from sim_action.trace import Trace
+from sim_action.world import Physics, World
+from tests.integration.engines import advance, on_every_engine, running
+
+SEPARATION = 0.160
+SECONDS = 10.0
+
+
+def drive(folder: Path, twist: str, monkeypatch: pytest.MonkeyPatch, engine: str) -> SimulationRun:
+    pytest.importorskip(engine)
+    monkeypatch.setattr("sim_action.simulation.ENGINE", engine)
+    path = folder / "drive.sim.yml"
+    path.write_text(
+        f"""
+name: drive
+robot: {{model: turtlebot3_burger}}
+commands: {{rate: 10 Hz, twist: [{twist}]}}
+expect: [upright]
+duration: {SECONDS} s
+time_limit: {SECONDS} s
+trace: {{rate: 240 Hz}}
+"""
+    )
+    loaded = load_scenario(path)
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+def rim_distance(speed: float) -> float:
+    """How far a wheel's rim rolls that ramps from rest to `speed` at 1 m/s^2."""
+    return speed * SECONDS - math.copysign(speed**2 / 2, speed)
+
+
+def turned(run: SimulationRun) -> float:
+    return float(np.unwrap(run.trace.yaw)[-1] - run.trace.yaw[0])
+
+
+@on_every_engine
+def test_the_burger_drives_a_line(engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = drive(tmp_path, "{linear: 0.2}", monkeypatch, engine)
+    assert run.travelled == pytest.approx(rim_distance(0.2), rel=0.002)
+    assert abs(turned(run)) < 0.002
+    assert run.engine.startswith(engine)
+
+
+@on_every_engine
+def test_the_burger_drives_a_circle(engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", monkeypatch, engine)
+    left, right = (rim_distance(0.2 + side * 0.5 * SEPARATION / 2) for side in (-1, 1))
+    x, y, z = run.trace.base_position_xyz[0].tolist()
+    assert run.trace.arc_length_from((x, y, z))[-1] == pytest.approx((left + right) / 2, rel=0.004)
+    assert turned(run) == pytest.approx((right - left) / SEPARATION, rel=0.002)
+
+
+@on_every_engine
+def test_the_burger_spins(engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = drive(tmp_path, "{angular: 1.0}", monkeypatch, engine)
+    assert turned(run) == pytest.approx(2 * rim_distance(SEPARATION / 2) / SEPARATION, rel=0.002)
+    assert run.travelled < 0.002
+
+
+def scene(name: str) -> Scene:
+    (known,) = (known for known in ROBOTS if known.name == name)
+    return Scene(known.robot, load_model(known.robot, WORKSPACE), World(), Physics(), WORKSPACE)
+
+
+HUSKY = ("front_left_wheel", "rear_left_wheel", "front_right_wheel", "rear_right_wheel")
+R2D2 = tuple(f"{side}_{end}_wheel_joint" for side in ("left", "right") for end in ("front", "back"))
+RACECAR = ("left_rear_wheel_joint", "right_rear_wheel_joint")
+AHEAD = {"left_steering_hinge_joint": 0.0, "right_steering_hinge_joint": 0.0}
+
+
+STRAIGHT: dict[str, tuple[tuple[str, ...], float, float]] = {
+    "husky": (HUSKY, 3.0, 0.17775),
+    "r2d2": (R2D2, -10.0, 0.035),
+    "racecar": (RACECAR, 20.0, 0.05),
+}
+
+
+@pytest.mark.parametrize("model", STRAIGHT)
+@on_every_engine
+def test_real_robots_drive_straight_as_far_as_their_wheels_turn(engine: str, model: str) -> None:
+    wheels, speed, radius = STRAIGHT[model]
+    steered = AHEAD if wheels == RACECAR else {}
+    ramp = [JointTargets(velocity=dict.fromkeys(wheels, speed * step / 240), position=steered) for step in range(241)]
+    with running(engine, scene(model)) as backend:
+        trace = advance(backend, 0, 960, *ramp)
+    way = float(np.linalg.norm(trace.base_position_xyz[-1] - trace.base_position_xyz[0]))
+    assert way == pytest.approx(abs(speed) * radius * (960 - 120) / 240, rel=0.005)
+
+
+# Of the yaw rate at which all forces and moments are in balance, each wheel pressed down as the centre of mass has it
+# and slipping with full friction along a line as broad as it is. In rad/s; and how far off an engine is.
+SCRUBBING = {
+    "husky": (
+        dict(zip(HUSKY, (-3.0, -3.0, 3.0, 3.0), strict=True)),
+        1.21,
+        {"pybullet": 0.15, "mujoco": 0.15},
+    ),
+    "r2d2": (dict(zip(R2D2, (10.0, 10.0, -10.0, -10.0), strict=True)), 1.106, {"pybullet": 0.02, "mujoco": 0.2}),
+}
+
+
+@pytest.mark.parametrize("model", SCRUBBING)
+@on_every_engine
+def test_robots_that_turn_by_slipping_do_so_roughly(engine: str, model: str, request: pytest.FixtureRequest) -> None:
+    wheels, rate, known = SCRUBBING[model]
+    if (engine, model) == ("pybullet", "husky"):
+        request.applymarker(pytest.mark.xfail(reason="it turns at a third of the rate"))
+    with running(engine, scene(model)) as backend:
+        trace = advance(backend, 0, 960, JointTargets(velocity=wheels))
+    assert trace.base_angular_xyz[480:, 2].mean() == pytest.approx(rate, rel=known[engine])
+
+
+ARMS = {"kuka_iiwa": 0.2, "franka_panda": 0.2}
+
+
+def swept(seconds: float, joints: tuple[str, ...]) -> list[JointTargets]:
+    """Each joint to and fro at a frequency of its own, by steps of 1/60 s."""
+    reach: Mapping[str, float] = {name: 0.03 if "finger" in name else 0.8 for name in joints}
+    flipped = {name: -1.0 if name.endswith("4") else 1.0 for name in joints}
+
+    def target(step: int) -> JointTargets:
+        time = step // 4 * 4 / 240
+        angles = (2 * math.pi * (0.2 + 0.03 * number) * time for number in range(len(joints)))
+        return JointTargets(
+            position={
+                name: flipped[name] * reach[name] * (1 - math.cos(angle)) / 2
+                for name, angle in zip(joints, angles, strict=True)
+            }
+        )
+
+    return [target(step) for step in range(round(seconds * 240))]
+
+
+@pytest.mark.parametrize("model", ARMS)
+def test_arms_follow_the_same_trajectory(model: str) -> None:
+    traces: list[Trace] = []
+    for engine in BACKENDS:
+        arm = scene(model)
+        joints = tuple(joint.name for joint in arm.model.moving_joints)
+        with running(engine, arm) as backend:
+            traces.append(advance(backend, 0, 960, *swept(4.0, joints)))
+    apart = np.abs(traces[0].joint_position - traces[1].joint_position)
+    assert np.degrees(apart.max()) < ARMS[model]
+    assert np.abs(traces[0].joint_position[480]).max() > 0.3
+
+
+@pytest.mark.parametrize("model", [known.name for known in ROBOTS])
+@on_every_engine
+def test_real_robots_rest_with_their_whole_weight_on_the_ground(engine: str, model: str) -> None:
+    standing = scene(model)
+    with running(engine, standing) as backend:
+        trace = advance(backend, 0, 1200)
+        contacts = backend.observe(1200, contacts=True).contacts
+    if standing.bolted:
+        assert np.abs(trace.joint_position).max() < 1e-3
+        return
+    weight = standing.model.mass * GRAVITY
+    assert sum(contact.force for contact in contacts) == pytest.approx(weight, rel=0.005)
+    assert trace.tilt[-1] < math.radians(5)
