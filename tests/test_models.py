@@ -60,7 +60,7 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("turtlebot3", "unknown robot 'turtlebot3'; did you mean 'turtlebot3_burger'?"),
-        ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf, .xacro or .sdf file"),
+        ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf, .xacro, .sdf or .xml file"),
         ("package://a/b.urdf", "refers to the package 'a', which is not there"),
         ("absent.xacro", "'absent.xacro' does not exist"),
         ("absent.urdf", "'absent.urdf' does not exist"),
@@ -69,7 +69,7 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
         ("a\0.urdf", "cannot be a file"),
         ("model://absent", "refers to the model 'absent', which is not there"),
         ("model://", "names no file"),
-        ("ant.xml", "it is MJCF, which PyBullet often reads without its joints"),
+        ("ant.xml", "a robot is one body with what hangs on it, this has 0 bodies in its world"),
         ("robot.sdf", "a URDF begins with <robot>, this file with <model>"),
     ],
 )

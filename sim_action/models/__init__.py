@@ -46,7 +46,12 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
 
 
 def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
-    """The model in a document of URDF or SDF, whatever its file is called."""
+    """The model in a document of URDF, SDF or MJCF, whatever its file is called."""
+    if document.root.tag == "mujoco":
+        # MuJoCo takes 0.1 s to import.
+        from sim_action.models.mjcf import read_mjcf
+
+        return read_mjcf(path, packages)
     if document.root.tag != "sdf":
         return model_of(document, path, packages, allow)
     from sim_action.models.sdf import urdf_of_sdf
@@ -66,7 +71,7 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
 
 def _path(name: str, packages: Packages) -> Path:
     if "/" not in name and "." not in name:
-        formats = "or the path of a .urdf, .xacro or .sdf file"
+        formats = "or the path of a .urdf, .xacro, .sdf or .xml file"
         raise ModelError(f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}, {formats}")
     workspace = packages.workspace
     try:

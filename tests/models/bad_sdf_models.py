@@ -67,7 +67,6 @@ BAD_SDF_MODELS = [
     BadSdf("old", "not-a-robot", 1, "'gz sdf -p'", '<sdf version="1.3"><model name="a"/></sdf>'),
     BadSdf("odd version", "not-a-robot", 1, "'one' is not read", '<sdf version="one"><model name="a"/></sdf>'),
     BadSdf("gazebo", "not-a-robot", 1, "older than SDF 1.4", '<gazebo version="1.0"><model name="a"/></gazebo>'),
-    BadSdf("MJCF", "not-a-robot", 1, "it is MJCF", "<mujoco><worldbody/></mujoco>"),
     BadSdf("DOCTYPE", "bad-xml", 1, "DOCTYPE", f"<!DOCTYPE sdf>{GOOD}"),
     BadSdf("no links", "not-a-robot", 2, "at least one <link>", '<sdf version="1.9">\n<model name="a"/></sdf>'),
     # Names.

@@ -21,7 +21,17 @@ from sim_action.models.meshes.obj import read_obj
 from sim_action.models.meshes.stl import read_stl
 from sim_action.regular_files import open_regular
 
-__all__ = ["MAX_BYTES", "MAX_TRIANGLES", "READERS", "CleanMesh", "MeshError", "MeshFacts", "clean_mesh", "read_mesh"]
+__all__ = [
+    "MAX_BYTES",
+    "MAX_TRIANGLES",
+    "READERS",
+    "CleanMesh",
+    "MeshError",
+    "MeshFacts",
+    "clean_mesh",
+    "parsed_mesh",
+    "read_mesh",
+]
 
 READERS: Final[Mapping[str, Callable[[bytes], Mesh]]] = MappingProxyType(
     {"stl": read_stl, "obj": read_obj, "dae": read_collada}
@@ -34,6 +44,11 @@ _LFS_POINTER: Final = b"version https://git-lfs"
 def read_mesh(path: Path) -> MeshFacts:
     """What a mesh file holds. Raises MeshError."""
     return facts_of(_format(path), _parsed(path, _bytes(path)))
+
+
+def parsed_mesh(path: Path) -> Mesh:
+    """The triangles of a mesh file. Raises MeshError."""
+    return _parsed(path, _bytes(path))
 
 
 def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margin: float = 0.0) -> CleanMesh:

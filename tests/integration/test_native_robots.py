@@ -1,0 +1,108 @@
+"""Robots in MuJoCo's own format, simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.backends import GRAVITY
+from sim_action.command import JointTargets
+from sim_action.loading import build_scene, load_scenario
+from sim_action.models import load_model
+from sim_action.scene import Scene
+from sim_action.simulation import simulate
+from sim_action.workspace import Workspace
+from sim_action.world import Body, Physics, Placement, Robot, World
+from tests.integration.engines import advance, push, running
+from tests.models.test_mjcf import ARM, ROVER
+
+pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
+
+# One that stands on four feet, with a spring in each leg.
+_LEGS = "".join(
+    f"""<body pos="{x} {y} -0.05"><joint type="slide" axis="0 0 1" range="-0.2 0.2" stiffness="400" damping="20"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -0.25" size="0.03" mass="0.3"/></body>"""
+    for x in (-0.2, 0.2)
+    for y in (-0.1, 0.1)
+)
+TABLE = f"""<mujoco model="table"><worldbody><body name="top"><freejoint/>
+  <geom type="box" size="0.3 0.2 0.05" mass="5"/>{_LEGS}</body></worldbody></mujoco>"""
+
+
+def scene(folder: Path, text: str, world: World | None = None, **robot: Any) -> Scene:
+    (folder / "robot.xml").write_text(text, encoding="utf-8")
+    named, workspace = Robot(model="robot.xml", **robot), Workspace(folder, folder)
+    return Scene(named, load_model(named, workspace), world or World(), Physics(), workspace)
+
+
+def test_a_rover_drives_as_far_as_its_wheels_turn_and_stops_at_a_wall(tmp_path: Path) -> None:
+    wall = Body(name="wall", box=(0.1, 2, 1), pose=Placement(x=3))
+    rover = scene(tmp_path, ROVER, World(objects=(wall,)))
+    ramp = [JointTargets(velocity=dict.fromkeys(("left", "right"), 5.0 * step / 240)) for step in range(241)]
+    with running("mujoco", rover, contacts=True) as backend:
+        start = backend.observe(0, contacts=False).pose.position_xyz
+        trace = advance(backend, 0, 960, *ramp)
+        later = advance(backend, 960, 960)
+    assert start == pytest.approx((0, 0, 0.1), abs=1e-6)
+    assert trace.base_position_xyz[-1, 0] == pytest.approx(0.5 * (4 - 0.5), rel=0.005)
+    assert trace.contacts == ()
+    assert {(contact.link, contact.body) for contact in later.contacts} == {
+        (wheel, "wall") for wheel in ("left_wheel", "right_wheel", "chassis")
+    }
+    assert later.base_position_xyz[:, 0].max() < 2.95 - 0.2 + 0.01
+
+
+def test_what_the_ground_carries_is_the_mass_of_the_file(tmp_path: Path) -> None:
+    table = scene(tmp_path, TABLE)
+    with running("mujoco", table) as backend:
+        trace = advance(backend, 0, 960)
+        contacts = backend.observe(960, contacts=True).contacts
+    assert sum(contact.force for contact in contacts) == pytest.approx(6.2 * GRAVITY, rel=0.005)
+    assert trace.tilt[-1] < 1e-3
+    # Its legs are held where they began, as servos of joints between limits are.
+    assert trace.base_position_xyz[-1, 2] == pytest.approx(0.05 + 0.25 + 0.03, abs=1e-3)
+
+
+def test_an_arm_stays_where_it_is_bolted_and_goes_where_it_is_told(tmp_path: Path) -> None:
+    arm = scene(tmp_path, ARM)
+    with running("mujoco", arm) as backend:
+        start = backend.observe(0, contacts=False)
+        trace = advance(backend, 0, 480, JointTargets(position={"shoulder": 0.5, "joint_2": 0.05}))
+    assert start.pose.position_xyz == (0, 0, 0)
+    assert not trace.base_linear_xyz.any()
+    end = dict(zip(trace.joint_names, trace.joint_position[-1], strict=True))
+    assert end["shoulder"] == pytest.approx(0.5, abs=1e-3)
+    assert end["joint_2"] == pytest.approx(0.05, abs=1e-3)
+    assert end["other"] == pytest.approx(0.01 + 0.02 * 0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize(("text", "base", "falls"), [(ROVER, "fixed", False), (ARM, "free", True)])
+def test_the_scenario_says_whether_it_is_free(text: str, base: str, falls: bool, tmp_path: Path) -> None:
+    robot = scene(tmp_path, text, base=base, pose=Placement(z=50))
+    with running("mujoco", robot) as backend:
+        trace = advance(backend, 0, 240)
+        if falls:
+            push(backend, (1, 0, 0))
+    assert (trace.base_linear_xyz[-1, 2] < -5) == falls
+    assert trace.base_position_xyz[0, 2] == pytest.approx(50, abs=0.01)
+
+
+def test_a_scenario_runs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sim_action.simulation.ENGINE", "mujoco")
+    (tmp_path / "robot.xml").write_text(ROVER, encoding="utf-8")
+    path = tmp_path / "rover.sim.yml"
+    path.write_text(
+        """
+name: rover
+robot: {model: robot.xml}
+commands: {twist: [{linear: 0.5}]}
+expect: [{travel: {at_least: 1 m}}, upright]
+time_limit: 10 s
+"""
+    )
+    loaded = load_scenario(path)
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert all(verdict.passed for verdict in run.verdicts)
+    assert run.sim_time == pytest.approx(2.25, abs=0.02)
