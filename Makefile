@@ -55,9 +55,9 @@ fuzz: $(VENV)/.dev ## a quarter of an hour of robot models that nobody has writt
 
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(LOCK) --upgrade --output-file requirements.lock
+	$(LOCK) --upgrade --extra mujoco --output-file requirements.lock
 	# The same versions without what simulates, for the actions that only deal and join.
-	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --output-file requirements-core.lock
+	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 (its engine, PyBullet, has wheels for no newer one); install python3.11 and its venv module"; exit 1; }

@@ -63,7 +63,13 @@ SUBCOMMANDS: Final = {
     "run": Subcommand(
         arguments="scenario",
         lists={},
-        options={**_REPORTS, "jobs": "--jobs", "shard": "--shard", "allow-scripts": "--allow-scripts"},
+        options={
+            **_REPORTS,
+            "backend": "--backend",
+            "jobs": "--jobs",
+            "shard": "--shard",
+            "allow-scripts": "--allow-scripts",
+        },
         switches=_SWITCHES,
     ),
     "matrix": Subcommand(

@@ -6,18 +6,17 @@ import select
 import tempfile
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.aftermath import Ending, Limit, interrupted, outcome_of
-from sim_action.backends import BACKENDS, require
+from sim_action.backends import BACKENDS, chosen
 from sim_action.interruption import Interruption
 from sim_action.isolation import CAN_FORK, Child
 from sim_action.native_output import muted
 from sim_action.outcome import Outcome
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import ENGINE
+from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.trace_files import trace_paths
 from sim_action.worker import Job
 
@@ -43,10 +42,10 @@ def execute(
 
     An interruption ends what runs; scenarios without an outcome then get one that says so. Raises UsageError.
     """
-    if scenarios:
-        require(ENGINE)
-    if CAN_FORK and any(not loaded.scenario.runs_user_code for loaded in scenarios):
-        _warm_up()
+    for loaded in scenarios:
+        chosen(loaded.scenario.backend)
+    if CAN_FORK:
+        _warm_up(loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code)
     with tempfile.TemporaryDirectory(prefix="sim-action-") as scratch:
         paths = trace_paths([loaded.scenario.name for loaded in scenarios], folder)
         waiting = deque(
@@ -63,10 +62,11 @@ def _subfolder(scratch: Path, index: int) -> Path:
     return folder
 
 
-def _warm_up() -> None:
-    """Imports the engine once for all children."""
+def _warm_up(scenarios: Iterable[Scenario]) -> None:
+    """Imports the engines that they run on, once for all children."""
     with muted():
-        BACKENDS.load(ENGINE)
+        for engine in {chosen(scenario.backend) for scenario in scenarios}:
+            BACKENDS.load(engine)
 
 
 class _Scheduler:

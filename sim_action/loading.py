@@ -35,7 +35,8 @@ def load_scenario(
         path: of the file; problems name it so.
         permissions: what it may do.
         models: those that scenarios of the same suite have read.
-        evaluate: whether xacro is, which runs what is written in it.
+        evaluate: whether models are read that may be read in a scenario's own process alone: xacro is code, and
+            native code reads MJCF.
 
     Raises InvalidScenario with all problems.
     """
@@ -134,7 +135,7 @@ class _Loader:
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         try:
-            if scenario.robot.is_xacro and not self._evaluate:
+            if (scenario.robot.is_xacro or scenario.robot.is_mjcf) and not self._evaluate:
                 self._check_text(scenario.robot)
                 return
             self.model = self._models.load(scenario.robot, self._workspace)
@@ -149,10 +150,11 @@ class _Loader:
         self._check_scene(_scene(scenario, self.model, self._workspace), scenario, states_drive=states_drive)
 
     def _check_text(self, robot: DrivenRobot) -> None:
-        """What can be said before xacro has run; the rest is checked by the process that runs it."""
-        if self._permissions.scripts_refused:
+        """What can be said of a model that only the scenario's own process may read; the rest is checked there."""
+        if robot.is_xacro and self._permissions.scripts_refused:
             self._problems.note(("robot", "model"), self._permissions.scripts_refused)
-        name = f"{robot.model} is evaluated when it runs: until then, what is said of links and joints is not checked"
+        read = "evaluated" if robot.is_xacro else "read by MuJoCo"
+        name = f"{robot.model} is {read} when it runs: until then, what is said of links and joints is not checked"
         self.unchecked = (name, *check_text(robot, self._workspace))
 
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import platform
 import time
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from sim_action import __version__
+from sim_action.agreement import compared
 from sim_action.discovery import file_name
-from sim_action.errors import ExitCode
+from sim_action.engine_choice import runs_of
+from sim_action.errors import ExitCode, InvalidScenario
 from sim_action.execution import execute
 from sim_action.interruption import Interruption
 from sim_action.loading import load_all
@@ -17,17 +20,19 @@ from sim_action.outcome import Outcome, Results
 from sim_action.permissions import Permissions
 from sim_action.reporting import ReportRequest, report_options, write_reports
 from sim_action.reports.progress import ProgressListener
+from sim_action.scenario import LoadedScenario
 from sim_action.sharding import Shard
 
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What the command line asks for; `empty`: what was named but holds no scenario; `shard`: as it was typed."""
+    """What the command line asks for; `empty`: what was named but holds no scenario; `shard`, `backend`: as typed."""
 
     files: list[Path]
     empty: list[str]
     shard: str | None
     jobs: int
+    backend: str | None
     permissions: Permissions
     reports: ReportRequest
 
@@ -55,12 +60,19 @@ def run(request: RunRequest, interruption: Interruption) -> ExitCode:
 
 
 def _outcomes(request: RunRequest, files: list[Path], folder: Path, interruption: Interruption) -> list[Outcome]:
-    """Of each file, in their order."""
+    """Of each file, in their order; several of one that runs on several engines."""
     valid, invalid = load_all(files, request.permissions)
-    listener = ProgressListener(total=len(valid), verbosity=request.reports.verbosity)
-    ran = execute(list(valid.values()), folder, request.jobs, listener, interruption)
+    runs: dict[Path, tuple[LoadedScenario, ...]] = {}
+    for path, loaded in valid.items():
+        try:
+            runs[path] = runs_of(loaded, request.backend)
+        except InvalidScenario as error:
+            invalid[path] = error
+    every = [run for several in runs.values() for run in several]
+    listener = ProgressListener(total=len(every), verbosity=request.reports.verbosity)
+    ran = iter(execute(every, folder, request.jobs, listener, interruption))
     listener.close()
-    outcomes = dict(zip(valid, ran, strict=True)) | {
-        path: Outcome.of_invalid(file_name(path), error) for path, error in invalid.items()
+    outcomes = {path: (Outcome.of_invalid(file_name(path), error),) for path, error in invalid.items()} | {
+        path: compared(valid[path], tuple(islice(ran, len(several))), folder) for path, several in runs.items()
     }
-    return [outcomes[path] for path in files]
+    return [outcome for path in files for outcome in outcomes[path]]

@@ -5,15 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
-from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveBytes, PositiveHertz, PositiveSeconds
+from sim_action.quantities import (
+    FrozenModel,
+    Name,
+    NonNegativeSeconds,
+    PositiveBytes,
+    PositiveHertz,
+    PositiveMetres,
+    PositiveRadians,
+    PositiveSeconds,
+)
 from sim_action.robot_model import RobotModel
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
@@ -68,6 +77,19 @@ class TraceSettings(FrozenModel):
     ] = None
 
 
+class Agreement(FrozenModel):
+    """How far the robot may be in one engine from where it is in another at the same time."""
+
+    position: Annotated[PositiveMetres | None, Field(description="of the base link, in space")] = None
+    yaw: Annotated[PositiveRadians | None, Field(description="of the base link")] = None
+
+    @model_validator(mode="after")
+    def _asks_something(self) -> Self:
+        if self.position is None and self.yaw is None:
+            raise ValueError("says how far they may be apart in 'position', in 'yaw', or in both")
+        return self
+
+
 class Scenario(FrozenModel):
     """One scenario file; the fields are its keys."""
 
@@ -90,6 +112,13 @@ class Scenario(FrozenModel):
         Field(ge=_LEAST_MEMORY, le=_MOST_MEMORY, description="address space of each process; left out: 4 GiB"),
     ] = None
     output_limit: Annotated[PositiveBytes | None, Field(description="how much it may print; left out: 100 MB")] = None
+    backend: Annotated[
+        Literal["auto", "pybullet", "mujoco"],
+        Field(description="engine that it runs on; auto: pybullet where it is installed, else mujoco"),
+    ] = "auto"
+    agreement: Annotated[
+        Agreement | None, Field(description="runs it on both engines, and judges how far they are apart")
+    ] = None
     trace: TraceSettings = TraceSettings()
 
     @property

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.backends import BACKENDS, Backend
+from sim_action.backends import BACKENDS, Backend, chosen
 from sim_action.command import Command, JointTargets
 from sim_action.commands import Controller, OpenLoop
 from sim_action.drives import Drive, DriveMotion, recognise
@@ -23,8 +23,6 @@ from sim_action.start import refuse_bad_start
 from sim_action.trace import Digest, Trace
 from sim_action.verdict import Verdict
 from sim_action.watchdog import Watchdog
-
-ENGINE: Final = "pybullet"
 
 Progress = Callable[[float], None]
 """Told the sim time in s as the run goes on."""
@@ -67,7 +65,7 @@ class SimulationRun:
 def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> SimulationRun:
     """Runs a scenario to its end. Raises RunError where there can be no verdict."""
     contacts = any(expected.assertion.watches_contacts for expected in scenario.expect)
-    backend = BACKENDS.load(ENGINE)(scene, contacts=contacts)
+    backend = BACKENDS.load(chosen(scenario.backend))(scene, contacts=contacts)
     try:
         refuse_bad_start(scene, backend.overlaps())
         return _Loop(scenario, scene, backend).run(progress)

@@ -42,6 +42,9 @@ _WIDTHS: Final = {
 }
 
 
+_MOST_BYTES: Final = 2_000_000_000
+
+
 class TraceError(ValueError):
     """A file that is no trace."""
 
@@ -139,7 +142,7 @@ class Trace:
         end = self.time[count - 1]
         return replace(self.rows(slice(count)), contacts=tuple(c for c in self.contacts if c.time <= end))
 
-    def rows(self, wanted: slice) -> Self:
+    def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
         """Some of the moments, with all contacts."""
         return replace(self, state=self.state[wanted])
 
@@ -182,8 +185,8 @@ class Trace:
         """(T,) m from a point, on the ground plane."""
         return _norm(self.base_position_xyz[:, :2] - np.asarray((x, y)))
 
-    def yaw_error_to(self, yaw: float) -> FloatArray:
-        """(T,) rad in [0, pi] between the heading and `yaw`."""
+    def yaw_error_to(self, yaw: float | FloatArray) -> FloatArray:
+        """(T,) rad in [0, pi] between the heading and `yaw`, or (T,) of them."""
         return np.abs(np.remainder(self.yaw - yaw + np.pi, 2 * np.pi) - np.pi)
 
     def arc_length_from(self, point_xyz: Vector3, length: float = 0.0) -> FloatArray:
@@ -211,6 +214,7 @@ class Trace:
         """Reads what `save` wrote. Raises TraceError; never unpickles."""
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                _refuse_too_large(stored)
                 names = tuple(stored["joint_names"].tolist())
                 columns = {name: stored[name] for name in COLUMNS}
                 contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
@@ -245,6 +249,13 @@ def _array(values: Any) -> FloatArray:
 
 def _norm(vectors: FloatArray) -> FloatArray:
     return _array(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
+def _refuse_too_large(stored: Any) -> None:
+    """A stranger's file may be small and hold much."""
+    size = sum(member.file_size for member in stored.zip.infolist())
+    if size > _MOST_BYTES:
+        raise ValueError(f"it holds {size // 1_000_000} MB, more than a trace has")
 
 
 def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:

@@ -162,8 +162,8 @@ def _invalid(job: Job, error: InvalidScenario) -> Outcome:
 
 
 def _checked(loaded: LoadedScenario) -> LoadedScenario:
-    """With what nobody could know before xacro had run, here where it may. Raises InvalidScenario."""
-    if not loaded.scenario.robot.is_xacro:
+    """With what nobody could know before its model was read, which may be done here alone. Raises InvalidScenario."""
+    if loaded.model is not None:
         return loaded
     again = load_scenario(loaded.path, Permissions(outside=loaded.workspace.allow_outside), evaluate=True)
     return replace(loaded, model=again.model)

@@ -72,8 +72,13 @@ class Robot(FrozenModel):
 
     @property
     def is_xacro(self) -> bool:
-        """Whether its model has to be evaluated."""
+        """Whether its model has to be evaluated, which runs what is written in it."""
         return self.model.endswith(".xacro")
+
+    @property
+    def is_mjcf(self) -> bool:
+        """Whether its model is in the format of MuJoCo, which alone reads and simulates it."""
+        return self.model.endswith(".xml")
 
 
 class Ground(FrozenModel):

@@ -69,10 +69,19 @@ BACKENDS: Final = Table[BackendFactory](
 """The name of an engine is that of its package."""
 
 
-def require(engine: str) -> None:
-    """Raises UsageError if an engine is not installed; what only reads scenarios or results does without."""
-    if find_spec(engine) is None:
+def installed() -> tuple[str, ...]:
+    """The engines that are there, the one that `auto` means first."""
+    return tuple(engine for engine in BACKENDS if find_spec(engine) is not None)
+
+
+def chosen(wanted: str) -> str:
+    """The engine that is meant; what only reads scenarios or results does without. Raises UsageError."""
+    engines = installed()
+    if not engines:
         raise UsageError(
-            f"the engine {engine} is not installed here: it has wheels for Linux x86-64 with Python 3.11; "
-            "run scenarios there, and `sim-action validate` anywhere"
+            "no physics engine is installed here; install one of them: pip install mujoco-core "
+            "(or pybullet, which has wheels for Linux x86-64 with Python 3.11 alone)"
         )
+    if wanted != "auto" and wanted not in engines:
+        raise UsageError(f"the engine {wanted} is not installed here; there is {', '.join(engines)}")
+    return engines[0] if wanted == "auto" else wanted

@@ -46,8 +46,8 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
 
 
 def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
-    """The model in a document of URDF, SDF or MJCF, whatever its file is called."""
-    if document.root.tag == "mujoco":
+    """The model in a document of URDF or SDF, whatever its file is called, or of MJCF in a file called .xml."""
+    if document.root.tag == "mujoco" and path.suffix == ".xml":
         # MuJoCo takes 0.1 s to import.
         from sim_action.models.mjcf import read_mjcf
 
@@ -62,11 +62,15 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
 
 
 def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
-    """Looks at a xacro file without evaluating it; returns what was left unchecked. Raises ModelError."""
+    """Looks at a file of xacro or MJCF as text; returns what was left unchecked. Raises ModelError."""
+    packages = Packages(workspace, robot.packages)
+    path = _path(robot.model, packages)
+    if robot.is_mjcf:
+        read_document(path)
+        return ()
     from sim_action.models import expansion
 
-    packages = Packages(workspace, robot.packages)
-    return expansion.check_text(_path(robot.model, packages), robot.args, packages)
+    return expansion.check_text(path, robot.args, packages)
 
 
 def _path(name: str, packages: Packages) -> Path:

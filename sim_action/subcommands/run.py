@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 @report_flags
 @click.option("--shard", metavar="I/N", help="Run every N-th scenario of the list only, beginning with the I-th.")
 @click.option(
+    "--backend",
+    type=click.Choice(("pybullet", "mujoco", "all")),
+    help="Engine that all run on, whatever they say; all: each on both, and compared.",
+)
+@click.option(
     "--jobs", "-j", type=click.IntRange(min=1, max=256), metavar="N", help="At the same time.  [default: the cores]"
 )
 @click.option(
@@ -34,7 +39,9 @@ if TYPE_CHECKING:
 @ALLOW_OUTSIDE
 def run(
     paths: Sequence[str],
+    *,
     shard: str | None,
+    backend: str | None,
     jobs: int | None,
     allow_scripts: AllowScripts,
     allow_outside: bool,
@@ -57,6 +64,7 @@ def run(
             files=files,
             empty=empty,
             shard=shard,
+            backend=backend,
             jobs=jobs or len(os.sched_getaffinity(0)),
             permissions=Permissions(allow_outside, scripts_refused(allow_scripts, os.environ)),
             reports=report_request(reports),

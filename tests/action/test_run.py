@@ -13,6 +13,7 @@ INPUTS = {
     "output-directory": "what came out",
     "junit-path": "",
     "junit-strict": "false",
+    "backend": "",
     "jobs": "",
     "shard": "2/3",
     "summary": "true",

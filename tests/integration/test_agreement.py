@@ -24,9 +24,8 @@ SEPARATION = 0.160
 SECONDS = 10.0
 
 
-def drive(folder: Path, twist: str, monkeypatch: pytest.MonkeyPatch, engine: str) -> SimulationRun:
+def drive(folder: Path, twist: str, engine: str) -> SimulationRun:
     pytest.importorskip(engine)
-    monkeypatch.setattr("sim_action.simulation.ENGINE", engine)
     path = folder / "drive.sim.yml"
     path.write_text(
         f"""
@@ -34,6 +33,7 @@ name: drive
 robot: {{model: turtlebot3_burger}}
 commands: {{rate: 10 Hz, twist: [{twist}]}}
 expect: [upright]
+backend: {engine}
 duration: {SECONDS} s
 time_limit: {SECONDS} s
 trace: {{rate: 240 Hz}}
@@ -53,16 +53,16 @@ def turned(run: SimulationRun) -> float:
 
 
 @on_every_engine
-def test_the_burger_drives_a_line(engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = drive(tmp_path, "{linear: 0.2}", monkeypatch, engine)
+def test_the_burger_drives_a_line(engine: str, tmp_path: Path) -> None:
+    run = drive(tmp_path, "{linear: 0.2}", engine)
     assert run.travelled == pytest.approx(rim_distance(0.2), rel=0.002)
     assert abs(turned(run)) < 0.002
     assert run.engine.startswith(engine)
 
 
 @on_every_engine
-def test_the_burger_drives_a_circle(engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", monkeypatch, engine)
+def test_the_burger_drives_a_circle(engine: str, tmp_path: Path) -> None:
+    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", engine)
     left, right = (rim_distance(0.2 + side * 0.5 * SEPARATION / 2) for side in (-1, 1))
     x, y, z = run.trace.base_position_xyz[0].tolist()
     assert run.trace.arc_length_from((x, y, z))[-1] == pytest.approx((left + right) / 2, rel=0.004)
@@ -70,8 +70,8 @@ def test_the_burger_drives_a_circle(engine: str, tmp_path: Path, monkeypatch: py
 
 
 @on_every_engine
-def test_the_burger_spins(engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = drive(tmp_path, "{angular: 1.0}", monkeypatch, engine)
+def test_the_burger_spins(engine: str, tmp_path: Path) -> None:
+    run = drive(tmp_path, "{angular: 1.0}", engine)
     assert turned(run) == pytest.approx(2 * rim_distance(SEPARATION / 2) / SEPARATION, rel=0.002)
     assert run.travelled < 0.002
 

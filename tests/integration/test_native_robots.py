@@ -89,8 +89,7 @@ def test_the_scenario_says_whether_it_is_free(text: str, base: str, falls: bool,
     assert trace.base_position_xyz[0, 2] == pytest.approx(50, abs=0.01)
 
 
-def test_a_scenario_runs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim_action.simulation.ENGINE", "mujoco")
+def test_a_scenario_runs_it(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(ROVER, encoding="utf-8")
     path = tmp_path / "rover.sim.yml"
     path.write_text(
@@ -99,10 +98,11 @@ name: rover
 robot: {model: robot.xml}
 commands: {twist: [{linear: 0.5}]}
 expect: [{travel: {at_least: 1 m}}, upright]
+backend: mujoco
 time_limit: 10 s
 """
     )
-    loaded = load_scenario(path)
+    loaded = load_scenario(path, evaluate=True)
     run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
     assert all(verdict.passed for verdict in run.verdicts)
     assert run.sim_time == pytest.approx(2.25, abs=0.02)

@@ -181,7 +181,7 @@ def test_the_burger_weighs_and_is_what_is_published() -> None:
         ('\n<?xml version="1.0"?><robot/>', ":2: not well-formed XML: something stands before <?xml ...?>"),
         ("<robot>\n</robot>\0", ":2: not well-formed XML: a NUL character; remove it"),
         ("<sdf/>", "a URDF begins with <robot>, this file with <sdf>"),
-        ("<mujoco/>", "it is MJCF, which PyBullet often reads without its joints"),
+        ("<mujoco/>", "it is MJCF, which MuJoCo alone reads"),
         ("<robot/>", "a model has at least one <link>, this one has none"),
         ("<robot>" + "<a>" * 5000, "more than 100 elements inside each other"),
         (b"\xff\xfe\x00", "not well-formed XML"),

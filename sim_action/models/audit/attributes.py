@@ -66,8 +66,7 @@ _NOT_NEGATIVE: Final = {
 
 
 _HINTS: Final = {
-    "mujoco": "; it is MJCF, which PyBullet often reads without its joints; it needs the engine MuJoCo, which "
-    "sim-action does not run yet: convert the model to URDF",
+    "mujoco": "; it is MJCF, which MuJoCo alone reads: give its file a name that ends in .xml",
     "gazebo": "; it is older than SDF 1.4: 'gz sdf -p' writes a newer one",
 }
 """What is to be done about other formats, by their root."""

@@ -1,0 +1,89 @@
+"""Scenarios on both engines, through the command line: names, comparison, exit codes, reports."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.backends import BACKENDS
+from sim_action.trace import Trace
+from tests.integration.conftest import sim_action
+
+ENGINES = tuple(BACKENDS)
+for _engine in ENGINES:
+    pytest.importorskip(_engine, reason=f"it takes two engines, and {_engine} is not installed")
+
+NAMES = ["drives [pybullet]", "drives [mujoco]"]
+DRIVES = """\
+name: drives
+robot: {model: turtlebot3_burger}
+commands: {twist: [{linear: 0.5}]}
+expect: [{travel: {at_least: 1 m}}]
+"""
+
+
+def run(folder: Path, text: str = "", *flags: str) -> tuple[int, list[dict[str, Any]]]:
+    """Exit code and outcomes."""
+    (folder / "drives.sim.yml").write_text(f"{DRIVES}{text}\ntime_limit: 5 s\n")
+    code = sim_action(folder, "run", *flags).returncode
+    return code, json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+
+
+def test_all_engines_run_it_under_names_of_their_own_and_are_compared(tmp_path: Path) -> None:
+    code, outcomes = run(tmp_path, "", "--backend", "all")
+    assert code == 0
+    assert [outcome["name"] for outcome in outcomes] == NAMES
+    assert [outcome["engine"].split()[0] for outcome in outcomes] == list(ENGINES)
+    assert [len(outcome["expectations"]) for outcome in outcomes] == [1, 4]
+    _, _, position, yaw = outcomes[1]["expectations"]
+    assert 0 < position["verdict"]["measured"] < 0.005
+    assert 0 < yaw["verdict"]["measured"] < 0.01
+    for outcome in outcomes:
+        assert len(Trace.load(tmp_path / "sim-results" / outcome["trace"])) > 10
+
+
+def test_agreement_that_was_asked_and_is_missed_fails_on_its_line(tmp_path: Path) -> None:
+    code, outcomes = run(tmp_path, "agreement: {position: 0.001 mm}")
+    assert code == 1
+    assert [outcome["status"] for outcome in outcomes] == ["passed", "failed"]
+    (missed,) = [one for one in outcomes[1]["expectations"] if not one["verdict"]["passed"]]
+    assert missed["name"] == "the same position as pybullet 3.2.7"
+    assert missed["location"]["line"] == 5
+
+
+def test_agreement_that_holds_passes(tmp_path: Path) -> None:
+    code, outcomes = run(tmp_path, "agreement: {position: 1 cm, yaw: 1 deg}")
+    assert (code, [outcome["name"] for outcome in outcomes]) == (0, NAMES)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_one_engine_is_asked_by_file_or_flag(engine: str, tmp_path: Path) -> None:
+    for text, flags in ((f"backend: {engine}", ()), ("", ("--backend", engine))):
+        code, (outcome,) = run(tmp_path, text, *flags)
+        assert (code, outcome["name"], outcome["engine"].split()[0]) == (0, "drives", engine)
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_each_engine_has_one_digest_alone_and_among_others(jobs: str, tmp_path: Path) -> None:
+    for number in range(4):
+        (tmp_path / f"{number}.sim.yml").write_text(DRIVES + "time_limit: 5 s\n")
+    _, alone = run(tmp_path, "", "--backend", "all")
+    sim_action(tmp_path, "run", "--backend", "all", "--jobs", jobs)
+    several = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
+    assert len(several) == 10
+    digests = {(outcome["engine"], outcome["digest"]) for outcome in (*alone, *several)}
+    assert len(digests) == len(ENGINES)
+
+
+def test_a_robot_that_only_mujoco_reads_runs_there(tmp_path: Path) -> None:
+    body = '<body name="box"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>'
+    (tmp_path / "box.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    text = "name: rests\nrobot: {model: box.xml}\nexpect: [upright]\ntime_limit: 1 s\n"
+    (tmp_path / "box.sim.yml").write_text(text)
+    assert sim_action(tmp_path, "run").returncode == 0
+    refused = sim_action(tmp_path, "run", "--backend", "pybullet")
+    assert refused.returncode == 2
+    assert "box.sim.yml:2:9" in refused.stdout
