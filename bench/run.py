@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.engines import PACKAGES, SideBySide, engines
+
 ROOT = Path(__file__).resolve().parent.parent
 RAW = ROOT / "bench/raw_loop.py"
 SUITE = 16
@@ -150,6 +152,14 @@ def _model_cost() -> tuple[float, ...]:
     return tuple(map(float, ran.stdout.splitlines()[-1].split()))
 
 
+def side_by_side(folder: Path) -> Iterator[SideBySide]:
+    """Both engines."""
+    suite = str(write_suite(folder / "both", 1))
+    return engines(
+        {engine: command("sim-action", "run", "--backend", engine, suite, cwd=folder) for engine in PACKAGES}
+    )
+
+
 def main() -> None:
     """Prints a line a ratio; exits with 1 if one is missed."""
     with tempfile.TemporaryDirectory() as name:
@@ -159,6 +169,9 @@ def main() -> None:
         for ratio in itertools.chain(start_up(folder), models(), single):
             print(ratio, flush=True)
             ratios.append(ratio)
+        print("\nboth engines, for orientation:")
+        for measure in side_by_side(folder):
+            print(measure, flush=True)
     sys.exit(not all(ratio.met for ratio in ratios))
 
 
