@@ -17,8 +17,8 @@ from tests.scenarios import LEAST, load, told
 MODEL = "model: turtlebot3_burger"
 JOINTS = "(allowed: wheel_left_joint, wheel_right_joint)"
 KEYS = (
-    "(allowed: agreement, backend, commands, duration, expect, memory_limit, name, output_limit, physics, robot, time_limit, trace, "
-    "version, wall_limit, world)"
+    "(allowed: agreement, backend, commands, duration, expect, memory_limit, name, output_limit, physics, robot, "
+    "time_limit, trace, version, wall_limit, world)"
 )
 
 
