@@ -7,32 +7,12 @@ second <inertial> (tests/integration/test_fuzz.py compares both).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final, cast
+from typing import cast
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import axis, child_of, number, numbers, parent_of
-
-_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_SHAPES: Final[Mapping[str, tuple[str, ...]]] = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-}
-# Of Bullet's <contact>, which is no part of URDF; see `_inertial` for its inertia_scaling.
-CONTACT: Final = (
-    "lateral_friction",
-    "rolling_friction",
-    "spinning_friction",
-    "restitution",
-    "contact_cfm",
-    "contact_erp",
-    "stiffness",
-    "damping",
-)
+from sim_action.models.values import CONTACT, MOMENTS, SHAPES, axis, child_of, number, numbers, parent_of
 
 
 def engine_text(document: ModelDocument) -> str:
@@ -59,7 +39,7 @@ def _inertial(inertial: Element, scaling: float | None) -> Element:
     """`scaling`: what Bullet multiplies the moments with, done here, as an engine of another make would not."""
     written = _with_origin(Element("inertial"), inertial)
     written.append(_numbers("mass", inertial.find("mass"), "value"))
-    moments = _numbers("inertia", inertial.find("inertia"), *_MOMENTS)
+    moments = _numbers("inertia", inertial.find("inertia"), *MOMENTS)
     if scaling is not None:
         moments.attrib.update({name: repr(scaling * float(text)) for name, text in moments.attrib.items()})
     written.append(moments)
@@ -73,7 +53,7 @@ def _collision(collision: Element) -> Element:
     if shape.tag == "mesh":
         ET.SubElement(geometry, "mesh", filename=shape.attrib["filename"])
     else:
-        geometry.append(_numbers(shape.tag, shape, *_SHAPES[shape.tag]))
+        geometry.append(_numbers(shape.tag, shape, *SHAPES[shape.tag]))
     return written
 
 

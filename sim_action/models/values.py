@@ -1,17 +1,60 @@
-"""Values in elements that the audit has found to hold them."""
+"""Values in elements: what URDF calls them, and how they are read once the audit has found them to be there."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
 
+MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""Attributes of <inertia>."""
+
+SHAPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "box": ("size",),
+        "sphere": ("radius",),
+        "cylinder": ("radius", "length"),
+        "capsule": ("radius", "length"),
+    }
+)
+"""Shapes that are no meshes -> their attributes."""
+
+CONTACT: Final = (
+    "lateral_friction",
+    "rolling_friction",
+    "spinning_friction",
+    "restitution",
+    "contact_cfm",
+    "contact_erp",
+    "stiffness",
+    "damping",
+)
+"""Of Bullet's <contact>, which is no part of URDF; beside its inertia_scaling."""
+
+MOST: Final = 1e18
+"""Of any number: exporters write 1e16 for what is not limited, and squares of what is larger overflow."""
+
 
 def is_expression(text: str) -> bool:
     """Whether xacro was to put something else there."""
     return "${" in text or "$(" in text
+
+
+def is_numbers(text: str, count: int) -> bool:
+    """Whether a text is so many numbers that are not too large, with white space between them."""
+    words = text.split()
+    # Python reads digits of every script, and underscores between them; no engine does.
+    if len(words) != count or not text.isascii() or "_" in text:
+        return False
+    try:
+        return all(abs(float(word)) <= MOST for word in words)  # a NaN is not
+    except ValueError:
+        return False
 
 
 def numbers(element: Element | None, name: str) -> tuple[float, ...] | None:

@@ -7,11 +7,9 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.models.document import ModelDocument
-from sim_action.models.engine_text import CONTACT
-from sim_action.models.values import is_expression
+from sim_action.models.values import CONTACT, MOMENTS, MOST, SHAPES, is_expression, is_numbers
 from sim_action.robot_model import Finding
 
-_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _REQUIRED: Final = {
     "link": ("name",),
     "joint": ("name", "type"),
@@ -19,26 +17,20 @@ _REQUIRED: Final = {
     "joint/child": ("link",),
     "joint/mimic": ("joint",),
     "link/inertial/mass": ("value",),
-    "link/inertial/inertia": _MOMENTS,
-    "link/collision/geometry/box": ("size",),
-    "link/collision/geometry/sphere": ("radius",),
-    "link/collision/geometry/cylinder": ("radius", "length"),
-    "link/collision/geometry/capsule": ("radius", "length"),
+    "link/inertial/inertia": MOMENTS,
+    **{f"link/collision/geometry/{tag}": names for tag, names in SHAPES.items()},
     "link/collision/geometry/mesh": ("filename",),
     "link/visual/geometry/mesh": ("filename",),
     "link/visual/material": ("name",),
 }
 _CHILDREN: Final = {"joint": ("parent", "child"), "link/collision": ("geometry",), "link/inertial": ("mass", "inertia")}
 
-MOST: Final = 1e18
-"""Of any number: exporters write 1e16 for what is not limited, and squares of what is larger overflow."""
-
 _LONGEST_SHOWN: Final = 100
 
 _NUMBERS: Final = {
     "link/inertial/origin": {"xyz": 3, "rpy": 3},
     "link/inertial/mass": {"value": 1},
-    "link/inertial/inertia": dict.fromkeys(_MOMENTS, 1),
+    "link/inertial/inertia": dict.fromkeys(MOMENTS, 1),
     "link/collision/origin": {"xyz": 3, "rpy": 3},
     "link/visual/origin": {"xyz": 3, "rpy": 3},
     "link/collision/geometry/box": {"size": 3},
@@ -146,17 +138,5 @@ def _wanted(text: str, count: int) -> str:
 def _is_large(word: str) -> bool:
     try:
         return word[-1:].isdigit() and abs(float(word)) > MOST
-    except ValueError:
-        return False
-
-
-def is_numbers(text: str, count: int) -> bool:
-    """Whether a text is so many numbers that are not too large, with white space between them."""
-    words = text.split()
-    # Python reads digits of every script, and underscores between them; no engine does.
-    if len(words) != count or not text.isascii() or "_" in text:
-        return False
-    try:
-        return all(abs(float(word)) <= MOST for word in words)  # a NaN is not
     except ValueError:
         return False

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from sim_action.messages import did_you_mean
-from sim_action.models.audit.attributes import is_numbers
 from sim_action.models.document import ModelDocument
 from sim_action.models.gazebo import NUMBERS, number_text
-from sim_action.models.values import is_expression
+from sim_action.models.values import is_expression, is_numbers
 from sim_action.robot_model import Finding
 
 

@@ -7,14 +7,13 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import number, vector
+from sim_action.models.values import SHAPES, number, vector
 from sim_action.robot_model import Finding
 
 LARGEST: Final = 50.0
 """In m. A part of a robot that is larger was drawn in millimetres."""
 
-_SHAPES: Final = ("box", "sphere", "cylinder", "capsule")
-KINDS: Final = (*_SHAPES, "mesh")
+KINDS: Final = (*SHAPES, "mesh")
 
 
 def kinds(document: ModelDocument) -> Iterator[Finding]:
@@ -58,7 +57,7 @@ def presence(document: ModelDocument) -> Iterator[Finding]:
 
 
 def _shapes(document: ModelDocument) -> Iterator[Element]:
-    return document.elements(*(f"link/collision/geometry/{tag}" for tag in _SHAPES))
+    return document.elements(*(f"link/collision/geometry/{tag}" for tag in SHAPES))
 
 
 def _lengths(shape: Element) -> dict[str, tuple[float, ...]]:

@@ -9,8 +9,8 @@ from xml.etree.ElementTree import Element
 from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
 from sim_action.messages import shown
-from sim_action.models.audit.attributes import is_numbers
 from sim_action.models.sdf.problems import SdfProblem
+from sim_action.models.values import is_numbers
 
 _TRUE: Final = frozenset({"true", "1"})
 _FALSE: Final = frozenset({"false", "0"})
