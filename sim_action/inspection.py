@@ -8,7 +8,7 @@ from typing import Final
 from sim_action import geometry
 from sim_action.drives import Drive, recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.drives.wheels import wheel
+from sim_action.drives.wheels import radius as radius_of_wheel
 from sim_action.geometry import Pose, Vector3
 from sim_action.kinematics import link_poses, robot_box
 from sim_action.models import load_model
@@ -154,7 +154,7 @@ def _joint_entry(joint: Joint, start: Mapping[str, float]) -> JointEntry:
 def _wheels(model: RobotModel, poses: Mapping[str, Pose], ground: float) -> Iterator[WheelEntry]:
     """Round links that turn about a level axis, as low as anything is; `ground`: m, the z of that."""
     for joint in model.joints:
-        radius = wheel(model, joint.name).radius
+        radius = radius_of_wheel(model, joint.name)
         if joint.type != "continuous" or radius is None:
             continue
         pose = poses[joint.child]

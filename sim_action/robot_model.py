@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -211,6 +212,16 @@ class RobotModel:
         if joint.mimic is not None:
             return f"joint '{name}' cannot be told where to go: it mimics '{joint.mimic.joint}', tell that one"
         return None
+
+    def positions(self, stated: Mapping[str, float]) -> dict[str, float]:
+        """Where each moving joint is, in rad, or m: where that is stated, else at home; a follower where it must be."""
+        return {joint.name: self._position(joint, stated) for joint in self.moving_joints}
+
+    def _position(self, joint: Joint, stated: Mapping[str, float]) -> float:
+        if joint.mimic is None:
+            return stated.get(joint.name, joint.home)
+        leader = self._position(self.joints_by_name[joint.mimic.joint], stated)
+        return joint.mimic.multiplier * leader + joint.mimic.offset
 
     @property
     def mass(self) -> float:

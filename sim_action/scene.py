@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from sim_action import units
-from sim_action.robot_model import WORLD, Joint, RobotModel
+from sim_action.robot_model import WORLD, RobotModel
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Placement, Robot, World
 
@@ -41,10 +41,10 @@ class Scene:
     @property
     def joint_positions(self) -> dict[str, float]:
         """Where each moving joint begins, in rad, or m if prismatic. Raises units.UnitError."""
-        return {joint.name: self._position(joint) for joint in self.model.moving_joints}
-
-    def _position(self, joint: Joint) -> float:
-        if joint.mimic is not None:
-            leader = self.model.joints_by_name[joint.mimic.joint]
-            return joint.mimic.multiplier * self._position(leader) + joint.mimic.offset
-        return units.parse(self.robot.joints.get(joint.name, joint.home), joint.dimension("position"))
+        joints = self.model.joints_by_name
+        stated = {
+            name: units.parse(written, joints[name].dimension("position"))
+            for name, written in self.robot.joints.items()
+            if name in joints
+        }
+        return self.model.positions(stated)

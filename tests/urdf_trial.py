@@ -22,9 +22,9 @@ import pybullet
 
 from sim_action import geometry
 from sim_action.backends.pybullet import PyBulletBackend
-from sim_action.drives.wheels import link_pose
 from sim_action.errors import EngineError, ModelError
 from sim_action.geometry import Pose
+from sim_action.kinematics import link_poses
 from sim_action.models.findings import ALLOWABLE
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import Joint, Link, RobotModel
@@ -227,32 +227,17 @@ def _pose_differences(
     com = Pose(*pybullet.getBasePositionAndOrientation(robot, client))
     inertial = Pose(*pybullet.getDynamicsInfo(robot, -1, client)[3:5])
     base = geometry.compose(com, _inverse(inertial))
+    poses = link_poses(model, {joint.name: position for joint in model.moving_joints})
     for name, info in infos.items():
         child = model.joints_by_name[name].child
         state = pybullet.getLinkState(robot, info[0], computeForwardKinematics=1, physicsClientId=client)
-        wanted = link_pose(model, child) if position == 0 else _moved(model, child, position)
+        wanted = poses[child]
         found = geometry.compose(_inverse(base), Pose(state[4], state[5]))
         if not _same(found, wanted):
             yield f"link {child}, joints at {position}: {found}, we have {wanted}"
     for name, info in infos.items():
         if model.joints_by_name[name].moves:
             pybullet.resetJointState(robot, info[0], 0.0, physicsClientId=client)
-
-
-def _moved(model: RobotModel, link: str, position: float) -> Pose:
-    pose, parents = Pose(), {joint.child: joint for joint in model.joints}
-    while link in parents:
-        joint = parents[link]
-        x, y, z = joint.axis_xyz
-        sine, cosine = math.sin(position / 2), math.cos(position / 2)
-        step = Pose()
-        if joint.type == "prismatic":
-            step = Pose((x * position, y * position, z * position))
-        elif joint.moves:
-            step = Pose(orientation_xyzw=(x * sine, y * sine, z * sine, cosine))
-        pose = geometry.compose(geometry.compose(joint.origin, step), pose)
-        link = joint.parent
-    return pose
 
 
 def _inverse(pose: Pose) -> Pose:

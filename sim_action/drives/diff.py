@@ -10,7 +10,7 @@ from pydantic import Field
 from sim_action.command import JointTargets
 from sim_action.drives import Drive
 from sim_action.drives.diff_plugin import stated_by_plugin
-from sim_action.drives.wheels import Wheel, wheel
+from sim_action.drives.wheels import Wheel, radius, wheel
 from sim_action.geometry import Twist
 from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtonMetres
 from sim_action.robot_model import RobotModel
@@ -46,9 +46,7 @@ class DiffDrive(Drive):
         """
         if (stated := stated_by_plugin(model)) is not None:
             return cls(left=stated.left, right=stated.right, **stated.figures)
-        wheels = [
-            joint.name for joint in model.joints if joint.type == "continuous" and wheel(model, joint.name).radius
-        ]
+        wheels = [joint.name for joint in model.joints if joint.type == "continuous" and radius(model, joint.name)]
         left, right = ([name for name in wheels if side in name.lower()] for side in ("left", "right"))
         return cls(left=tuple(left), right=tuple(right)) if len(left) == len(right) == len(wheels) / 2 == 1 else None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.drives.wheels import link_pose, wheel
+from sim_action.drives.wheels import wheel
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import RobotModel
 from tests.traces import burger
@@ -58,9 +58,13 @@ def test_a_block_has_no_radius(nested: RobotModel) -> None:
     assert wheel(nested, "drag").radius is None
 
 
-def test_the_root_is_where_the_base_is(nested: RobotModel) -> None:
-    assert link_pose(nested, "base").position_xyz == (0.0, 0.0, 0.0)
-    assert link_pose(nested, "wheel").yaw == pytest.approx(math.pi / 2)
+def test_a_wheel_is_where_the_joints_above_it_begin(tmp_path: Path) -> None:
+    limited = '<axis xyz="0 0 1"/><limit lower="0.5" upper="1.5"/></joint>'
+    text = NESTED.replace('name="turn" type="fixed"', 'name="turn" type="revolute"').replace("</joint>", limited, 1)
+    (tmp_path / "swung.urdf").write_text(text)
+    turned = math.pi / 2 + 1.0
+    at = wheel(read_urdf(tmp_path / "swung.urdf"), "spin").position_xyz
+    assert at == pytest.approx((2 + math.cos(turned), math.sin(turned), 0.5))
 
 
 def test_an_unknown_joint_is_a_key_error(nested: RobotModel) -> None:

@@ -8,8 +8,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.drives.wheels import link_pose
 from sim_action.geometry import Vector3, rotate
+from sim_action.kinematics import link_poses
 from sim_action.models.sdf.values import UNLIMITED
 from sim_action.robot_model import Mimic, Plugin, RobotModel
 from tests.models.sdf_models import INERTIAL, SPHERE, joint, link, load, sdf
@@ -20,12 +20,12 @@ QUARTER_TURN = f"0 0 0 0 0 {HALF}"
 
 def position(model: RobotModel, name: str) -> Vector3:
     """Of a link in the base frame."""
-    return link_pose(model, name).position_xyz
+    return link_poses(model, {})[name].position_xyz
 
 
 def facing(model: RobotModel, name: str) -> Vector3:
     """Where the x axis of a link points, in the base frame."""
-    return rotate(link_pose(model, name).orientation_xyzw, (1.0, 0.0, 0.0))
+    return rotate(link_poses(model, {})[name].orientation_xyzw, (1.0, 0.0, 0.0))
 
 
 def near(x: float, y: float, z: float) -> object:

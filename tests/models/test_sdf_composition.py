@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.drives.wheels import link_pose
 from sim_action.errors import RefusedModel
 from sim_action.geometry import Vector3
+from sim_action.kinematics import link_poses
 from sim_action.robot_model import RobotModel
 from tests.models.sdf_models import joint, link, load, load_named, sdf
 from tests.models.test_urdf import TETRAHEDRON, mesh_file
@@ -23,7 +23,7 @@ def names(model: RobotModel) -> tuple[list[str], list[str]]:
 
 
 def position(model: RobotModel, name: str) -> Vector3:
-    return link_pose(model, name).position_xyz
+    return link_poses(model, {})[name].position_xyz
 
 
 def near(x: float, y: float, z: float) -> object:

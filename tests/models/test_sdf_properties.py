@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_action import geometry
-from sim_action.drives.wheels import link_pose
 from sim_action.geometry import Pose, Vector3
+from sim_action.kinematics import link_poses
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import Joint, RobotModel
 from tests.models.sdf_models import load
@@ -178,7 +178,7 @@ def test_a_robot_is_the_same_in_both_formats(seed: int, tmp_path_factory: pytest
     for number, part in enumerate(parts):
         one, other = first.links_by_name[f"l{number}"], second.links_by_name[f"l{number}"]
         assert one.mass == other.mass == part.mass
-        assert_same_pose(link_pose(first, one.name), link_pose(second, other.name))
+        assert_same_pose(link_poses(first, {})[one.name], link_poses(second, {})[other.name])
         assert_same_pose(one.collisions[0].pose, other.collisions[0].pose)
         assert centres_of_mass(first)[one.name] == pytest.approx(centres_of_mass(second)[one.name], abs=1e-9)
     for joint in first.joints:
