@@ -84,9 +84,9 @@ def _axis(direction: Vector3) -> str:
 
 def _details(joint: JointEntry) -> Iterator[str]:
     unit = "m" if joint.type == "prismatic" else "rad"
-    if joint.lower is not None and joint.upper is not None:
-        lower, upper = units.display(joint.lower, unit), units.display(joint.upper, unit)
-        yield f"{lower.split()[0]} to {upper}"
+    if (joint.lower, joint.upper) != (None, None):
+        lower, upper = (None if end is None else units.display(end, unit) for end in (joint.lower, joint.upper))
+        yield f"{lower.split()[0]} to {upper}" if lower and upper else f"from {lower}" if lower else f"up to {upper}"
     if joint.mimics is not None:
         yield f"follows {joint.mimics}"
     elif joint.start:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -93,7 +94,7 @@ class Joint:
     Attributes:
         origin: the child link's frame in the parent link's, at joint position zero.
         axis_xyz: unit vector in the child link's frame.
-        lower, upper: limits in rad (m if prismatic); None without limits.
+        lower, upper: limits in rad (m if prismatic); None where nothing stops it.
         max_effort: N m (N); None without a limit.
         max_velocity: rad/s (m/s); None without a limit.
         mimic: the joint that it follows; None if it moves by itself.
@@ -120,10 +121,14 @@ class Joint:
     def home(self) -> float:
         """Where it begins if nobody says where, in rad, or m: at 0, or amid limits that 0 is beyond.
 
-        So does ROS's joint_state_publisher.
+        So does ROS's joint_state_publisher. What is limited one way only begins at that limit.
         """
-        lower, upper = self.lower or 0.0, self.upper or 0.0
-        return (lower + upper) / 2 if 0 < lower <= upper or lower <= upper < 0 else 0.0
+        lower = -math.inf if self.lower is None else self.lower
+        upper = math.inf if self.upper is None else self.upper
+        if lower > upper or lower <= 0 <= upper:
+            return 0.0
+        middle = (lower + upper) / 2
+        return middle if math.isfinite(middle) else max(lower, min(upper, 0.0))
 
     @property
     def moves(self) -> bool:

@@ -62,6 +62,12 @@ def test_the_world_is_where_the_world_is(tmp_path: Path) -> None:
         ('lower="-2.7" upper="-0.9"', -1.8),
         ('lower="0.5" upper="1.5"', 1.0),
         ('lower="0.5" upper="0.5"', 0.5),
+        ('lower="0.5" upper="1e16"', 0.5),
+        ('lower="-1e16" upper="-0.5"', -0.5),
+        ('lower="-1e16" upper="0.5"', 0),
+        ('lower="-1e16" upper="1e16"', 0),
+        ('upper="1.5"', 0),
+        ('lower="-1.5"', 0),
     ],
 )
 def test_a_joint_that_cannot_be_at_zero_begins_amid_its_limits(limits: str, home: float, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from sim_action.errors import BadStart, SimulationUnstable
 from sim_action.geometry import Pose
 from sim_action.loading import build_scene, load_scenario
+from sim_action.models.urdf import read_urdf
 from sim_action.observation import Observation
 from sim_action.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.scenario import DrivenRobot
@@ -22,6 +23,7 @@ from sim_action.simulation import SimulationRun, simulate
 from sim_action.trace import Trace
 from sim_action.watchdog import Watchdog
 from sim_action.world import FASTEST, Physics, Placement
+from tests.models.bad_models import GOOD
 from tests.traces import BURGER, START, WHEELS, piece, scene, trace
 
 LEFT, RIGHT = WHEELS
@@ -150,6 +152,15 @@ def sliding(model: RobotModel) -> RobotModel:
 def test_the_way_to_the_nearest_shape_goes_over_joints_offsets_and_strokes() -> None:
     where = scene(sliding(scene().model))
     assert Watchdog.of(where, START).depth == pytest.approx(1.0 + 5.0 + 2.0 + 0.5)
+
+
+def test_a_joint_that_slides_without_end_one_way_adds_what_it_goes_the_other_way(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    block = GOOD[GOOD.index("<collision>") : GOOD.index("</collision>") + len("</collision>")]
+    text = GOOD.replace(block, "").replace('<link name="upper">', f'<link name="upper">{block}')
+    path.write_text(text.replace("revolute", "prismatic").replace('upper="2"', 'upper="1e16"'))
+    where = replace(scene(read_urdf(path)), physics=Physics())
+    assert Watchdog.of(where, START).depth < 10
 
 
 def test_a_joint_that_slides_is_bounded_in_m() -> None:

@@ -125,7 +125,7 @@ def _joint_differences(joint: Joint, info: Sequence[Any]) -> Iterator[str]:
     if info[12].decode(errors="replace") != joint.child:
         yield f"joint {joint.name}: its child is {info[12]!r} to the engine"
     if joint.type in ("revolute", "prismatic"):
-        wanted = (joint.lower or 0.0, joint.upper or 0.0)
+        wanted = (-1e16 if joint.lower is None else joint.lower, 1e16 if joint.upper is None else joint.upper)
         if (joint.lower, joint.upper) == (None, None):
             if info[8] <= info[9]:
                 yield f"joint {joint.name}: has no limits, the engine has {info[8:10]}"

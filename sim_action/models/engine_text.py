@@ -12,7 +12,18 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.models.document import ModelDocument
-from sim_action.models.values import CONTACT, MOMENTS, SHAPES, axis, child_of, number, numbers, parent_of
+from sim_action.models.values import (
+    CONTACT,
+    MOMENTS,
+    SHAPES,
+    UNLIMITED,
+    axis,
+    child_of,
+    limits,
+    number,
+    numbers,
+    parent_of,
+)
 
 
 def engine_text(document: ModelDocument) -> str:
@@ -74,22 +85,20 @@ def _joint(joint: Element) -> Element:
     if kind in ("revolute", "continuous", "prismatic"):
         # Bullet slides by as much more as the axis is longer than 1.
         ET.SubElement(written, "axis", xyz=_spelled(axis(joint)))
-        written.append(_limit(joint.find("limit"), kind))
+        written.append(_limit(joint))
     dynamics = _numbers("dynamics", joint.find("dynamics"), "damping", "friction")
     if dynamics.attrib:
         written.append(dynamics)
     return written
 
 
-def _limit(limit: Element | None, kind: str) -> Element:
-    """Of a continuous joint, or one that was let go without limits, it limits no position.
-
-    If one of the two is left out, URDF's 0 is written out: Bullet would take -1 for the upper one.
-    """
-    written = _numbers("limit", limit, "effort", "velocity")
-    lower, upper = number(limit, "lower"), number(limit, "upper")
-    if kind != "continuous" and (lower, upper) != (None, None):
-        written.attrib.update(lower=repr(lower or 0.0), upper=repr(upper or 0.0))
+def _limit(joint: Element) -> Element:
+    """Of a joint that nothing stops, it limits no position; otherwise both ways: Bullet has -1 for an upper one."""
+    written = _numbers("limit", joint.find("limit"), "effort", "velocity")
+    lower, upper = limits(joint)
+    if (lower, upper) != (None, None):
+        below, above = -UNLIMITED if lower is None else lower, UNLIMITED if upper is None else upper
+        written.attrib.update(lower=repr(below), upper=repr(above))
     return written
 
 

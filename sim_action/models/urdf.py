@@ -24,7 +24,7 @@ from sim_action.models.engine_text import engine_text
 from sim_action.models.findings import refuse_errors
 from sim_action.models.packages import Packages
 from sim_action.models.references import resolve_meshes
-from sim_action.models.values import axis, child_of, number, origin, parent_of, vector
+from sim_action.models.values import axis, child_of, limits, number, origin, parent_of, vector
 from sim_action.robot_model import Joint, JointType, Link, Mimic, RobotModel, Shape
 from sim_action.workspace import Workspace
 
@@ -86,7 +86,7 @@ def _box(shape: Element) -> Box:
 
 def _joint(element: Element) -> Joint:
     kind, limit = cast(JointType, element.attrib["type"]), element.find("limit")
-    turns_freely = kind == "continuous"
+    lower, upper = limits(element)
     return Joint(
         name=element.attrib["name"],
         type=kind,
@@ -94,8 +94,8 @@ def _joint(element: Element) -> Joint:
         child=child_of(element),
         origin=origin(element),
         axis_xyz=axis(element),
-        lower=None if turns_freely else number(limit, "lower"),
-        upper=None if turns_freely else number(limit, "upper"),
+        lower=lower,
+        upper=upper,
         max_effort=number(limit, "effort"),
         max_velocity=number(limit, "velocity"),
         mimic=_mimic(element.find("mimic")),

@@ -36,8 +36,11 @@ CONTACT: Final = (
 )
 """Of Bullet's <contact>, which is no part of URDF; beside its inertia_scaling."""
 
+UNLIMITED: Final = 1e16
+"""What exporters write, and SDF before 1.9 has, for a limit that is none; from there on SDF has infinity."""
+
 MOST: Final = 1e18
-"""Of any number: exporters write 1e16 for what is not limited, and squares of what is larger overflow."""
+"""Of any number: squares of what is larger overflow."""
 
 
 def is_expression(text: str) -> bool:
@@ -90,6 +93,19 @@ def axis(joint: Element) -> Vector3:
     x, y, z = x / largest, y / largest, z / largest
     length = math.hypot(x, y, z)
     return (x / length, y / length, z / length) if length else (1.0, 0.0, 0.0)
+
+
+def limits(joint: Element) -> tuple[float | None, float | None]:
+    """How far a joint goes down and up, in rad, or m; None where nothing stops it.
+
+    If one of the two is left out, it is URDF's 0; both left out were let go, and are none.
+    """
+    limit = joint.find("limit")
+    lower, upper = number(limit, "lower"), number(limit, "upper")
+    if joint.get("type") == "continuous" or (lower, upper) == (None, None):
+        return None, None
+    lower, upper = lower or 0.0, upper or 0.0
+    return (lower if lower > -UNLIMITED else None), (upper if upper < UNLIMITED else None)
 
 
 def parent_of(joint: Element) -> str:

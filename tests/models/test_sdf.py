@@ -10,7 +10,6 @@ import pytest
 
 from sim_action.geometry import Vector3, rotate
 from sim_action.kinematics import link_poses
-from sim_action.models.sdf.values import UNLIMITED
 from sim_action.robot_model import Mimic, Plugin, RobotModel
 from tests.models.sdf_models import INERTIAL, SPHERE, joint, link, load, sdf
 
@@ -193,8 +192,8 @@ def test_an_axis_is_in_the_frame_that_its_version_says(
         ("<limit><lower>-inf</lower><upper>inf</upper></limit>", "continuous", None, None),
         ("<limit><effort>3</effort></limit>", "continuous", None, None),
         ("<limit><lower>-1</lower><upper>2</upper></limit>", "revolute", -1, 2),
-        ("<limit><lower>0</lower></limit>", "revolute", 0, UNLIMITED),
-        ("<limit><lower>0</lower><upper>inf</upper></limit>", "revolute", 0, UNLIMITED),
+        ("<limit><lower>0</lower></limit>", "revolute", 0, None),
+        ("<limit><lower>0</lower><upper>inf</upper></limit>", "revolute", 0, None),
     ],
 )
 def test_a_joint_without_limits_turns_for_ever(
@@ -217,7 +216,7 @@ def test_a_negative_or_infinite_effort_is_no_limit(
 
 def test_a_slider_without_limits_slides(tmp_path: Path) -> None:
     (made,) = load(tmp_path, sdf(turning(kind="prismatic"))).joints
-    assert (made.type, made.lower, made.upper) == ("prismatic", -UNLIMITED, UNLIMITED)
+    assert (made.type, made.lower, made.upper) == ("prismatic", None, None)
 
 
 def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:

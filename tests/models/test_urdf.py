@@ -84,6 +84,26 @@ def test_links_joints_and_limits_are_read(tmp_path: Path) -> None:
     assert joint.origin.position_xyz == (0.0, 0.0, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("limits", "read_as"),
+    [
+        ('upper="2"', (0.0, 2.0)),
+        ('lower="-1"', (-1.0, 0.0)),
+        ('lower="0.5" upper="1e16"', (0.5, None)),
+        ('lower="-1e16" upper="-0.5"', (None, -0.5)),
+        ('lower="-1e17" upper="1e16"', (None, None)),
+        ('lower="0" upper="9e15"', (0.0, 9e15)),
+    ],
+)
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_limit_left_out_is_0_and_one_of_1e16_is_none(
+    kind: str, limits: str, read_as: tuple[float | None, float | None], tmp_path: Path
+) -> None:
+    text = ARM.replace('lower="-1" upper="2"', limits).replace("revolute", kind)
+    (joint,) = read(tmp_path, text).joints
+    assert (joint.lower, joint.upper) == read_as
+
+
 def test_an_axis_is_of_unit_length(tmp_path: Path) -> None:
     assert read(tmp_path, ARM).joints[0].axis_xyz == (0.0, 0.0, 1.0)
 

@@ -21,6 +21,9 @@ _JOINT_TYPES: Final = {
     "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
 }
 
+# In rad, or m: no joint gets there. The engine takes no range that is open at one end.
+_FAR: Final = 1e16
+
 _AXES: Final[tuple[geometry.Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -80,7 +83,8 @@ def _follow(spec: Any, joint: Joint, mimic: Mimic) -> None:
 
 def _limits(joint: Joint) -> dict[str, Any]:
     """A joint that states no limits turns freely, and one whose limits are reversed, as in Bullet."""
-    lower, upper = joint.lower or 0.0, joint.upper or 0.0
+    lower = -_FAR if joint.lower is None else joint.lower
+    upper = _FAR if joint.upper is None else joint.upper
     if joint.type == "continuous" or (joint.lower is None and joint.upper is None) or lower > upper:
         return {"limited": mujoco.mjtLimited.mjLIMITED_FALSE}
     # The engine takes no range of length 0.

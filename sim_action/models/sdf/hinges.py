@@ -18,7 +18,8 @@ from sim_action.models.model_files import Version
 from sim_action.models.sdf.frames import Frames
 from sim_action.models.sdf.problems import Notes, SdfProblem
 from sim_action.models.sdf.scopes import MODEL_FRAME, Entry
-from sim_action.models.sdf.values import UNLIMITED, flag_of, limit_of, needed, vector_of
+from sim_action.models.sdf.values import flag_of, limit_of, needed, vector_of
+from sim_action.models.values import UNLIMITED
 from sim_action.robot_model import WORLD
 
 _KEPT: Final = ("revolute", "continuous", "prismatic", "fixed")

@@ -9,8 +9,9 @@ from sim_action.models.sdf.frames import Frames
 from sim_action.models.sdf.hinges import Hinge
 from sim_action.models.sdf.problems import Notes, SdfProblem
 from sim_action.models.sdf.scopes import Entry
-from sim_action.models.sdf.values import UNLIMITED, limit_of, needed, number_of
+from sim_action.models.sdf.values import limit_of, needed, number_of
 from sim_action.models.sdf.writing import UrdfWriter, numbers
+from sim_action.models.values import UNLIMITED
 from sim_action.robot_model import WORLD
 
 

@@ -10,14 +10,11 @@ from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
 from sim_action.messages import shown
 from sim_action.models.sdf.problems import SdfProblem
-from sim_action.models.values import is_numbers
+from sim_action.models.values import UNLIMITED, is_numbers
 
 _TRUE: Final = frozenset({"true", "1"})
 _FALSE: Final = frozenset({"false", "0"})
 _INFINITE: Final = frozenset({"inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"})
-
-UNLIMITED: Final = 1e16
-"""What SDF before 1.9 writes for a limit that is none; from there on it is infinity."""
 
 
 def text_of(parent: Element, path: str) -> str:

@@ -1,0 +1,68 @@
+"""Joints in the engine: where they begin, what stops them and what brakes them, against the laws of mechanics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.command import JointTargets
+from sim_action.models.urdf import read_urdf
+from sim_action.scene import Scene
+from sim_action.trace import Trace
+from sim_action.workspace import Workspace
+from sim_action.world import Physics, Robot, World
+
+RATE = 240.0
+INERTIA = '<inertia ixx="2" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"/>'
+
+
+def part(name: str) -> str:
+    return f'<link name="{name}"><inertial><mass value="1"/>{INERTIA}</inertial></link>'
+
+
+def joint(kind: str, inside: str, name: str = "j", child: str = "arm") -> str:
+    """About, or along, a level axis through the centre of mass: no gravity in it, if it turns."""
+    ends = f'<parent link="base"/><child link="{child}"/><axis xyz="0 1 0"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>{part(child)}'
+
+
+@contextmanager
+def engine(folder: Path, *joints: str, **starts: float) -> Iterator[PyBulletBackend]:
+    path = folder / "robot.urdf"
+    path.write_text(f'<robot name="it">{part("base")}{"".join(joints)}</robot>')
+    robot = Robot(model="robot.urdf", base="fixed", joints={**starts})
+    scene = Scene(robot, read_urdf(path), World(), Physics(rate=RATE), Workspace(folder, folder))
+    backend = PyBulletBackend(scene, contacts=False)
+    try:
+        yield backend
+    finally:
+        backend.close()
+
+
+def run(backend: PyBulletBackend, seconds: float, targets: JointTargets | None = None) -> Trace:
+    backend.advance(0, [targets, *[None] * (round(seconds * RATE) - 1)])
+    return backend.collect()
+
+
+@pytest.mark.parametrize(
+    ("limits", "home", "end", "way"),
+    [
+        ('lower="0.5" upper="1e16"', 0.5, 4.5, 1.0),
+        ('lower="-1e16" upper="-0.5"', -0.5, -4.5, -1.0),
+        ('upper="1.5"', 0.0, 1.5, 1.0),
+        ('lower="-1.5"', 0.0, -1.5, -1.0),
+    ],
+)
+def test_a_joint_with_one_limit_begins_there_and_stops_there(
+    limits: str, home: float, end: float, way: float, tmp_path: Path
+) -> None:
+    with engine(tmp_path, joint("revolute", f'<limit {limits} effort="50" velocity="9"/>')) as backend:
+        assert backend.observe(0, contacts=False).joints["j"].position == pytest.approx(home)
+        back = run(backend, 2, JointTargets(velocity={"j": -way}))
+        assert back.joint_position[-1, 0] == pytest.approx(home, abs=0.02)
+        on = run(backend, 4, JointTargets(velocity={"j": way}))
+        assert on.joint_position[-1, 0] == pytest.approx(end, abs=0.2)
