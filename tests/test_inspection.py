@@ -69,7 +69,7 @@ def test_a_joint_says_whom_it_follows(tmp_path: Path) -> None:
 def test_the_block_holds_what_gazebos_plugin_says(tmp_path: Path) -> None:
     plugin = (
         '<gazebo><plugin filename="libgazebo_ros_diff_drive.so"><leftJoint>l</leftJoint><rightJoint>r</rightJoint>'
-        "<wheelSeparation>0.25</wheelSeparation><wheelDiameter>0.1</wheelDiameter></plugin></gazebo></robot>"
+        "<legacyMode>false</legacyMode><wheelSeparation>0.25</wheelSeparation><wheelDiameter>0.1</wheelDiameter></plugin></gazebo></robot>"
     )
     wheels = "".join(
         f'<link name="{side}w"/>'

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from sim_action.command import JointTargets
 from sim_action.drives import Drive
-from sim_action.drives.diff_plugin import stated_by_plugin
+from sim_action.drives.diff_plugin import StatedWheels, stated_by_plugin
 from sim_action.drives.wheels import Wheel, radius, wheel
 from sim_action.geometry import Twist
 from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtonMetres
@@ -45,7 +45,7 @@ class DiffDrive(Drive):
         That is one continuous joint with "left" in its name, and one with "right".
         """
         if (stated := stated_by_plugin(model)) is not None:
-            return cls(left=stated.left, right=stated.right, **stated.figures)
+            return cls._of(stated)
         wheels = [joint.name for joint in model.joints if joint.type == "continuous" and radius(model, joint.name)]
         left, right = ([name for name in wheels if side in name.lower()] for side in ("left", "right"))
         return cls(left=tuple(left), right=tuple(right)) if len(left) == len(right) == len(wheels) / 2 == 1 else None
@@ -74,11 +74,17 @@ class DiffDrive(Drive):
 
     def describe(self, model: RobotModel) -> str:
         """See Drive.describe."""
-        return (
+        figures = (
             f"diff drive: left {', '.join(self.left)}; right {', '.join(self.right)}; wheel radius "
             f"{self._radius(model):.4g} m, separation {self._separation(model):.4g} m, "
             f"acceleration {self.acceleration:.4g} m/s^2"
         )
+        stated = stated_by_plugin(model)
+        return "; ".join((figures, *(stated.remarks if stated and self == self._of(stated) else ())))
+
+    @classmethod
+    def _of(cls, stated: StatedWheels) -> Self:
+        return cls(left=stated.left, right=stated.right, **stated.figures)
 
     def _radius(self, model: RobotModel) -> float:
         radius = self.radius or wheel(model, self.left[0]).radius

@@ -28,14 +28,21 @@ _FIGURES: Final = {
     "max_wheel_torque": ("torque", 1.0),
 }
 
+_SWAPPED: Final = (
+    "sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>, so that rightJoint is left"
+)
+# Wheels that reach their speed at once slip.
+_NO_LIMIT: Final = "the plugin limits no acceleration of wheels, here it is 1 m/s^2"
+
 
 @dataclass(frozen=True, slots=True)
 class StatedWheels:
-    """What a plugin says: joints, and figures by the keys of `DiffDrive`."""
+    """What a plugin says: joints, figures by the keys of `DiffDrive`, and what has to be told of how it is taken."""
 
     left: tuple[str, ...]
     right: tuple[str, ...]
     figures: dict[str, float]
+    remarks: tuple[str, ...] = ()
 
 
 def stated_by_plugin(model: RobotModel) -> StatedWheels | None:
@@ -45,8 +52,25 @@ def stated_by_plugin(model: RobotModel) -> StatedWheels | None:
         if plugin.name not in PLUGINS or not left or not right:
             continue
         if all(model.why_not_driven(name) is None for name in (*left, *right)):
-            return StatedWheels(left, right, _figures(plugin))
+            return _meant(plugin, left, right)
     return None
+
+
+def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> StatedWheels:
+    remarks, figures = [], _figures(plugin)
+    if _swaps_sides(plugin):
+        left, right = right, left
+        remarks.append(_SWAPPED)
+    if "acceleration" not in figures:
+        remarks.append(_NO_LIMIT)
+    return StatedWheels(left, right, figures, tuple(remarks))
+
+
+def _swaps_sides(plugin: Plugin) -> bool:
+    """ROS 1 kept a mistake of its past for models that had made up for it: what is called left goes as the right."""
+    is_ros_1 = plugin.name == "gazebo_ros_diff_drive" and plugin.texts("leftJoint")
+    modes = [text.strip().lower() for text in plugin.texts("legacyMode")]
+    return bool(is_ros_1) and modes[:1] not in (["false"], ["0"])
 
 
 def _joints(plugin: Plugin, tags: tuple[str, ...]) -> tuple[str, ...]:

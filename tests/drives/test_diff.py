@@ -233,6 +233,7 @@ def with_plugin(name: str, **parameters: str) -> RobotModel:
                 wheelAcceleration="2.5",
                 wheelTorque="7",
                 updateRate="30",
+                legacyMode="false",
             ),
             {"separation": 0.2, "radius": 0.04, "acceleration": 2.5, "torque": 7.0},
         ),
@@ -257,6 +258,42 @@ def with_plugin(name: str, **parameters: str) -> RobotModel:
 )
 def test_what_a_plugin_says_is_taken(plugin: RobotModel, figures: dict[str, float]) -> None:
     assert recognise(plugin) == DiffDrive(left=(LEFT,), right=(RIGHT,), **figures)
+
+
+NO_LIMIT = "; the plugin limits no acceleration of wheels, here it is 1 m/s^2"
+SWAPPED = (
+    "; sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>, so that rightJoint is left"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "remark"),
+    [
+        ("gazebo_ros_diff_drive", {"legacyMode": "false", "wheelAcceleration": "1"}, ""),
+        ("gazebo_ros_diff_drive", {"legacyMode": " False ", "wheelAcceleration": "0"}, NO_LIMIT),
+        ("gazebo_ros_diff_drive", {"legacyMode": "0"}, NO_LIMIT),
+        ("gazebo_ros_diff_drive", {"legacyMode": "true", "wheelAcceleration": "1"}, SWAPPED),
+        ("gazebo_ros_diff_drive", {}, SWAPPED + NO_LIMIT),
+        ("gz-sim-diff-drive-system", {"max_linear_acceleration": "1"}, NO_LIMIT),
+    ],
+)
+def test_what_a_plugin_means_beside_what_it_says_is_told(name: str, parameters: dict[str, str], remark: str) -> None:
+    ros1 = name.startswith("gazebo_ros")
+    left, right = ("leftJoint", "rightJoint") if ros1 else ("left_joint", "right_joint")
+    model = with_plugin(name, **{left: LEFT, right: RIGHT}, **parameters)
+    drive = recognise(model)
+    assert isinstance(drive, DiffDrive)
+    assert (drive.left, drive.right) == (((RIGHT,), (LEFT,)) if SWAPPED in remark else ((LEFT,), (RIGHT,)))
+    assert drive.describe(model) == drive.describe(burger()) + remark
+
+
+def test_ros_2_has_no_legacy_mode() -> None:
+    assert recognise(with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT)) == BURGER
+
+
+def test_a_drive_that_is_stated_has_nothing_to_tell_of_the_plugin() -> None:
+    model = with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, rightJoint=RIGHT)
+    assert BURGER.describe(model) == BURGER.describe(burger())
 
 
 def test_a_plugin_names_wheels_whatever_they_are_called() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_action import models
 from sim_action.backends.pybullet import PyBulletBackend
 from sim_action.loading import build_scene, load_scenario
 from sim_action.simulation import SimulationRun, simulate
@@ -17,12 +18,12 @@ SEPARATION = 0.160
 ACCELERATION = 1.0
 
 
-def drive(folder: Path, twist: str, seconds: float) -> SimulationRun:
+def drive(folder: Path, twist: str, seconds: float, model: str = "turtlebot3_burger") -> SimulationRun:
     path = folder / "drive.sim.yml"
     path.write_text(
         f"""
 name: drive
-robot: {{model: turtlebot3_burger}}
+robot: {{model: {model}}}
 commands: {{rate: 10 Hz, twist: [{twist}]}}
 expect: [upright]
 duration: {seconds} s
@@ -67,6 +68,17 @@ def test_a_spin_has_the_analytic_yaw_and_stays_in_place(tmp_path: Path, seconds:
     run = drive(tmp_path, "{angular: 1.0}", seconds)
     assert turned(run) == pytest.approx(2 * rim_distance(SEPARATION / 2, seconds) / SEPARATION, rel=0.01)
     assert run.travelled < 0.01
+
+
+@pytest.mark.parametrize(("legacy", "way"), [("<legacyMode>false</legacyMode>", 1), ("", -1)])
+def test_a_spin_goes_the_way_that_gazebos_plugin_turns_it(legacy: str, way: int, tmp_path: Path) -> None:
+    text = Path(models.__file__).with_name("built_in").joinpath("turtlebot3_burger.urdf").read_text(encoding="utf-8")
+    joints = "<leftJoint>wheel_left_joint</leftJoint><rightJoint>wheel_right_joint</rightJoint>"
+    plugin = f'<gazebo><plugin filename="libgazebo_ros_diff_drive.so">{joints}{legacy}</plugin></gazebo>'
+    (tmp_path / "burger.urdf").write_text(text.replace("</robot>", f"{plugin}</robot>"))
+    run = drive(tmp_path, "{angular: 1.0}", 10, model="burger.urdf")
+    assert turned(run) == pytest.approx(way * 2 * rim_distance(SEPARATION / 2, 10) / SEPARATION, rel=0.01)
+    assert any("sides swapped" in note for note in run.notes) == (way < 0)
 
 
 def test_the_tutorials_scenario_reaches_its_goal_when_the_ramp_says() -> None:
