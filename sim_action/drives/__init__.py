@@ -53,6 +53,6 @@ DRIVES: Final = Table[type[Drive]]("drive", {"diff": "sim_action.drives.diff:Dif
 
 
 def recognise(model: RobotModel) -> Drive | None:
-    """The first drive of the table that fits a model."""
+    """The first drive of the table that fits a model, without a problem in it."""
     found: Iterator[Drive | None] = (DRIVES.load(name).recognise(model) for name in DRIVES)
-    return next((drive for drive in found if drive is not None), None)
+    return next((drive for drive in found if drive is not None and not any(drive.problems(model))), None)

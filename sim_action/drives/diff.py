@@ -44,8 +44,12 @@ class DiffDrive(Drive):
 
         That is one continuous joint with "left" in its name, and one with "right".
         """
-        if (stated := stated_by_plugin(model)) is not None:
-            return cls._of(stated)
+        stated = stated_by_plugin(model)
+        by_plugin = cls._of(stated) if stated else None
+        return by_plugin if by_plugin and not any(by_plugin.problems(model)) else cls._by_names(model)
+
+    @classmethod
+    def _by_names(cls, model: RobotModel) -> Self | None:
         wheels = [joint.name for joint in model.joints if joint.type == "continuous" and radius(model, joint.name)]
         left, right = ([name for name in wheels if side in name.lower()] for side in ("left", "right"))
         return cls(left=tuple(left), right=tuple(right)) if len(left) == len(right) == len(wheels) / 2 == 1 else None
@@ -61,9 +65,12 @@ class DiffDrive(Drive):
         yield from unknown
         if unknown:
             return
+        for key in ("radius", "separation"):
+            if 0 < (getattr(self, key) or 0) < _LEAST_LENGTH:
+                yield (key,), f"must be at least {_LEAST_LENGTH:g} m"
         if set(self.left) & set(self.right):
             yield ("right",), "a wheel cannot be on both sides"
-        elif self.separation is None and self._separation(model) < _LEAST_SEPARATION:
+        elif self.separation is None and self._separation(model) < _LEAST_LENGTH:
             yield (), "the left and right wheels are at the same place in the model; give 'separation'"
         if self.radius is None and wheel(model, self.left[0]).radius is None:
             yield (), f"the model does not tell the radius of the wheel at '{self.left[0]}'; give 'radius'"
@@ -137,7 +144,8 @@ class DiffDriveMotion:
         return JointTargets(velocity=left | right, max_effort=self._max_effort)
 
 
-_LEAST_SEPARATION: Final = 1e-6
+# In m. Wheels of less would be asked to turn at speeds that are no numbers.
+_LEAST_LENGTH: Final = 1e-6
 
 
 def _mean(wheels: Sequence[Wheel], value: Callable[[Wheel], float]) -> float:

@@ -304,14 +304,35 @@ def test_a_plugin_names_wheels_whatever_they_are_called() -> None:
     assert recognise(model) == DiffDrive(left=("a",), right=("b",))
 
 
-@pytest.mark.parametrize(
+PASSED_OVER = pytest.mark.parametrize(
     "plugin",
     [
         with_plugin("gazebo_ros_diff_drive", leftJoint="front", rightJoint=RIGHT, wheelSeparation="9"),
         with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, wheelSeparation="9"),
         with_plugin("gazebo_ros_imu", leftJoint=LEFT, rightJoint=RIGHT, wheelSeparation="9"),
+        with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, rightJoint=LEFT, wheelSeparation="9"),
+        with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT, wheel_diameter="1e-300"),
+        with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT, wheel_separation="1e-9"),
     ],
-    ids=["an unknown joint", "one side", "another plugin"],
+    ids=["an unknown joint", "one side", "another plugin", "a wheel on both sides", "no diameter", "no separation"],
 )
+
+
+def test_a_plugin_that_does_not_tell_the_diameter_of_wheels_that_are_not_round_is_passed_over() -> None:
+    model = with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT)
+    assert recognise(without_radii(model)) is None
+
+
+def test_names_that_make_no_drive_are_passed_over() -> None:
+    origin = burger().joints_by_name[LEFT].origin
+    assert recognise(changed(burger(), wheel_right_joint={"origin": origin})) is None
+
+
+@pytest.mark.parametrize("key", ["radius", "separation"])
+def test_lengths_that_no_wheels_have_are_problems(key: str) -> None:
+    assert problems(BURGER.model_copy(update={key: 1e-9}), burger()) == [((key,), "must be at least 1e-06 m")]
+
+
+@PASSED_OVER
 def test_a_plugin_that_does_not_fit_is_passed_over(plugin: RobotModel) -> None:
     assert recognise(plugin) == BURGER
