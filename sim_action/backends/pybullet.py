@@ -155,7 +155,7 @@ class PyBulletBackend:
         for name, position in targets.position.items():
             self._servo(name, position, limits[name])
         for name, effort in targets.effort.items():
-            self._motor(name, pybullet.VELOCITY_CONTROL, force=0)
+            self._motor(name, pybullet.VELOCITY_CONTROL, force=self._friction[name])
             self._held_efforts[self._index[name]] = effort
 
     def _servo(self, joint: str, position: float, max_effort: float) -> None:
@@ -201,7 +201,7 @@ class PyBulletBackend:
         states = pybullet.getJointStates(self._robot, self._indices, self._client)
         positions, velocities, _, efforts = zip(*states, strict=True)
         if self._held_efforts:
-            # The engine tells what its own motors do; these are off, and what they last did would be reported.
+            # The engine tells what its own motors do; these are but the friction that the effort works against.
             told = zip(self._indices, efforts, strict=True)
             efforts = tuple(self._held_efforts.get(index, effort) for index, effort in told)
         time = step / self._rate

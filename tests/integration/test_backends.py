@@ -478,11 +478,7 @@ def test_damping_resists_in_proportion_to_speed(engine: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("effort", "net"), [(0.5, 0.3), (0.1, 0.0)])
-def test_the_friction_of_a_joint_resists_an_effort(
-    engine: str, effort: float, net: float, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
-    if engine == "pybullet":
-        request.applymarker(pytest.mark.xfail(reason="the friction of a joint is lost once it is given an effort"))
+def test_the_friction_of_a_joint_resists_an_effort(engine: str, effort: float, net: float, tmp_path: Path) -> None:
     with running(engine, scene_of(tmp_path, mechanism(friction=0.2), Robot(model="robot.urdf"))) as backend:
         trace = advance(backend, 0, 240, JointTargets(effort={"joint": effort}))
     assert trace.joint_velocity[-1, 0] == pytest.approx(net / MOMENT, abs=1e-3)

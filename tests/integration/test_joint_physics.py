@@ -66,3 +66,25 @@ def test_a_joint_with_one_limit_begins_there_and_stops_there(
         assert back.joint_position[-1, 0] == pytest.approx(home, abs=0.02)
         on = run(backend, 4, JointTargets(velocity={"j": way}))
         assert on.joint_position[-1, 0] == pytest.approx(end, abs=0.2)
+
+
+@pytest.mark.parametrize("kind", ["continuous", "revolute"])
+@pytest.mark.parametrize(("effort", "acceleration"), [(5.0, 2.0), (-5.0, -2.0), (0.5, 0.0), (0.0, 0.0)])
+def test_an_effort_works_against_the_joints_own_friction(
+    kind: str, effort: float, acceleration: float, tmp_path: Path
+) -> None:
+    inside = '<limit lower="-9" upper="9" effort="50" velocity="50"/><dynamics friction="1"/>'
+    with engine(tmp_path, joint(kind, inside)) as backend:
+        trace = run(backend, 1, JointTargets(effort={"j": effort}))
+    # (effort - friction) / moment of inertia, for a second.
+    assert trace.joint_velocity[-1, 0] == pytest.approx(acceleration, rel=1e-3, abs=1e-6)
+    assert set(trace.joint_effort[:, 0].tolist()) == {effort}
+
+
+def test_friction_stops_what_no_effort_moves_any_more(tmp_path: Path) -> None:
+    with engine(tmp_path, joint("continuous", '<dynamics friction="1"/>')) as backend:
+        run(backend, 1, JointTargets(effort={"j": 5.0}))
+        trace = run(backend, 5, JointTargets(effort={"j": 0.0}))
+    # From 2 rad/s at friction / moment of inertia = 0.5 rad/s^2.
+    assert trace.joint_velocity[239, 0] == pytest.approx(1.5, rel=1e-3)
+    assert trace.joint_velocity[-1, 0] == pytest.approx(0.0, abs=1e-6)
