@@ -53,15 +53,15 @@ def mend_inertia(document: ModelDocument) -> None:
         if inertia is None:
             continue
         least, middle, most = sorted(principal_moments(inertia))
-        if least <= 0:
+        if most <= 0:
             ball = _ball(number(inertial.find("mass"), "value") or _LEAST_MASS)
             inertia.attrib.update(cast(Element, ball.find("inertia")).attrib)
         elif (lacking := most - least - middle + _ROUNDING * most) > 0:
-            _spread(inertia, lacking)
+            _spread(inertia, lacking - min(0.0, least))
 
 
 def _spread(inertia: Element, moment: float) -> None:
-    """Adds as much about every axis: the principal axes stay, and no moment exceeds the sum of the others by now."""
+    """Adds as much about every axis: the principal axes stay, and with enough, each is less than the others' sum."""
     for name in ("ixx", "iyy", "izz"):
         inertia.set(name, repr((number(inertia, name) or 0.0) + moment))
 

@@ -64,7 +64,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "reversed-limits": Rule("error", "a lower limit above the upper one; let go, it moves without"),
         "zero-mass": Rule("error", "a mass of 0; let go, a base is held still, any other link weighs next to nothing"),
         "impossible-inertia": Rule(
-            "error", "an inertia that no body can have; let go, it is made one: a small ball's, if it was 0"
+            "error",
+            "an inertia that no body can have; let go, it is made one, by more about every axis; of 0: a small ball's",
         ),
         "massless-model": Rule("error", "a model in which no link has a mass"),
         "absurd-size": Rule("error", "a part larger than any robot: millimetres taken for metres"),

@@ -31,11 +31,11 @@ def joint(kind: str, inside: str, name: str = "j", child: str = "arm") -> str:
 
 
 @contextmanager
-def engine(folder: Path, *joints: str, **starts: float) -> Iterator[PyBulletBackend]:
+def engine(folder: Path, *joints: str, allow: tuple[str, ...] = (), **starts: float) -> Iterator[PyBulletBackend]:
     path = folder / "robot.urdf"
     path.write_text(f'<robot name="it">{part("base")}{"".join(joints)}</robot>')
     robot = Robot(model="robot.urdf", base="fixed", joints={**starts})
-    scene = Scene(robot, read_urdf(path), World(), Physics(rate=RATE), Workspace(folder, folder))
+    scene = Scene(robot, read_urdf(path, allow=allow), World(), Physics(rate=RATE), Workspace(folder, folder))
     backend = PyBulletBackend(scene, contacts=False)
     try:
         yield backend
@@ -88,3 +88,12 @@ def test_friction_stops_what_no_effort_moves_any_more(tmp_path: Path) -> None:
     # From 2 rad/s at friction / moment of inertia = 0.5 rad/s^2.
     assert trace.joint_velocity[239, 0] == pytest.approx(1.5, rel=1e-3)
     assert trace.joint_velocity[-1, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("along", ["0", "-1e-4", "1e-9"])
+def test_a_rod_whose_file_says_that_nothing_turns_about_it_turns_as_a_rod(along: str, tmp_path: Path) -> None:
+    # 1 kg and 2 m: m l^2 / 12 about its middle.
+    rod = joint("continuous", "").replace(INERTIA, INERTIA.replace('"2"', '"0.333333"').replace("0.333333", along, 1))
+    with engine(tmp_path, rod, allow=("impossible-inertia",)) as backend:
+        trace = run(backend, 1, JointTargets(effort={"j": 1.0}))
+    assert trace.joint_velocity[-1, 0] == pytest.approx(3.0, rel=2e-3)

@@ -130,6 +130,7 @@ BAD_MODELS = [
     _bad("bad-number", 20, '"0.1"', '"-0.1"'),
     _bad("bad-number", 12, "</link>", '<contact><rolling_friction value="much"/></contact></link>'),
     _bad("bad-number", 12, "</link>", '<contact><stiffness value="-1"/></contact></link>'),
+    _bad("bad-number", 12, "</link>", '<contact><inertia_scaling value="0"/></contact></link>'),
     _bad("bad-number", 5, 'value="2"', 'value="${mass}"'),
     _bad("unexpanded-expression", 9, "1 2 3", "0 0 ${height / 2}"),
     _bad("unexpanded-expression", 19, 'lower="-1"', 'lower="$(arg lower)"'),

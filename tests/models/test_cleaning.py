@@ -44,9 +44,23 @@ def test_a_mass_of_zero_counts_as_left_out_but_for_the_base(link: str, mass: flo
     assert inertia(links(tmp_path, text, "zero-mass")[link])[0] == pytest.approx(mass)
 
 
-def test_a_body_that_would_turn_without_end_is_a_ball(tmp_path: Path) -> None:
-    text = GOOD.replace('ixx="1"', 'ixx="0"', 1)
+@pytest.mark.parametrize("moment", ["0", "-1"])
+def test_a_body_without_a_moment_above_0_is_a_ball(moment: str, tmp_path: Path) -> None:
+    text = GOOD
+    for name in ("ixx", "iyy", "izz"):
+        text = text.replace(f'{name}="1"', f'{name}="{moment}"', 1)
     assert inertia(links(tmp_path, text, "impossible-inertia")["base"]) == pytest.approx((2.0, 2e-3, 2e-3, 2e-3))
+
+
+@pytest.mark.parametrize(("least", "added"), [("0", 0.0), ("-0.25", 0.5)])
+def test_a_body_that_would_turn_without_end_about_one_axis_keeps_its_other_moments(
+    least: str, added: float, tmp_path: Path
+) -> None:
+    text = GOOD.replace('ixx="1"', f'ixx="{least}"', 1)
+    _, ixx, iyy, izz = inertia(links(tmp_path, text, "impossible-inertia")["base"])
+    assert (ixx, iyy, izz) == pytest.approx((float(least) + added, 1 + added, 1 + added), abs=1e-5)
+    assert ixx > 0
+    assert max(iyy, izz) < ixx + min(iyy, izz)
 
 
 def test_an_expression_that_was_let_go_is_left_out(tmp_path: Path) -> None:

@@ -51,11 +51,12 @@ _NUMBERS: Final = {
 _NOT_NEGATIVE: Final = {
     "limit": ("effort", "velocity"),
     "dynamics": ("damping", "friction"),
-    "inertia_scaling": ("value",),
     **dict.fromkeys(CONTACT, ("value",)),
 }
 """Tag -> attributes that would push where they are to brake."""
 
+# Bullet's contact/inertia_scaling by 0 leaves a body that no torque turns.
+_ABOVE_ZERO: Final = ("inertia_scaling",)
 
 _HINTS: Final = {
     "mujoco": "; it is MJCF, which MuJoCo alone reads: give its file a name that ends in .xml",
@@ -118,9 +119,16 @@ def _not_numbers(
         yield document.finding("unexpanded-expression", element, message)
     elif not is_numbers(text, count):
         yield document.finding("bad-number", element, message)
-    elif element.tag in _NOT_NEGATIVE and name in _NOT_NEGATIVE[element.tag] and float(text) < 0:
-        message = f'<{element.tag} {name}="{text}">: expected a number of 0 or more'
+    elif count == 1 and (due := _due(element.tag, name, float(text))) is not None:
+        message = f'<{element.tag} {name}="{text}">: expected a number {due}'
         yield document.finding("bad-number", element, message)
+
+
+def _due(tag: str, name: str, value: float) -> str | None:
+    """What a number that is too low should be."""
+    if tag in _ABOVE_ZERO and value <= 0:
+        return "above 0"
+    return "of 0 or more" if name in _NOT_NEGATIVE.get(tag, ()) and value < 0 else None
 
 
 def _wanted(text: str, count: int) -> str:
