@@ -11,7 +11,7 @@ from sim_action.messages import did_you_mean
 from sim_action.models.findings import ALLOWABLE, RULES
 from sim_action.robot_model import WORLD, Joint, RobotModel
 from sim_action.scenario import Scenario, rate_divides
-from sim_action.scene import SpecProblems
+from sim_action.scene import Scene, SpecProblems
 from sim_action.world import GROUND
 from sim_action.yaml_document import KeyPath
 
@@ -80,6 +80,23 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     if robot.drive is not None:
         for below, message in robot.drive.problems(model):
             yield ("robot", "drive", robot.drive.key, *below), message
+
+
+def follower_problems(scene: Scene) -> SpecProblems:
+    """Joints that follow others, and would begin where they cannot be: what begins there stays there."""
+    model, stated = scene.model, scene.robot.joints
+    try:
+        positions = scene.joint_positions
+    except units.UnitError:
+        return
+    for joint in model.moving_joints:
+        leader = joint
+        while leader.mimic is not None:
+            leader = model.joints_by_name[leader.mimic.joint]
+        for message in _beyond_limits(joint, positions[joint.name]) if leader is not joint else []:
+            path: KeyPath = ("robot", "joints", leader.name) if leader.name in stated else ("robot",)
+            about = f"joint '{joint.name}', which follows '{leader.name}', would begin beyond its own limits"
+            yield path, f"{about}: {message}"
 
 
 def rule_problems(scenario: Scenario) -> SpecProblems:

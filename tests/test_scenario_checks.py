@@ -76,3 +76,34 @@ def test_a_typo_in_a_drive_is_one_problem_whatever_the_model(tmp_path: Path) -> 
     commands = "commands: {twist: [{linear: 1.0}], rate: 10 Hz}\n"
     (found,) = told(tmp_path, text + commands)
     assert "robot.drive.diff.radios: unknown key" in found
+
+
+FOLLOWER = """\
+  <joint name="tip" type="revolute"><parent link="hand"/><child link="finger"/>
+    <limit lower="-0.2" upper="0.2"/><mimic joint="elbow" offset="{offset}"/></joint>
+  <link name="finger"/>
+</robot>
+"""
+BEYOND = "joint 'tip', which follows 'elbow', would begin beyond its own limits: "
+
+
+@pytest.mark.parametrize(
+    ("offset", "joints", "problem"),
+    [
+        (0, ", joints: {elbow: 0.8}", f"2:35: robot.joints.elbow: {BEYOND}45.84 deg is outside"),
+        (0, ", joints: {elbow: -0.2001}", f"2:35: robot.joints.elbow: {BEYOND}-11.465 deg is outside"),
+        (0.5, "", f"2:1: robot: {BEYOND}28.65 deg is outside"),
+        (0, ", joints: {elbow: 0.2}", ""),
+        (0.5, ", joints: {elbow: -0.4}", ""),
+        (0, ", joints: {elbow: 1 m}", "2:35: robot.joints.elbow: "),
+    ],
+)
+def test_a_follower_begins_within_its_own_limits(offset: float, joints: str, problem: str, tmp_path: Path) -> None:
+    text = arm(tmp_path, joints)
+    model = tmp_path / "arm.urdf"
+    model.write_text(model.read_text().replace("</robot>\n", FOLLOWER.format(offset=offset)))
+    if not problem:
+        assert load(tmp_path, text)
+        return
+    (found,) = told(tmp_path, text)
+    assert found.startswith(problem)

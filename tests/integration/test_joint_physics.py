@@ -97,3 +97,13 @@ def test_a_rod_whose_file_says_that_nothing_turns_about_it_turns_as_a_rod(along:
     with engine(tmp_path, rod, allow=("impossible-inertia",)) as backend:
         trace = run(backend, 1, JointTargets(effort={"j": 1.0}))
     assert trace.joint_velocity[-1, 0] == pytest.approx(3.0, rel=2e-3)
+
+
+def test_a_follower_stops_its_leader_at_its_own_limit(tmp_path: Path) -> None:
+    leader = joint("revolute", '<limit lower="-3" upper="3" effort="50" velocity="2"/>')
+    limit = '<limit lower="-0.2" upper="0.2" effort="50" velocity="2"/>'
+    follower = joint("revolute", f'{limit}<mimic joint="j"/>', "follower", "hand")
+    with engine(tmp_path, leader, follower) as backend:
+        trace = run(backend, 4, JointTargets(position={"j": 0.8}))
+    assert trace.joint_position[-1] == pytest.approx([0.2, 0.2], abs=1e-3)
+    assert trace.joint_effort[-1, 0] == pytest.approx(50)

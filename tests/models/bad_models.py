@@ -55,6 +55,12 @@ def _bad(rule: str, line: int | None, old: str, new: str, name: str = "") -> Bad
     return BadModel(name or f"{rule}: {new[:40]}", rule, line, GOOD.replace(old, new, 1))
 
 
+def _follower(limits: str, how: str) -> str:
+    ends = '<parent link="base"/><child link="spare"/>'
+    hinge = f'<joint name="j" type="revolute">{ends}<limit {limits}/><mimic joint="shoulder" {how}/></joint>'
+    return f"{hinge}{_SPARE}{_END}"
+
+
 def _fixed(name: str, parent: str, child: str) -> str:
     return _joint("fixed", name, parent, child)
 
@@ -165,6 +171,9 @@ BAD_MODELS = [
     ),
     _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j" multiplier="0"/></joint>{_SPARE}{_HINGE}', "times zero"),
     _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_SPARE}{_HINGE_AFTER}', "each other"),
+    _bad("follower-limits", 22, _END, _follower('lower="-1" upper="1.9"', ""), "less far up than its leader"),
+    _bad("follower-limits", 22, _END, _follower('lower="-1" upper="2"', 'multiplier="-1"'), "the other way round"),
+    _bad("follower-limits", 22, _END, _follower('lower="-1" upper="2"', 'offset="0.1"'), "further on"),
     _bad("bad-number", 22, _END, f'<gazebo reference="upper"><mu1>slippery</mu1></gazebo>{_END}'),
     _bad("bad-number", 22, _END, f'<gazebo reference="upper"><mu2 value="-1"/></gazebo>{_END}'),
     _bad("bad-number", 12, "</link>", '<contact><lateral_friction value="much"/></contact></link>'),

@@ -43,6 +43,26 @@ def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) 
     assert problem.message.isprintable()
 
 
+@pytest.mark.parametrize(
+    ("leader", "follower", "mimic"),
+    [
+        ('lower="-1" upper="2"', 'lower="-1" upper="2"', ""),
+        ('lower="-1" upper="2"', 'lower="-1.0005" upper="1.9995"', ""),
+        ('lower="-1" upper="2"', 'lower="-4" upper="2"', 'multiplier="-2"'),
+        ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"', 'multiplier="9"'),
+        ('lower="-1e16" upper="1"', 'lower="-1" upper="1e16"', 'multiplier="-1"'),
+        ('upper="1"', 'upper="1"', ""),
+    ],
+)
+def test_a_follower_that_goes_as_far_as_its_leader_takes_it_is_left_alone(
+    leader: str, follower: str, mimic: str, tmp_path: Path
+) -> None:
+    hinge = '<joint name="j" type="revolute"><parent link="base"/><child link="spare"/>'
+    link = f'<link name="spare">{GOOD[GOOD.index("<inertial>") : GOOD.index("</inertial>")]}</inertial></link>'
+    more = f'{hinge}<limit {follower}/><mimic joint="shoulder" {mimic}/></joint>{link}</robot>'
+    assert findings(tmp_path, GOOD.replace('lower="-1" upper="2"', leader).replace("</robot>", more)) == []
+
+
 def test_every_rule_has_a_model_that_breaks_it() -> None:
     # What takes packages or xacro is in test_urdf.py and test_expansion.py.
     elsewhere = {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}

@@ -23,6 +23,7 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
         joints.limits,
         joints.kinds,
         joints.mimics,
+        joints.reaches,
         shapes.sizes,
         shapes.extents,
         shapes.presence,

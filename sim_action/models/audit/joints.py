@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Final
 from xml.etree.ElementTree import Element
@@ -10,6 +11,7 @@ from sim_action.geometry import ZERO
 from sim_action.messages import did_you_mean
 from sim_action.models.document import ModelDocument
 from sim_action.models.values import child_of, number, parent_of, vector
+from sim_action.models.values import limits as limits_of
 from sim_action.robot_model import MOVING_TYPES, Finding
 
 UNSUPPORTED: Final = ("floating", "planar")
@@ -17,6 +19,9 @@ UNSUPPORTED: Final = ("floating", "planar")
 
 LIMITED: Final = ("revolute", "prismatic")
 """Types that say how far they go."""
+
+# Exporters round: what is off by less, of a range or in rad, or m, is not told.
+_ROUNDING: Final = 1e-3
 
 
 def axes(document: ModelDocument) -> Iterator[Finding]:
@@ -74,6 +79,36 @@ def mimics(document: ModelDocument) -> Iterator[Finding]:
     for joint in joints.values():
         if (trouble := trouble_of_mimic(joint, joints)) is not None:
             yield document.finding("bad-mimic", joint, f"joint '{joint.attrib['name']}' mimics {trouble}")
+
+
+def reaches(document: ModelDocument) -> Iterator[Finding]:
+    """No follower is taken beyond its own limits: which of the two then gives way, nobody has said."""
+    joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
+    for name, joint in joints.items():
+        mimic = joint.find("mimic")
+        if mimic is None or trouble_of_mimic(joint, joints) is not None:
+            continue
+        (lower, upper), (low, high) = _range(joint), _taken(mimic, joints[mimic.attrib["joint"]])
+        slack = _ROUNDING * min(1.0, upper - lower)
+        if lower <= upper and (low < lower - slack or high > upper + slack):
+            leader = mimic.attrib["joint"]
+            message = (
+                f"joint '{name}' mimics '{leader}', which takes it from {low:g} to {high:g}, and has limits of "
+                f"{lower:g} and {upper:g}: which of the two gives way depends on their motors and masses"
+            )
+            yield document.finding("follower-limits", joint, message)
+
+
+def _taken(mimic: Element, leader: Element) -> tuple[float, float]:
+    """From where to where a leader's limits take its follower."""
+    multiplier, offset = number(mimic, "multiplier"), number(mimic, "offset") or 0.0
+    ends = [end * (1.0 if multiplier is None else multiplier) + offset for end in _range(leader)]
+    return min(ends), max(ends)
+
+
+def _range(joint: Element) -> tuple[float, float]:
+    lower, upper = limits_of(joint)
+    return -math.inf if lower is None else lower, math.inf if upper is None else upper
 
 
 def trouble_of_mimic(joint: Element, joints: Mapping[str, Element]) -> str | None:
