@@ -10,8 +10,8 @@ from sim_action.drives import Drive
 from sim_action.world import Robot
 
 # What every reader of YAML takes for this text, and for nothing else.
-_PLAIN: Final = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
-_WORDS: Final = frozenset(["null", "true", "false", "yes", "no", "on", "off", "y", "n", ".inf", ".nan"])
+_PLAIN: Final = re.compile(r"(?:[A-Za-z_/]|\.\.?/)[A-Za-z0-9_./-]*")
+_WORDS: Final = frozenset(["null", "true", "false", "yes", "no", "on", "off", "y", "n"])
 
 
 def robot_block(robot: Robot, drive: Drive | None, *remarks: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -47,9 +48,39 @@ def test_all_of_it() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["on", "null", "~", "1e3", "0x1", "a: b", "#a", "[", "-", "'", '"', "\u2028", "🤖"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "on",
+        "null",
+        "~",
+        "1e3",
+        "0x1",
+        "a: b",
+        "#a",
+        "[",
+        "-",
+        "'",
+        '"',
+        "\u2028",
+        "🤖",
+        ".5",
+        ".1e3",
+        ".5e-3",
+        ".",
+        "..",
+        ".inf",
+    ],
+)
 def test_names_that_yaml_would_take_for_something_else_are_quoted(name: str) -> None:
-    assert read(robot_block(Robot(model=name), None)) == {"model": name}
+    block = robot_block(Robot(model=name, args={"a": name}), None)
+    assert read(block) == {"model": name, "args": {"a": name}}
+    assert yaml.safe_load(block) == {"robot": {"model": name, "args": {"a": name}}}
+
+
+@pytest.mark.parametrize("name", ["./a.urdf", "../a.urdf", "/a.urdf", "_a", "a.b", "a-1"])
+def test_paths_and_names_stand_as_they_are(name: str) -> None:
+    assert robot_block(Robot(model=name), None) == f"robot:\n  model: {name}\n"
 
 
 @given(names, names, names)
