@@ -69,8 +69,9 @@ def _collision(collision: Element) -> Element:
 
 
 def _contact(contact: Element) -> Element:
+    """All but stiffness and damping, which are of `Surface`: Bullet takes 0, too, and makes up the one left out."""
     written = Element("contact")
-    parts = (_numbers(tag, contact.find(tag), "value") for tag in CONTACT)
+    parts = (_numbers(tag, contact.find(tag), "value") for tag in CONTACT if tag not in {"stiffness", "damping"})
     written.extend(part for part in parts if part.attrib)
     if contact.find("friction_anchor") is not None:
         ET.SubElement(written, "friction_anchor")

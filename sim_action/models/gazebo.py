@@ -30,8 +30,9 @@ def surface(document: ModelDocument, link: Element) -> Surface:
         mu1, mu2, kp, kd = (_number(tag, name) for name in NUMBERS)
         mu = mu2 if mu1 is None else mu1
         friction = friction if mu is None else min(mu, _MOST_FRICTION)
-        stiffness, damping = stiffness if kp is None else kp, damping if kd is None else kd
-    stated = {"friction": friction, "stiffness": stiffness, "damping": damping}
+        stiffness, damping = kp or stiffness, damping if kd is None else kd
+    # A stiffness of 0 carries nothing: it is how models leave it open.
+    stated = {"friction": friction, "stiffness": stiffness or None, "damping": damping}
     return Surface(**{name: value for name, value in stated.items() if value is not None})
 
 
