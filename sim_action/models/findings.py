@@ -78,6 +78,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "missing-inertia": Rule("warning", "a link without <inertial>: it gets a negligible mass"),
         "unknown-reference": Rule("warning", "a <gazebo> tag for a link or joint that is not there"),
         "two-frictions": Rule("warning", "a friction that depends on the direction: one coefficient counts"),
+        "zero-limit": Rule("warning", "an effort or a velocity of 0 in a <limit>: it counts as none"),
         "follower-limits": Rule("warning", "a joint that mimics one that goes further than its own limits let it"),
         "default-inertia": Rule("warning", "an <inertial> of SDF without a mass or moment: it is 1, as SDF has it"),
         "turned-base": Rule("warning", "a root link that SDF turns: robot.pose has to say so"),

@@ -96,8 +96,8 @@ def _joint(element: Element) -> Joint:
         axis_xyz=axis(element),
         lower=lower,
         upper=upper,
-        max_effort=number(limit, "effort"),
-        max_velocity=number(limit, "velocity"),
+        max_effort=number(limit, "effort") or None,
+        max_velocity=number(limit, "velocity") or None,
         mimic=_mimic(element.find("mimic")),
     )
 

@@ -107,3 +107,12 @@ def test_a_follower_stops_its_leader_at_its_own_limit(tmp_path: Path) -> None:
         trace = run(backend, 4, JointTargets(position={"j": 0.8}))
     assert trace.joint_position[-1] == pytest.approx([0.2, 0.2], abs=1e-3)
     assert trace.joint_effort[-1, 0] == pytest.approx(50)
+
+
+def test_a_motor_of_0_has_no_limit_in_the_model_as_in_the_engine(tmp_path: Path) -> None:
+    hinge = joint("revolute", '<limit lower="-9" upper="9" effort="0" velocity="0"/>')
+    with engine(tmp_path, hinge) as backend:
+        trace = run(backend, 1, JointTargets(velocity={"j": 4.0}))
+    (model,) = read_urdf(tmp_path / "robot.urdf").joints
+    assert (model.max_effort, model.max_velocity) == (None, None)
+    assert trace.joint_velocity[-1, 0] == pytest.approx(4.0, rel=1e-3)

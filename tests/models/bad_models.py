@@ -171,6 +171,8 @@ BAD_MODELS = [
     ),
     _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j" multiplier="0"/></joint>{_SPARE}{_HINGE}', "times zero"),
     _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_SPARE}{_HINGE_AFTER}', "each other"),
+    _bad("zero-limit", 19, 'effort="10"', 'effort="0"'),
+    _bad("zero-limit", 19, 'velocity="3"', 'velocity="0.0"'),
     _bad("follower-limits", 22, _END, _follower('lower="-1" upper="1.9"', ""), "less far up than its leader"),
     _bad("follower-limits", 22, _END, _follower('lower="-1" upper="2"', 'multiplier="-1"'), "the other way round"),
     _bad("follower-limits", 22, _END, _follower('lower="-1" upper="2"', 'offset="0.1"'), "further on"),

@@ -63,6 +63,13 @@ def test_a_follower_that_goes_as_far_as_its_leader_takes_it_is_left_alone(
     assert findings(tmp_path, GOOD.replace('lower="-1" upper="2"', leader).replace("</robot>", more)) == []
 
 
+def test_both_zeros_of_a_limit_are_told_at_once_and_not_of_a_joint_that_is_held(tmp_path: Path) -> None:
+    text = GOOD.replace('effort="10" velocity="3"', 'effort="0" velocity="0"')
+    (found,) = findings(tmp_path, text)
+    assert "an effort of 0 and a velocity of 0" in found.message
+    assert findings(tmp_path, text.replace("revolute", "fixed")) == []
+
+
 def test_every_rule_has_a_model_that_breaks_it() -> None:
     # What takes packages or xacro is in test_urdf.py and test_expansion.py.
     elsewhere = {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}

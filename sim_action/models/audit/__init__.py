@@ -21,6 +21,7 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
     (
         joints.axes,
         joints.limits,
+        joints.motors,
         joints.kinds,
         joints.mimics,
         joints.reaches,

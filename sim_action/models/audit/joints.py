@@ -51,6 +51,17 @@ def limits(document: ModelDocument) -> Iterator[Finding]:
             yield document.finding("reversed-limits", limit, message)
 
 
+def motors(document: ModelDocument) -> Iterator[Finding]:
+    """Motors can do something; exporters write 0 for what nobody has filled in."""
+    for joint in document.elements("joint"):
+        limit = joint.find("limit")
+        zeros = [what for what in ("effort", "velocity") if number(limit, what) == 0]
+        if limit is not None and zeros and joint.attrib["type"] in MOVING_TYPES:
+            found = " and ".join(f"{'an' if what == 'effort' else 'a'} {what} of 0" for what in zeros)
+            message = f"joint '{joint.attrib['name']}' has {found}, and could not move: as if left out, it is no limit"
+            yield document.finding("zero-limit", limit, message)
+
+
 def kinds(document: ModelDocument) -> Iterator[Finding]:
     """Every joint is one that engines have."""
     for joint in document.elements("joint"):
