@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
@@ -26,19 +27,19 @@ _ODD_SHAPES: Final = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Meshes:
     """What came of a model's meshes; `boxes`: m, around each collision mesh, in its own frame, scale applied."""
 
-    findings: list[Finding] = field(default_factory=list)
-    boxes: dict[Element, Box] = field(default_factory=dict)
+    findings: tuple[Finding, ...]
+    boxes: Mapping[Element, Box]
 
 
 def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> Meshes:
     """Makes collision meshes files that were written here; `path`: of the model's file."""
-    meshes = Meshes()
-    meshes.findings.extend(_resolve(document, path, packages, meshes.boxes))
-    return meshes
+    boxes: dict[Element, Box] = {}
+    findings = tuple(_resolve(document, path, packages, boxes))
+    return Meshes(findings, MappingProxyType(boxes))
 
 
 def _resolve(document: ModelDocument, path: Path, packages: Packages, boxes: dict[Element, Box]) -> Iterator[Finding]:
