@@ -97,10 +97,14 @@ def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
     needs = tuple(sorted({finding.rule for finding in model.findings if finding.level == "error"}))
     robot = robot.model_copy(update={"allow": needs, "base": robot.base or _base(model)})
     start = Scene(robot, model, World(), Physics(), workspace).joint_positions
+    return _inspection(robot, model, start, needs)
+
+
+def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], needs: tuple[str, ...]) -> Inspection:
+    """`start`: where joints begin."""
     poses = link_poses(model, start)
-    lower, upper = robot_box(model, poses) or (None, None)
-    wheels = tuple(_wheels(model, poses, lower[2])) if lower else ()
-    drive = recognise(model)
+    box, drive = robot_box(model, poses), recognise(model)
+    wheels = tuple(_wheels(model, poses, box[0][2])) if box else ()
     return Inspection(
         name=model.name,
         model=robot.model,
@@ -108,9 +112,9 @@ def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
         root=model.root,
         links=tuple(map(_link_entry, model.links)),
         joints=tuple(_joint_entry(joint, start) for joint in model.joints),
-        lower_xyz=lower,
-        upper_xyz=upper,
-        height=-lower[2] if lower else None,
+        lower_xyz=box[0] if box else None,
+        upper_xyz=box[1] if box else None,
+        height=-box[0][2] if box else None,
         wheels=wheels,
         drive=drive.describe(model) if drive else None,
         findings=model.findings,

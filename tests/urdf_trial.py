@@ -141,27 +141,31 @@ def _joint_differences(joint: Joint, info: Sequence[Any]) -> Iterator[str]:
 def _mass_differences(
     model: RobotModel, client: int, robot: int, infos: dict[str, Any], *, fixed: bool
 ) -> Iterator[str]:
-    written = {link.attrib["name"]: link for link in ET.fromstring(model.urdf).iterfind("link")}
+    inertials = {link.attrib["name"]: link.find("inertial") for link in ET.fromstring(model.urdf).iterfind("link")}
     index = {model.root: -1} | {model.joints_by_name[name].child: info[0] for name, info in infos.items()}
     for name, number in index.items():
         if number == -1 and fixed:
             continue
-        dynamics = pybullet.getDynamicsInfo(robot, number, client)
-        inertial = written[name].find("inertial")
+        link, dynamics = model.links_by_name[name], pybullet.getDynamicsInfo(robot, number, client)
+        inertial = inertials[name]
         if inertial is None:
             yield f"link {name}: no inertial in what the engine gets"
             continue
-        mass = float(inertial.find("mass").attrib["value"])  # type: ignore[union-attr]  # the audit has seen to it
-        stated = model.links_by_name[name].mass
-        if not _near([dynamics[0]], [mass]) or (stated and not _near([dynamics[0]], [stated])):
-            yield f"link {name}: a mass of {dynamics[0]}, we have {stated}, the engine was given {mass}"
-        moments = _principal(inertial.find("inertia"))
-        if mass and not np.allclose(sorted(dynamics[2]), moments, rtol=1e-3, atol=1e-9 * max(map(abs, moments))):
-            yield f"link {name}: moments of inertia {sorted(dynamics[2])}, we have {moments}"
-        yield from _touch_differences(model.links_by_name[name], dynamics)
-        centre = _pose(inertial)
-        if not _same(Pose(dynamics[3]), Pose(centre.position_xyz)):
-            yield f"link {name}: a centre of mass at {dynamics[3]}, we have {centre.position_xyz}"
+        yield from _inertial_differences(link, inertial, dynamics)
+        yield from _touch_differences(link, dynamics)
+
+
+def _inertial_differences(link: Link, inertial: ET.Element, dynamics: Sequence[Any]) -> Iterator[str]:
+    name, stated = link.name, link.mass
+    mass = float(inertial.find("mass").attrib["value"])  # type: ignore[union-attr]  # the audit has seen to it
+    if not _near([dynamics[0]], [mass]) or (stated and not _near([dynamics[0]], [stated])):
+        yield f"link {name}: a mass of {dynamics[0]}, we have {stated}, the engine was given {mass}"
+    moments = _principal(inertial.find("inertia"))
+    if mass and not np.allclose(sorted(dynamics[2]), moments, rtol=1e-3, atol=1e-9 * max(map(abs, moments))):
+        yield f"link {name}: moments of inertia {sorted(dynamics[2])}, we have {moments}"
+    centre = _pose(inertial)
+    if not _same(Pose(dynamics[3]), Pose(centre.position_xyz)):
+        yield f"link {name}: a centre of mass at {dynamics[3]}, we have {centre.position_xyz}"
 
 
 def _touch_differences(link: Link, dynamics: Sequence[Any]) -> Iterator[str]:
