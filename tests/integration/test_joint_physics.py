@@ -1,20 +1,22 @@
-"""Joints in the engine: where they begin, what stops them and what brakes them, against the laws of mechanics."""
+"""Joints in every engine: where they begin, what stops them and what brakes them, against the laws of mechanics."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.backends import Backend
 from sim_action.command import JointTargets
 from sim_action.models.urdf import read_urdf
-from sim_action.scene import Scene
 from sim_action.trace import Trace
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
+from sim_action.world import Robot
+from tests.integration.engines import advance, on_every_engine, running, scene_of
+
+pytestmark = on_every_engine
 
 RATE = 240.0
 INERTIA = '<inertia ixx="2" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"/>'
@@ -31,36 +33,32 @@ def joint(kind: str, inside: str, name: str = "j", child: str = "arm") -> str:
 
 
 @contextmanager
-def engine(folder: Path, *joints: str, allow: tuple[str, ...] = (), **starts: float) -> Iterator[PyBulletBackend]:
-    path = folder / "robot.urdf"
-    path.write_text(f'<robot name="it">{part("base")}{"".join(joints)}</robot>')
+def machine(engine: str, folder: Path, *joints: str, allow: tuple[str, ...] = (), **starts: float) -> Iterator[Backend]:
+    """A robot of joints at a base that is bolted down."""
+    urdf = f'<robot name="it">{part("base")}{"".join(joints)}</robot>'
     robot = Robot(model="robot.urdf", base="fixed", joints={**starts})
-    scene = Scene(robot, read_urdf(path, allow=allow), World(), Physics(rate=RATE), Workspace(folder, folder))
-    backend = PyBulletBackend(scene, contacts=False)
-    try:
+    with running(engine, scene_of(folder, urdf, robot, rate=RATE, allow=allow)) as backend:
         yield backend
-    finally:
-        backend.close()
 
 
-def run(backend: PyBulletBackend, seconds: float, targets: JointTargets | None = None) -> Trace:
-    backend.advance(0, [targets, *[None] * (round(seconds * RATE) - 1)])
-    return backend.collect()
+def run(backend: Backend, seconds: float, targets: JointTargets) -> Trace:
+    return advance(backend, 0, round(seconds * RATE), targets)
 
 
 @pytest.mark.parametrize(
-    ("limits", "home", "end", "way"),
+    ("limits", "home", "end"),
     [
-        ('lower="0.5" upper="1e16"', 0.5, 4.5, 1.0),
-        ('lower="-1e16" upper="-0.5"', -0.5, -4.5, -1.0),
-        ('upper="1.5"', 0.0, 1.5, 1.0),
-        ('lower="-1.5"', 0.0, -1.5, -1.0),
+        ('lower="0.5" upper="1e16"', 0.5, 4.5),
+        ('lower="-1e16" upper="-0.5"', -0.5, -4.5),
+        ('upper="1.5"', 0.0, 1.5),
+        ('lower="-1.5"', 0.0, -1.5),
     ],
 )
 def test_a_joint_with_one_limit_begins_there_and_stops_there(
-    limits: str, home: float, end: float, way: float, tmp_path: Path
+    engine: str, limits: str, home: float, end: float, tmp_path: Path
 ) -> None:
-    with engine(tmp_path, joint("revolute", f'<limit {limits} effort="50" velocity="9"/>')) as backend:
+    way = math.copysign(1, end)
+    with machine(engine, tmp_path, joint("revolute", f'<limit {limits} effort="50" velocity="9"/>')) as backend:
         assert backend.observe(0, contacts=False).joints["j"].position == pytest.approx(home)
         back = run(backend, 2, JointTargets(velocity={"j": -way}))
         assert back.joint_position[-1, 0] == pytest.approx(home, abs=0.02)
@@ -71,18 +69,18 @@ def test_a_joint_with_one_limit_begins_there_and_stops_there(
 @pytest.mark.parametrize("kind", ["continuous", "revolute"])
 @pytest.mark.parametrize(("effort", "acceleration"), [(5.0, 2.0), (-5.0, -2.0), (0.5, 0.0), (0.0, 0.0)])
 def test_an_effort_works_against_the_joints_own_friction(
-    kind: str, effort: float, acceleration: float, tmp_path: Path
+    engine: str, kind: str, effort: float, acceleration: float, tmp_path: Path
 ) -> None:
     inside = '<limit lower="-9" upper="9" effort="50" velocity="50"/><dynamics friction="1"/>'
-    with engine(tmp_path, joint(kind, inside)) as backend:
+    with machine(engine, tmp_path, joint(kind, inside)) as backend:
         trace = run(backend, 1, JointTargets(effort={"j": effort}))
     # (effort - friction) / moment of inertia, for a second.
     assert trace.joint_velocity[-1, 0] == pytest.approx(acceleration, rel=1e-3, abs=1e-6)
     assert set(trace.joint_effort[:, 0].tolist()) == {effort}
 
 
-def test_friction_stops_what_no_effort_moves_any_more(tmp_path: Path) -> None:
-    with engine(tmp_path, joint("continuous", '<dynamics friction="1"/>')) as backend:
+def test_friction_stops_what_no_effort_moves_any_more(engine: str, tmp_path: Path) -> None:
+    with machine(engine, tmp_path, joint("continuous", '<dynamics friction="1"/>')) as backend:
         run(backend, 1, JointTargets(effort={"j": 5.0}))
         trace = run(backend, 5, JointTargets(effort={"j": 0.0}))
     # From 2 rad/s at friction / moment of inertia = 0.5 rad/s^2.
@@ -91,27 +89,29 @@ def test_friction_stops_what_no_effort_moves_any_more(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("along", ["0", "-1e-4", "1e-9"])
-def test_a_rod_whose_file_says_that_nothing_turns_about_it_turns_as_a_rod(along: str, tmp_path: Path) -> None:
+def test_a_rod_whose_file_says_that_nothing_turns_about_it_turns_as_a_rod(
+    engine: str, along: str, tmp_path: Path
+) -> None:
     # 1 kg and 2 m: m l^2 / 12 about its middle.
     rod = joint("continuous", "").replace(INERTIA, INERTIA.replace('"2"', '"0.333333"').replace("0.333333", along, 1))
-    with engine(tmp_path, rod, allow=("impossible-inertia",)) as backend:
+    with machine(engine, tmp_path, rod, allow=("impossible-inertia",)) as backend:
         trace = run(backend, 1, JointTargets(effort={"j": 1.0}))
     assert trace.joint_velocity[-1, 0] == pytest.approx(3.0, rel=2e-3)
 
 
-def test_a_follower_stops_its_leader_at_its_own_limit(tmp_path: Path) -> None:
+def test_a_follower_stops_its_leader_at_its_own_limit(engine: str, tmp_path: Path) -> None:
     leader = joint("revolute", '<limit lower="-3" upper="3" effort="50" velocity="2"/>')
     limit = '<limit lower="-0.2" upper="0.2" effort="50" velocity="2"/>'
     follower = joint("revolute", f'{limit}<mimic joint="j"/>', "follower", "hand")
-    with engine(tmp_path, leader, follower) as backend:
+    with machine(engine, tmp_path, leader, follower) as backend:
         trace = run(backend, 4, JointTargets(position={"j": 0.8}))
     assert trace.joint_position[-1] == pytest.approx([0.2, 0.2], abs=1e-3)
     assert trace.joint_effort[-1, 0] == pytest.approx(50)
 
 
-def test_a_motor_of_0_has_no_limit_in_the_model_as_in_the_engine(tmp_path: Path) -> None:
+def test_a_motor_of_0_has_no_limit_in_the_model_as_in_the_engine(engine: str, tmp_path: Path) -> None:
     hinge = joint("revolute", '<limit lower="-9" upper="9" effort="0" velocity="0"/>')
-    with engine(tmp_path, hinge) as backend:
+    with machine(engine, tmp_path, hinge) as backend:
         trace = run(backend, 1, JointTargets(velocity={"j": 4.0}))
     (model,) = read_urdf(tmp_path / "robot.urdf").joints
     assert (model.max_effort, model.max_velocity) == (None, None)
