@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -127,9 +128,8 @@ def _beyond_limits(joint: Joint, position: float) -> list[str]:
         return []
     unit = joint.dimension("position").si
     at, passed = units.display_apart(position, lower if position < lower else upper, unit)
-    bounds = (
-        f"{passed} to {units.display(upper, unit)}" if position < lower else f"{units.display(lower, unit)} to {passed}"
-    )
+    low, high = (passed, units.display(upper, unit)) if position < lower else (units.display(lower, unit), passed)
+    bounds = f"{low} or more" if math.isinf(upper) else f"{high} or less" if math.isinf(lower) else f"{low} to {high}"
     return [f"{at} is outside the limits of the joint, {bounds}"]
 
 

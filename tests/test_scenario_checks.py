@@ -51,6 +51,18 @@ def test_a_joint_begins_within_its_limits(position: str, problem: str, tmp_path:
 
 
 @pytest.mark.parametrize(
+    ("limits", "problem"),
+    [
+        ('lower="0.5" upper="1e16"', "11.46 deg is outside the limits of the joint, 28.65 deg or more"),
+        ('lower="-1e16" upper="-0.5"', "11.46 deg is outside the limits of the joint, -28.65 deg or less"),
+    ],
+)
+def test_one_limit_is_told_as_one(limits: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, arm(tmp_path, ", joints: {elbow: 0.2}", limits=limits))
+    assert found.endswith(problem)
+
+
+@pytest.mark.parametrize(
     ("position", "limits"),
     [("90 deg", 'lower="-1" upper="1.5707963"'), ("9", 'effort="1"'), ("9", 'lower="0" upper="-1"')],
 )
