@@ -235,10 +235,9 @@ def _pose_differences(
     for name, info in infos.items():
         child = model.joints_by_name[name].child
         state = pybullet.getLinkState(robot, info[0], computeForwardKinematics=1, physicsClientId=client)
-        wanted = poses[child]
         found = geometry.compose(_inverse(base), Pose(state[4], state[5]))
-        if not _same(found, wanted):
-            yield f"link {child}, joints at {position}: {found}, we have {wanted}"
+        if not _same(found, poses[child]):
+            yield f"link {child}, joints at {position}: {found}, we have {poses[child]}"
     for name, info in infos.items():
         if model.joints_by_name[name].moves:
             pybullet.resetJointState(robot, info[0], 0.0, physicsClientId=client)

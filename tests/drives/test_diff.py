@@ -16,7 +16,7 @@ from sim_action.command import JointTargets
 from sim_action.drives import recognise
 from sim_action.drives.diff import DiffDrive
 from sim_action.geometry import Twist
-from sim_action.robot_model import Plugin, RobotModel, Shape
+from sim_action.robot_model import RobotModel, Shape
 from tests.traces import WHEELS, burger
 
 LEFT, RIGHT = WHEELS
@@ -216,113 +216,6 @@ def test_a_shape_that_is_round_makes_a_wheel() -> None:
     assert recognise(dataclasses.replace(model, links=links)) == BURGER
 
 
-def with_plugin(name: str, **parameters: str) -> RobotModel:
-    return dataclasses.replace(burger(), plugins=(Plugin(name, tuple(parameters.items())),))
-
-
-@pytest.mark.parametrize(
-    ("plugin", "figures"),
-    [
-        (
-            with_plugin(
-                "gazebo_ros_diff_drive",
-                leftJoint=LEFT,
-                rightJoint=RIGHT,
-                wheelSeparation="0.2",
-                wheelDiameter="0.08",
-                wheelAcceleration="2.5",
-                wheelTorque="7",
-                updateRate="30",
-                legacyMode="false",
-            ),
-            {"separation": 0.2, "radius": 0.04, "acceleration": 2.5, "torque": 7.0},
-        ),
-        (
-            with_plugin(
-                "gazebo_ros_diff_drive",
-                left_joint=LEFT,
-                right_joint=RIGHT,
-                wheel_separation="0.2",
-                wheel_diameter="0.08",
-                max_wheel_acceleration="0",
-                max_wheel_torque="inf",
-            ),
-            {"separation": 0.2, "radius": 0.04},
-        ),
-        (
-            with_plugin("gz-sim-diff-drive-system", left_joint=LEFT, right_joint=RIGHT, wheel_radius="wide"),
-            {},
-        ),
-    ],
-    ids=["ROS 1", "ROS 2", "gz"],
-)
-def test_what_a_plugin_says_is_taken(plugin: RobotModel, figures: dict[str, float]) -> None:
-    assert recognise(plugin) == DiffDrive(left=(LEFT,), right=(RIGHT,), **figures)
-
-
-NO_LIMIT = "; the plugin limits no acceleration of wheels, here it is 1 m/s^2"
-SWAPPED = (
-    "; sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>, so that rightJoint is left"
-)
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters", "remark"),
-    [
-        ("gazebo_ros_diff_drive", {"legacyMode": "false", "wheelAcceleration": "1"}, ""),
-        ("gazebo_ros_diff_drive", {"legacyMode": " False ", "wheelAcceleration": "0"}, NO_LIMIT),
-        ("gazebo_ros_diff_drive", {"legacyMode": "0"}, NO_LIMIT),
-        ("gazebo_ros_diff_drive", {"legacyMode": "true", "wheelAcceleration": "1"}, SWAPPED),
-        ("gazebo_ros_diff_drive", {}, SWAPPED + NO_LIMIT),
-        ("gz-sim-diff-drive-system", {"max_linear_acceleration": "1"}, NO_LIMIT),
-    ],
-)
-def test_what_a_plugin_means_beside_what_it_says_is_told(name: str, parameters: dict[str, str], remark: str) -> None:
-    ros1 = name.startswith("gazebo_ros")
-    left, right = ("leftJoint", "rightJoint") if ros1 else ("left_joint", "right_joint")
-    model = with_plugin(name, **{left: LEFT, right: RIGHT}, **parameters)
-    drive = recognise(model)
-    assert isinstance(drive, DiffDrive)
-    assert (drive.left, drive.right) == (((RIGHT,), (LEFT,)) if SWAPPED in remark else ((LEFT,), (RIGHT,)))
-    assert drive.describe(model) == drive.describe(burger()) + remark
-
-
-def test_ros_2_has_no_legacy_mode() -> None:
-    assert recognise(with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT)) == BURGER
-
-
-def test_a_drive_that_is_stated_has_nothing_to_tell_of_the_plugin() -> None:
-    model = with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, rightJoint=RIGHT)
-    assert BURGER.describe(model) == BURGER.describe(burger())
-
-
-def test_a_plugin_names_wheels_whatever_they_are_called() -> None:
-    model = changed(burger(), wheel_left_joint={"name": "a"}, wheel_right_joint={"name": "b"})
-    parameters = (("left_joint", "a"), ("right_joint", "b"))
-    assert recognise(model) is None
-    model = dataclasses.replace(model, plugins=(Plugin("gazebo_ros_diff_drive", parameters),))
-    assert recognise(model) == DiffDrive(left=("a",), right=("b",))
-
-
-PASSED_OVER = pytest.mark.parametrize(
-    "plugin",
-    [
-        with_plugin("gazebo_ros_diff_drive", leftJoint="front", rightJoint=RIGHT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_imu", leftJoint=LEFT, rightJoint=RIGHT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_diff_drive", leftJoint=LEFT, rightJoint=LEFT, wheelSeparation="9"),
-        with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT, wheel_diameter="1e-300"),
-        with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT, wheel_separation="1e-9"),
-    ],
-    ids=["an unknown joint", "one side", "another plugin", "a wheel on both sides", "no diameter", "no separation"],
-)
-
-
-def test_a_plugin_that_does_not_tell_the_diameter_of_wheels_that_are_not_round_is_passed_over() -> None:
-    model = with_plugin("gazebo_ros_diff_drive", left_joint=LEFT, right_joint=RIGHT)
-    assert recognise(without_radii(model)) is None
-
-
 def test_names_that_make_no_drive_are_passed_over() -> None:
     origin = burger().joints_by_name[LEFT].origin
     assert recognise(changed(burger(), wheel_right_joint={"origin": origin})) is None
@@ -331,8 +224,3 @@ def test_names_that_make_no_drive_are_passed_over() -> None:
 @pytest.mark.parametrize("key", ["radius", "separation"])
 def test_lengths_that_no_wheels_have_are_problems(key: str) -> None:
     assert problems(BURGER.model_copy(update={key: 1e-9}), burger()) == [((key,), "must be at least 1e-06 m")]
-
-
-@PASSED_OVER
-def test_a_plugin_that_does_not_fit_is_passed_over(plugin: RobotModel) -> None:
-    assert recognise(plugin) == BURGER
