@@ -30,19 +30,21 @@ def convert(scope: Scope, notes: Notes) -> ModelDocument:
         return writer.document()
     if kinematics.needs_world and scope.find(WORLD) is None:
         writer.add(writer.root, "link", scope.element, name=WORLD)
-    links = LinkWriter(notes, frames, writer)
-    for placed in kinematics.placed.items():
-        notes.attempt(lambda placed: links.write(*placed), placed)
-    joints = JointWriter(notes, frames, writer)
-    for hinge in kinematics.hinges:
-        origin = kinematics.seen_from(hinge.parent, hinge.child)
-        notes.attempt(lambda placed: joints.write(*placed), (hinge, origin))
+    _write_tree(kinematics, LinkWriter(notes, frames, writer), JointWriter(notes, frames, writer), notes)
     for link in kinematics.bolted:
         _bolt(writer, kinematics, link)
     _copy_plugins(writer, scope)
     _tell_turned_base(notes, kinematics)
     _tell_what_is_passed_over(notes, scope)
     return writer.document()
+
+
+def _write_tree(kinematics: Kinematics, links: LinkWriter, joints: JointWriter, notes: Notes) -> None:
+    for placed in kinematics.placed.items():
+        notes.attempt(lambda placed: links.write(*placed), placed)
+    for hinge in kinematics.hinges:
+        origin = kinematics.seen_from(hinge.parent, hinge.child)
+        notes.attempt(lambda placed: joints.write(*placed), (hinge, origin))
 
 
 def _bolt(writer: UrdfWriter, kinematics: Kinematics, link: Entry) -> None:

@@ -24,7 +24,7 @@ class SdfProblem(Exception):
         super().__init__(message)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Notes:
     """What was found so far.
 

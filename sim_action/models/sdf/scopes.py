@@ -42,9 +42,9 @@ class Entry:
         return self.owner.prefix + self.name
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Scope:
-    """A <model> from inside.
+    """A <model> from inside; `members` and `names` grow while it is read.
 
     Attributes:
         prefix: of all names in it, seen from the outermost model.
