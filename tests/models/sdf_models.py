@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from sim_action.geometry import Vector3, rotate
+from sim_action.kinematics import link_poses
 from sim_action.models import load_model
 from sim_action.robot_model import RobotModel
 from sim_action.workspace import Workspace
@@ -39,3 +43,21 @@ def load(folder: Path, text: str, allow: tuple[str, ...] = ()) -> RobotModel:
 
 def load_named(folder: Path, name: str, allow: tuple[str, ...] = ()) -> RobotModel:
     return load_model(Robot(model=name, allow=allow), Workspace(folder, folder))
+
+
+def position(model: RobotModel, name: str) -> Vector3:
+    """Of a link in the base frame."""
+    return link_poses(model, {})[name].position_xyz
+
+
+def facing(model: RobotModel, name: str) -> Vector3:
+    """Where the x axis of a link points, in the base frame."""
+    return rotate(link_poses(model, {})[name].orientation_xyzw, (1.0, 0.0, 0.0))
+
+
+def near(x: float, y: float, z: float) -> object:
+    return pytest.approx((x, y, z), abs=1e-12)
+
+
+def rules(model: RobotModel) -> list[str]:
+    return [finding.rule for finding in model.findings]

@@ -1,4 +1,4 @@
-"""SDF -> RobotModel: where frames are and what axes mean, by hand; then what links and joints hold."""
+"""SDF -> RobotModel: what axes mean, by hand; what joints hold, and what is bolted to the world."""
 
 from __future__ import annotations
 
@@ -8,129 +8,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.geometry import Vector3, rotate
-from sim_action.kinematics import link_poses
-from sim_action.robot_model import Mimic, Plugin, RobotModel
-from tests.models.sdf_models import INERTIAL, SPHERE, joint, link, load, sdf
+from sim_action.geometry import Vector3
+from sim_action.robot_model import Mimic, Plugin
+from tests.models.sdf_models import joint, link, load, near, position, rules, sdf
 
 HALF = math.pi / 2
 QUARTER_TURN = f"0 0 0 0 0 {HALF}"
-
-
-def position(model: RobotModel, name: str) -> Vector3:
-    """Of a link in the base frame."""
-    return link_poses(model, {})[name].position_xyz
-
-
-def facing(model: RobotModel, name: str) -> Vector3:
-    """Where the x axis of a link points, in the base frame."""
-    return rotate(link_poses(model, {})[name].orientation_xyzw, (1.0, 0.0, 0.0))
-
-
-def near(x: float, y: float, z: float) -> object:
-    return pytest.approx((x, y, z), abs=1e-12)
-
-
-def rules(model: RobotModel) -> list[str]:
-    return [finding.rule for finding in model.findings]
-
-
-# --- frames ---
-
-
-def test_a_link_is_placed_in_the_models_frame(tmp_path: Path) -> None:
-    model = load(
-        tmp_path,
-        sdf(link("a", "<pose>1 0 0 0 0 0</pose>"), link("b", "<pose>1 2 0 0 0 0</pose>"), joint("j", "a", "b")),
-    )
-    assert model.root == "a"
-    assert position(model, "b") == near(0, 2, 0)
-
-
-def test_a_turned_root_turns_what_it_sees(tmp_path: Path) -> None:
-    root, child = link("a", f"<pose>{QUARTER_TURN}</pose>"), link("b", "<pose>0 2 0 0 0 0</pose>")
-    model = load(tmp_path, sdf(root, child, joint("j", "a", "b")))
-    assert position(model, "b") == near(2, 0, 0)
-    assert facing(model, "b") == near(0, -1, 0)
-    (finding,) = model.findings
-    assert finding.rule == "turned-base"
-    assert finding.message.endswith("robot.pose: {yaw: 90 deg}")
-    assert finding.location.line == 3
-
-
-@pytest.mark.parametrize(
-    ("pose", "expected"),
-    [
-        ('<pose relative_to="a">0 0 1 0 0 0</pose>', (0, 0, 1)),
-        ('<pose relative_to="f">0 0 1 0 0 0</pose>', (5, 0, 1)),
-        ('<pose relative_to="j">0 0 1 0 0 0</pose>', (0, 7, 1)),
-        ('<pose relative_to="__model__">0 0 1 0 0 0</pose>', (-3, 0, 1)),
-        ('<pose relative_to="">0 0 1 0 0 0</pose>', (-3, 0, 1)),
-        ("<pose/>", (-3, 0, 0)),
-        ('<pose relative_to="g"/>', (5, 0, 2)),
-    ],
-)
-def test_a_link_is_placed_relative_to_what_its_pose_names(pose: str, expected: Vector3, tmp_path: Path) -> None:
-    parts = (
-        link("a", "<pose>3 0 0 0 0 0</pose>"),
-        '<frame name="f" attached_to="a"><pose>5 0 0 0 0 0</pose></frame>',
-        '<frame name="g"><pose relative_to="f">0 0 2 0 0 0</pose></frame>',
-        link("b", pose),
-        joint("j", "a", "b", '<pose relative_to="a">0 7 0 0 0 0</pose>'),
-    )
-    assert position(load(tmp_path, sdf(*parts)), "b") == near(*expected)
-
-
-@pytest.mark.parametrize(
-    "pose",
-    [
-        f"<pose>1 2 3 0 0 {HALF}</pose>",
-        '<pose degrees="true">1 2 3 0 0 90</pose>',
-        '<pose rotation_format="quat_xyzw">1 2 3 0 0 1 1</pose>',
-        '<pose rotation_format="euler_rpy" degrees="1">\n  1 2 3\n  0 0 90\n</pose>',
-    ],
-)
-def test_a_rotation_is_written_in_three_ways(pose: str, tmp_path: Path) -> None:
-    model = load(tmp_path, sdf(link("a"), link("b", pose), joint("j", "a", "b")))
-    assert (position(model, "b"), facing(model, "b")) == (near(1, 2, 3), near(0, 1, 0))
-
-
-def test_a_long_chain_of_frames_is_followed(tmp_path: Path) -> None:
-    attached = [("f0", "a"), *((f"f{n}", f"f{n - 1}") for n in range(1, 5_000))]
-    pose = "<pose>0.01 0 0 0 0 0</pose>"
-    frames = [f'<frame name="{name}" attached_to="{other}">{pose}</frame>' for name, other in attached]
-    parts = (link("a"), link("b", '<pose relative_to="f4999"/>'), joint("j", "f4999", "b"))
-    model = load(tmp_path, sdf(*parts, *reversed(frames)))
-    assert model.joints[0].parent == "a"
-    assert position(model, "b") == pytest.approx((50, 0, 0))
-
-
-def test_a_joint_joins_the_links_that_frames_are_attached_to(tmp_path: Path) -> None:
-    parts = (
-        link("a"),
-        link("b", "<pose>4 0 0 0 0 0</pose>"),
-        '<frame name="mount" attached_to="a"><pose>1 0 0 0 0 0</pose></frame>',
-        '<frame name="flange" attached_to="grip"/>',
-        '<frame name="grip" attached_to="b"><pose>1 0 0 0 0 0</pose></frame>',
-        joint("j", "mount", "flange", "<axis><xyz>0 0 1</xyz></axis>", "continuous"),
-    )
-    model = load(tmp_path, sdf(*parts))
-    (made,) = model.joints
-    assert (made.parent, made.child) == ("a", "b")
-    # The joint is where the flange is, 1 m in front of its link.
-    assert position(model, "b") == near(5, 0, 0)
-
-
-def test_a_models_frame_is_attached_to_its_canonical_link(tmp_path: Path) -> None:
-    inner = f'<model name="arm" canonical_link="b">{link("a")}{link("b")}{joint("j", "a", "b")}</model>'
-    on_arm = joint("k", "arm", "tool")
-    assert load(tmp_path, sdf(inner, link("tool"), on_arm)).joints_by_name["k"].parent == "arm::b"
-
-
-def test_in_old_files_a_joint_may_have_the_name_of_a_link(tmp_path: Path) -> None:
-    parts = (joint("b", "a", "b"), link("a"), link("b"), joint("c", "b", "c"), link("c"))
-    model = load(tmp_path, sdf(*parts, version="1.6"))
-    assert [(joint.parent, joint.child) for joint in model.joints] == [("a", "b"), ("b", "c")]
 
 
 # --- joints and their frames ---
@@ -266,89 +149,7 @@ def test_what_is_static_hangs_on_the_world_and_does_not_move(tmp_path: Path) -> 
     assert (position(model, "b"), position(model, "lid")) == (near(1, 0, 0), near(0, 0, 3))
 
 
-# --- links ---
-
-
-def test_the_mass_and_its_place_are_read(tmp_path: Path) -> None:
-    inertial = INERTIAL.replace("<mass>1", f"<pose>1 2 3 0 0 {HALF}</pose><mass>2.5")
-    model = load(tmp_path, sdf(f'<link name="a">{inertial}{SPHERE}</link>'))
-    assert model.mass == 2.5
-    assert model.findings == ()
-    origin = ET.fromstring(model.urdf).find("link/inertial/origin")
-    assert origin is not None
-    assert origin.attrib["xyz"] == "1.0 2.0 3.0"
-    assert [float(word) for word in origin.attrib["rpy"].split()] == pytest.approx([0, 0, HALF])
-
-
-def test_what_an_inertial_leaves_out_is_as_the_format_has_it(tmp_path: Path) -> None:
-    model = load(tmp_path, sdf(f'<link name="a">{SPHERE}<inertial/></link>'))
-    assert model.mass == 1.0
-    (finding,) = model.findings
-    assert finding.rule == "default-inertia"
-    assert "1 kg of mass, 1 kg m^2 of inertia/ixx" in finding.message
-
-
-def test_a_link_without_inertial_weighs_next_to_nothing(tmp_path: Path) -> None:
-    model = load(tmp_path, sdf(link("a"), f'<link name="b">{SPHERE}</link>', joint("j", "a", "b")))
-    assert (model.mass, rules(model)) == (1.0, ["missing-inertia"])
-
-
-@pytest.mark.parametrize(
-    ("shape", "upper"),
-    [
-        ("<box><size>1 2 3</size></box>", (0.5, 1, 1.5)),
-        ("<sphere><radius>2</radius></sphere>", (2, 2, 2)),
-        ("<cylinder><radius>2</radius><length>3</length></cylinder>", (2, 2, 1.5)),
-        ("<capsule><radius>2</radius><length>3</length></capsule>", (2, 2, 3.5)),
-        ("<ellipsoid><radii>2 2 2</radii></ellipsoid>", (2, 2, 2)),
-    ],
-)
-def test_shapes_have_their_size(shape: str, upper: Vector3, tmp_path: Path) -> None:
-    collision = f'<collision name="c"><pose>1 0 0 0 0 0</pose><geometry>{shape}</geometry></collision>'
-    model = load(tmp_path, sdf(f'<link name="a">{collision}{INERTIAL}</link>'))
-    (read,) = model.links[0].collisions
-    assert (read.upper_xyz, read.pose.position_xyz) == (upper, (1, 0, 0))
-
-
-def test_what_is_empty_collides_with_nothing(tmp_path: Path) -> None:
-    empty = '<collision name="e"><geometry><empty/></geometry></collision>'
-    assert len(load(tmp_path, sdf(link("a", empty))).links[0].collisions) == 1
-
-
-def test_a_part_of_a_link_may_be_placed_relative_to_another_frame(tmp_path: Path) -> None:
-    part = '<collision name="d"><pose relative_to="a">0 0 1 0 0 0</pose><geometry><sphere><radius>1</radius></sphere>'
-    child = link("b", f"<pose>5 0 0 0 0 0</pose>{part}</geometry></collision>")
-    model = load(tmp_path, sdf(link("a"), child, joint("j", "a", "b")))
-    assert model.links_by_name["b"].collisions[0].pose.position_xyz == near(-5, 0, 1)
-
-
-@pytest.mark.parametrize(
-    ("frictions", "expected", "found"),
-    [
-        ([""], 1.0, []),
-        (["<mu>0.2</mu><mu2>0.3</mu2>"], 0.2, ["two-frictions"]),
-        (["<mu>0.2</mu>"], 0.2, []),
-        (["<mu>100</mu><mu2>50</mu2>"], 1.0, ["two-frictions"]),
-        (["<mu>0.2</mu><mu2>0.2</mu2>", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["passed-over"]),
-        (["<mu>0.2</mu><mu2>0.2</mu2>", ""], 0.2, []),
-    ],
-)
-def test_friction_is_what_a_collision_of_the_link_says(
-    frictions: list[str], expected: float, found: list[str], tmp_path: Path
-) -> None:
-    surfaces = [f"<surface><friction><ode>{text}</ode></friction></surface>" if text else "" for text in frictions]
-    shapes = [SPHERE.replace("</collision>", f"{surface}</collision>") for surface in surfaces]
-    model = load(tmp_path, sdf(f'<link name="a">{INERTIAL}{"".join(shapes)}</link>'))
-    assert model.links[0].surface.friction == expected
-    assert rules(model) == found
-
-
-def test_stiffness_and_damping_of_contacts_are_handed_on(tmp_path: Path) -> None:
-    contact = "<surface><contact><ode><kp>1e5</kp><kd>10</kd></ode></contact></surface>"
-    model = load(
-        tmp_path, sdf(f'<link name="a">{INERTIAL}{SPHERE.replace("</collision>", contact + "</collision>")}</link>')
-    )
-    assert (model.links[0].surface.stiffness, model.links[0].surface.damping) == (1e5, 10)
+# --- the file ---
 
 
 def test_plugins_are_handed_on_as_they_stand(tmp_path: Path) -> None:
@@ -357,14 +158,6 @@ def test_plugins_are_handed_on_as_they_stand(tmp_path: Path) -> None:
     )
     model = load(tmp_path, sdf(link("a"), plugin))
     assert model.plugins == (Plugin("drive", (("left_joint", "wl"), ("odom", ""))),)
-
-
-@pytest.mark.parametrize(
-    "inside", ["<gravity>false</gravity>", "<kinematic>1</kinematic>", "<self_collide>true</self_collide>"]
-)
-def test_what_a_link_is_and_is_not_simulated_as_is_said(inside: str, tmp_path: Path) -> None:
-    assert rules(load(tmp_path, sdf(link("a", inside)))) == ["passed-over"]
-    assert rules(load(tmp_path, sdf(link("a", "<gravity>true</gravity>")))) == []
 
 
 def test_what_never_had_a_meaning_is_said(tmp_path: Path) -> None:

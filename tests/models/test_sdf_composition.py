@@ -8,9 +8,8 @@ import pytest
 
 from sim_action.errors import RefusedModel
 from sim_action.geometry import Vector3
-from sim_action.kinematics import link_poses
 from sim_action.robot_model import RobotModel
-from tests.models.sdf_models import joint, link, load, load_named, sdf
+from tests.models.sdf_models import joint, link, load, load_named, near, position, sdf
 from tests.models.test_urdf import TETRAHEDRON, mesh_file
 from tests.ros_workspace import written
 
@@ -20,14 +19,6 @@ MESH = "<collision name='m'><geometry><mesh><uri>{}</uri></mesh></geometry></col
 
 def names(model: RobotModel) -> tuple[list[str], list[str]]:
     return [link.name for link in model.links], [joint.name for joint in model.joints]
-
-
-def position(model: RobotModel, name: str) -> Vector3:
-    return link_poses(model, {})[name].position_xyz
-
-
-def near(x: float, y: float, z: float) -> object:
-    return pytest.approx((x, y, z), abs=1e-12)
 
 
 # A model of two links, 1 m above each other, with a frame beside them.
