@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from itertools import islice
 from typing import Final
 
 _LONGEST_MESSAGE: Final = 2000
 _LONGEST_VALUE: Final = 60
+# What a stranger's file may name without end costs no more than this.
+_NAMES_COMPARED: Final = 1_000
+_LONGEST_NAME: Final = 100
+_NAMES_LISTED: Final = 30
+_FEW: Final = 10
 
 
 def escaped_line(text: str) -> str:
@@ -35,8 +41,29 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(found: str, allowed: Iterable[str]) -> str:
-    """The end of an error message: the nearest allowed name, if one is near, then all of them."""
+    """The end of an error message: the nearest allowed name, if one is near, then all of them, up to a screenful."""
     names = sorted(allowed)
-    near = difflib.get_close_matches(found, names, n=1)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
-    return f"{hint} (allowed: {', '.join(names) or 'none'})"
+    near = nearest(found, names)
+    hint = "" if near is None else f"; did you mean '{near}'?"
+    more = len(names) - _NAMES_LISTED
+    ending = f", and {more:,} more" if more > 0 else ""
+    return f"{hint} (allowed: {', '.join(names[:_NAMES_LISTED]) or 'none'}{ending})"
+
+
+def nearest(found: str, names: Iterable[str]) -> str | None:
+    """The name that is most like another, if one is; of very many, and of long ones, not all are compared."""
+    short = (name for name in names if len(name) <= _LONGEST_NAME)
+    near = difflib.get_close_matches(found[:_LONGEST_NAME], islice(short, _NAMES_COMPARED), n=1)
+    return near[0] if near else None
+
+
+class FirstFew:
+    """Tells the first few of something from the rest: a file decides how many there are, and each may cost much."""
+
+    def __init__(self) -> None:
+        self._left = _FEW
+
+    def one_more(self) -> bool:
+        """Whether the next one is among them."""
+        self._left -= 1
+        return self._left >= 0

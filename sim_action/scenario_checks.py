@@ -8,7 +8,7 @@ from typing import Final
 
 from sim_action import units
 from sim_action.drives import recognise
-from sim_action.messages import did_you_mean
+from sim_action.messages import FirstFew, did_you_mean
 from sim_action.models.findings import ALLOWABLE, RULES
 from sim_action.robot_model import WORLD, Joint, RobotModel
 from sim_action.scenario import Scenario, rate_divides
@@ -102,11 +102,14 @@ def follower_problems(scene: Scene) -> SpecProblems:
 
 def rule_problems(scenario: Scenario) -> SpecProblems:
     """Rules that there are not, and those that cannot be let go."""
+    hinted = FirstFew()
     for index, name in enumerate(scenario.robot.allow):
         if name not in ALLOWABLE:
             path: KeyPath = ("robot", "allow", index)
-            fatal = "; no engine could take such a model" if name in RULES else ""
-            yield path, f"'{name}' is no rule that can be let go{fatal or did_you_mean(name, ALLOWABLE)}"
+            hint = "; no engine could take such a model" if name in RULES else ""
+            if not hint and hinted.one_more():
+                hint = did_you_mean(name, ALLOWABLE)
+            yield path, f"'{name}' is no rule that can be let go{hint}"
 
 
 def wheel_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:

@@ -7,7 +7,7 @@ import pytest
 from sim_action import errors
 from sim_action.errors import ExitCode, InvalidScenario, ModelError
 from sim_action.location import Location, Problem
-from sim_action.messages import did_you_mean, escaped_line, log_line, shown
+from sim_action.messages import did_you_mean, escaped_line, log_line, nearest, shown
 
 
 @pytest.mark.parametrize(
@@ -63,6 +63,19 @@ def test_a_near_name_is_offered() -> None:
 def test_a_name_that_is_near_to_none_gets_the_list_alone() -> None:
     assert did_you_mean("zzz", ["upright", "travel"]) == " (allowed: travel, upright)"
     assert did_you_mean("zzz", []) == " (allowed: none)"
+
+
+def test_of_many_names_some_are_listed() -> None:
+    hint = did_you_mean("n77", [f"n{number:02}" for number in range(99)])
+    assert hint.startswith("; did you mean 'n77'? (allowed: n00, n01, ")
+    assert hint.endswith(" n29, and 69 more)")
+
+
+def test_of_very_many_names_and_of_long_ones_not_all_are_compared() -> None:
+    assert nearest("wheel", (f"x{number}" for number in range(1_000))) is None
+    assert nearest("wheel", [*(f"x{number}" for number in range(999)), "wheels"]) == "wheels"
+    assert nearest("wheel", [*(f"x{number}" for number in range(1_000)), "wheels"]) is None
+    assert (nearest("a" * 200, ["a" * 101]), nearest("a" * 200, ["a" * 100])) == (None, "a" * 100)
 
 
 @pytest.mark.parametrize(

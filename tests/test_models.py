@@ -79,3 +79,15 @@ def test_what_is_no_model_is_told_with_what_would_be(name: str, message: str, tm
     with pytest.raises(ModelError) as raised:
         load_model(Robot(model=name), Workspace(tmp_path, tmp_path))
     assert message in str(raised.value)
+
+
+def test_of_many_findings_the_first_of_each_rule_are_notes(tmp_path: Path) -> None:
+    tags = '<gazebo reference="nope"/>' * 5_000
+    link = '<link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    (tmp_path / "robot.urdf").write_text(f'<robot name="r">{link}</inertial></link>\n{tags}</robot>')
+    model = load_model(Robot(model="robot.urdf"), Workspace(tmp_path, tmp_path))
+    of_rule = [finding for finding in model.findings if finding.rule == "unknown-reference"]
+    assert len(of_rule) == 101
+    assert of_rule[-1].message.startswith("4,900 more problems like these")
+    assert (of_rule[-1].level, of_rule[-1].location.line) == ("warning", 2)
+    assert [finding.rule for finding in model.findings].count("no-collision-shape") == 1

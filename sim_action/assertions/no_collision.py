@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion, Monitor, State
-from sim_action.messages import did_you_mean
+from sim_action.messages import FirstFew, did_you_mean
 from sim_action.observation import Contact, Observation
 from sim_action.scene import Scene, SpecProblems
 from sim_action.verdict import Verdict
@@ -36,9 +36,11 @@ class NoCollision(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Names that are neither a link nor an object."""
         names = {*scene.model.links_by_name, *(body.name for body in scene.world.objects), GROUND}
+        hinted = FirstFew()
         for index, name in enumerate(self.allow):
             if name not in names:
-                yield ("allow", index), f"'{name}' is neither an object nor a link{did_you_mean(name, names)}"
+                hint = did_you_mean(name, names) if hinted.one_more() else ""
+                yield ("allow", index), f"'{name}' is neither an object nor a link{hint}"
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""

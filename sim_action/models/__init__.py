@@ -11,6 +11,7 @@ from typing import Final
 from sim_action.errors import ModelError
 from sim_action.messages import did_you_mean
 from sim_action.models.document import ModelDocument, read_document
+from sim_action.models.findings import notes_of
 from sim_action.models.model_files import find_model_file, is_model_folder
 from sim_action.models.packages import PackageError, Packages
 from sim_action.models.urdf import model_of, read_urdf
@@ -31,6 +32,11 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
 
     Evaluates xacro, which runs what is written in it.
     """
+    model = _read_model(robot, workspace)
+    return replace(model, findings=notes_of(model.findings))
+
+
+def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
     if robot.model in BUILT_IN:
         return read_urdf(_BUILT_IN_FOLDER / f"{robot.model}.urdf")
     packages = Packages(workspace, robot.packages)

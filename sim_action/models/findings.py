@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
@@ -109,7 +110,25 @@ def refuse_errors(findings: Iterable[Finding], allowed: Iterable[str] = ()) -> N
         if finding.level == "fatal" or (finding.level == "error" and finding.rule not in lenient)
     ]
     if len(problems) > _MOST_TOLD:
-        more = f"{len(problems) - _MOST_TOLD:,} more problems like these: what made this file may be at fault"
+        more = _more(len(problems) - _MOST_TOLD)
         problems[_MOST_TOLD:] = [Problem(problems[_MOST_TOLD].location, more)]
     if problems:
         raise RefusedModel(problems)
+
+
+def notes_of(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """What is told of a model that was taken: the first findings of each rule, and how many more there are."""
+    told, seen = list[Finding](), Counter[str]()
+    left_out: dict[str, Finding] = {}
+    for found in findings:
+        seen[found.rule] += 1
+        if seen[found.rule] <= _MOST_TOLD:
+            told.append(found)
+        else:
+            left_out.setdefault(found.rule, found)
+    rest = (replace(found, message=_more(seen[rule] - _MOST_TOLD)) for rule, found in left_out.items())
+    return (*told, *rest)
+
+
+def _more(count: int) -> str:
+    return f"{count:,} more problems like these: what made this file may be at fault"

@@ -9,7 +9,6 @@ machine. Links are resolved first, so that no package leads out of itself by one
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -19,12 +18,13 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import unquote
 
+from sim_action.messages import FirstFew, nearest
 from sim_action.models.owners_folders import MODEL_VARIABLES, PACKAGE_VARIABLES, OwnersFolders
 from sim_action.models.package_folders import PACKAGE_FILE, PackageFolders, folders_below, package_name
 from sim_action.workspace import Workspace
 
 _PLACES_SHOWN: Final = 5
-_NAMES_COMPARED: Final = 10_000
+_NAMES_READ: Final = 10_000
 
 
 class PackageError(Exception):
@@ -56,6 +56,7 @@ class Packages:
     workspace: Workspace
     mapped: Mapping[str, str] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ), repr=False)
+    _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
 
     def find(self, name: str, referrer: Path) -> Found:
         """The folder of a package; `referrer`: the file that names it. Raises PackageError."""
@@ -109,7 +110,7 @@ class Packages:
             raise self._outside(f"'{reference}'", found)
         if not is_file:
             reason = "is a folder" if is_folder else "does not exist"
-            raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){_beside(found)}")
+            raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){self._beside(found)}")
         return found
 
     def _package(self, name: str, here: Path) -> Found | None:
@@ -160,8 +161,8 @@ class Packages:
             *self._owners.package_names,
             *(inside.models if kind == "model" else ()),
         }
-        near = difflib.get_close_matches(name, sorted(known), n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
+        near = nearest(name, sorted(known)) if self._hinted.one_more() else None
+        hint = "" if near is None else f"; did you mean '{near}'?"
         extent = f"{len(inside.packages)} packages" if inside.complete else "not all of its folders, there are too many"
         places = ("robot.packages", f"{root} ({extent})", *self._owners.described(variables))
         where = here.relative_to(root) if here.is_relative_to(root) else here
@@ -170,6 +171,18 @@ class Packages:
             f"{where} refers to the {kind} '{name}', which is not there{hint} (looked for in {', '.join(places)}); "
             f"add it to the repository, or say where it is: robot.packages: {{{name}: path/to/{name}}}",
         )
+
+    def _beside(self, path: Path) -> str:
+        """A name in the same folder that may be meant: Linux tells Base.STL from base.stl, and exporters do not."""
+        if not self._hinted.one_more():
+            return ""
+        try:
+            with os.scandir(path.parent) as entries:
+                names = {entry.name.lower(): entry.name for entry in islice(entries, _NAMES_READ)}
+        except OSError:
+            return ""
+        near = nearest(path.name.lower(), sorted(names))
+        return "" if near is None else f"; did you mean '{names[near]}'?"
 
 
 def _of(folder: Path | None) -> Found | None:
@@ -200,14 +213,3 @@ def _path_of_address(rest: str, reference: str) -> Path:
         meant = f"file:///{rest}, or '{rest}' alone from the file that refers to it"
         raise PackageError("bad-reference", f"'{reference}': file:// takes an absolute path: {meant}")
     return Path(path)
-
-
-def _beside(path: Path) -> str:
-    """A name in the same folder that may be meant: Linux tells Base.STL from base.stl, and exporters do not."""
-    try:
-        with os.scandir(path.parent) as entries:
-            names = {entry.name.lower(): entry.name for entry in islice(entries, _NAMES_COMPARED)}
-    except OSError:
-        return ""
-    near = difflib.get_close_matches(path.name.lower(), sorted(names), n=1)
-    return f"; did you mean '{names[near[0]]}'?" if near else ""

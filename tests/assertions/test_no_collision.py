@@ -74,3 +74,8 @@ def test_the_title_says_what_may_be_touched() -> None:
 
 def test_it_asks_for_contacts() -> None:
     assert NoCollision.watches_contacts
+
+
+def test_only_the_first_unknown_names_are_told_what_there_is() -> None:
+    told = [message for _, message in NoCollision(allow=("wal",) * 20).problems(scene())]
+    assert ["(allowed: " in message for message in told] == [True] * 10 + [False] * 10

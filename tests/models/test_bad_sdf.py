@@ -18,6 +18,7 @@ from tests.models.bad_sdf_models import BAD_SDF_MODELS, GOOD, BadSdf
 from tests.models.sdf_models import link, load, sdf
 from tests.models.test_urdf import TETRAHEDRON
 from tests.ros_workspace import written
+from tests.work import work_of
 
 
 @pytest.fixture
@@ -28,6 +29,12 @@ def workspace(tmp_path: Path) -> Path:
     written(folder / "arm.urdf", '<robot name="arm"><link name="base"/></robot>')
     written(folder / "a.stl", TETRAHEDRON)
     return folder
+
+
+def refused(folder: Path, text: str) -> RefusedModel:
+    with pytest.raises(RefusedModel) as raised:
+        load(folder, text)
+    return raised.value
 
 
 def test_a_good_model_has_no_findings(workspace: Path) -> None:
@@ -88,6 +95,15 @@ def test_models_are_not_nested_without_end(workspace: Path) -> None:
     written(workspace / "m60.sdf", sdf(link("a")))
     with pytest.raises(RefusedModel, match=r"more than 50 models inside each other"):
         load(workspace, sdf("<include><uri>m0.sdf</uri></include>"))
+
+
+def test_names_that_lead_nowhere_cost_the_same_each(tmp_path: Path) -> None:
+    def work(count: int) -> int:
+        frames = (f'<frame name="frame{number}" attached_to="fram{number}"/>' for number in range(count))
+        return work_of(lambda: refused(tmp_path, sdf(link("a"), *frames)))
+
+    # The first few are compared with all names.
+    assert work(2_000) - work(1_000) < 1.2 * (work(1_000) - work(500)) + 1_000
 
 
 WORDS = ("0", "-1", "nan", "1e309", "0 0 1", "0 0 1 0 0 0", "world", "base", "tool", "a::tool", "__model__", "true", "")

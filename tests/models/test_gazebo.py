@@ -9,6 +9,7 @@ import pytest
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import Plugin, RobotModel, Surface
 from tests.models.bad_models import GOOD
+from tests.work import work_of
 
 
 def read(folder: Path, more: str) -> RobotModel:
@@ -71,3 +72,21 @@ def test_plugins_keep_what_they_were_given(tmp_path: Path) -> None:
     assert model.plugins == (drive,)
     assert drive.texts("joint") == ("b", "c")
     assert drive.texts("rightJoint") == ()
+
+
+def test_names_that_are_not_there_cost_what_they_take_to_write(tmp_path: Path) -> None:
+    links = "".join(f'<link name="l{number}"/>' for number in range(100))
+    ends = '<parent link="base"/><child link="l{0}"/>'
+    joints = "".join(f'<joint name="to_{n}" type="fixed">{ends.format(n)}</joint>' for n in range(100))
+
+    def work(count: int) -> int:
+        return work_of(lambda: read(tmp_path, links + joints + '<gazebo reference="nope"/>' * count))
+
+    # Looked for among the tags of each link, one more takes some thousand instructions, compared
+    # with each name 70,000.
+    assert (work(200) - work(100)) / 100 < 10_000
+
+
+def test_only_the_first_names_that_are_not_there_are_told_what_there_is(tmp_path: Path) -> None:
+    findings = read(tmp_path, '<gazebo reference="uper"/>' * 20).findings
+    assert ["did you mean 'upper'?" in finding.message for finding in findings] == [True] * 10 + [False] * 10

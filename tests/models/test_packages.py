@@ -432,3 +432,16 @@ def test_a_provided_package_refers_to_the_workspace(ros: RosWorkspace, elsewhere
     packages = ros.packages(environment={"ROS_PACKAGE_PATH": str(elsewhere)})
     found = packages.resolve("package://rover_sensors/meshes/lidar.stl", arm / "arm.urdf")
     assert found.path == ros.sensors / "meshes/lidar.stl"
+
+
+def test_only_the_first_files_that_are_missing_are_looked_for_by_another_name(ros: RosWorkspace) -> None:
+    packages, scanned = ros.packages(), 0
+    written(ros.rover.parent / "wheel.stl", "")
+    for number in range(20):
+        with pytest.raises(PackageError) as raised:
+            packages.resolve(f"wheel{number}.stl", ros.rover)
+        scanned += "did you mean 'wheel.stl'?" in str(raised.value)
+    assert scanned == 10
+    with pytest.raises(PackageError) as raised:
+        packages.find("rover_sensor", ros.rover)
+    assert "did you mean" not in str(raised.value)

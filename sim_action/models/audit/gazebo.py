@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from sim_action.messages import did_you_mean
+from sim_action.messages import FirstFew, did_you_mean
 from sim_action.models.document import ModelDocument
 from sim_action.models.gazebo import NUMBERS, number_text
 from sim_action.models.values import is_expression, is_numbers
@@ -27,11 +27,13 @@ def numbers(document: ModelDocument) -> Iterator[Finding]:
 
 def references(document: ModelDocument) -> Iterator[Finding]:
     """What is said of a link is said of one that is there."""
-    names = [element.attrib["name"] for element in document.elements("link", "joint")]
+    names = {element.attrib["name"] for element in document.elements("link", "joint")}
+    hinted = FirstFew()
     for tag in document.elements("gazebo"):
         name = tag.get("reference")
         if name is not None and name not in names:
-            message = f'<gazebo reference="{name}">: no link or joint has this name{did_you_mean(name, names)}'
+            hint = did_you_mean(name, names) if hinted.one_more() else ""
+            message = f'<gazebo reference="{name}">: no link or joint has this name{hint}'
             yield document.finding("unknown-reference", tag, message)
 
 

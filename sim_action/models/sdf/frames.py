@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action import geometry
 from sim_action.geometry import Pose
-from sim_action.messages import did_you_mean, shown
+from sim_action.messages import FirstFew, did_you_mean, shown
 from sim_action.models.sdf.problems import SdfProblem
 from sim_action.models.sdf.scopes import MODEL_FRAME, Entry, Scope
 from sim_action.models.sdf.values import pose_of, text_of
@@ -22,6 +22,7 @@ class Frames:
         self._models = {entry.scope: entry for scope in root.scopes() for entry in scope.members if entry.scope}
         self._poses: dict[Entry, Pose] = {}
         self._links: dict[Entry, Entry] = {}
+        self._hinted = FirstFew()
 
     def root_in_world(self) -> Pose:
         """The outermost model's frame, where its <pose> puts it. Raises SdfProblem."""
@@ -46,8 +47,8 @@ class Frames:
             return None
         entry = scope.find(name)
         if entry is None:
-            message = f"<{element.tag}> refers to '{name}', which is not there{did_you_mean(name, scope.names)}"
-            raise SdfProblem("unknown-frame", element, message)
+            hint = did_you_mean(name, scope.names) if self._hinted.one_more() else ""
+            raise SdfProblem("unknown-frame", element, f"<{element.tag}> refers to '{name}', which is not there{hint}")
         return entry
 
     def placed(self, scope: Scope, element: Element | None, otherwise: Pose) -> Pose:
