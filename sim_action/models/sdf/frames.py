@@ -22,6 +22,8 @@ class Frames:
         self._models = {entry.scope: entry for scope in root.scopes() for entry in scope.members if entry.scope}
         self._poses: dict[Entry, Pose] = {}
         self._links: dict[Entry, Entry] = {}
+        self._canonical: dict[Scope, Entry | SdfProblem] = {}
+        self._lost: dict[Entry, SdfProblem] = {}
         self._hinted = FirstFew()
 
     def root_in_world(self) -> Pose:
@@ -74,7 +76,18 @@ class Frames:
     def link_of(self, entry: Entry | None, scope: Scope) -> Entry:
         """The link that a frame is attached to; None: the frame of the model `scope`. Raises SdfProblem."""
         passed = dict[Entry, None]()
+        try:
+            link = self._end_of(entry, scope, passed)
+        except SdfProblem as problem:
+            self._lost.update(dict.fromkeys(passed, problem))
+            raise
+        self._links.update(dict.fromkeys(passed, link))
+        return link
+
+    def _end_of(self, entry: Entry | None, scope: Scope, passed: dict[Entry, None]) -> Entry:
+        """Follows frames to a link, and notes which it has passed."""
         while entry is not None and entry.kind in {"frame", "joint"} and entry not in self._links:
+            self._raise_if_lost(entry)
             if entry in passed:
                 raise SdfProblem("frame-loop", entry.element, f"frame '{entry.full_name}' is attached to itself")
             passed[entry] = None
@@ -82,10 +95,8 @@ class Frames:
             is_frame = entry.kind == "frame"
             name = entry.element.get("attached_to", "") if is_frame else text_of(entry.element, "child")
             entry = self.named(scope, name, entry.element)
-        link = self._links.get(entry) if entry else None
-        link = link or self._link_at(entry, scope)
-        self._links.update(dict.fromkeys(passed, link))
-        return link
+        known = self._links.get(entry) if entry else None
+        return known or self._link_at(entry, scope)
 
     def _link_at(self, entry: Entry | None, scope: Scope) -> Entry:
         """A link itself, or that of a model's frame."""
@@ -94,6 +105,18 @@ class Frames:
         return self._canonical_link(scope if entry is None or entry.scope is None else entry.scope)
 
     def _canonical_link(self, scope: Scope) -> Entry:
+        """That of a model, looked for once: any number of frames may be attached to it."""
+        if scope not in self._canonical:
+            try:
+                self._canonical[scope] = self._first_link(scope)
+            except SdfProblem as problem:
+                self._canonical[scope] = problem
+        found = self._canonical[scope]
+        if isinstance(found, SdfProblem):
+            raise found.with_traceback(None)
+        return found
+
+    def _first_link(self, scope: Scope) -> Entry:
         name = scope.element.get("canonical_link", "")
         if name:
             entry = self.named(scope, name, scope.element)
@@ -108,9 +131,19 @@ class Frames:
 
     def _resolve(self, wanted: Entry) -> None:
         """Finds the pose of a frame in its own model, after those of all frames that it is given relative to."""
-        waiting, begun = [] if wanted in self._poses else [wanted], set[Entry]()
+        waiting = [] if wanted in self._poses else [wanted]
+        try:
+            self._find(waiting)
+        except SdfProblem as problem:
+            # Whatever waits for this is lost, too, and is not followed down here once more.
+            self._lost.update(dict.fromkeys((entry for entry in waiting if entry not in self._poses), problem))
+            raise
+
+    def _find(self, waiting: list[Entry]) -> None:
+        begun = set[Entry]()
         while waiting:
             entry = waiting[-1]
+            self._raise_if_lost(entry)
             missing = (
                 [] if entry in self._poses else [other for other in self._needed(entry) if other not in self._poses]
             )
@@ -124,6 +157,10 @@ class Frames:
                 raise SdfProblem("frame-loop", missing[0].element, message)
             begun.add(entry)
             waiting += missing
+
+    def _raise_if_lost(self, entry: Entry) -> None:
+        if entry in self._lost:
+            raise self._lost[entry].with_traceback(None)
 
     def _needed(self, entry: Entry) -> Iterator[Entry]:
         """What must be known before the pose of a frame is."""

@@ -53,9 +53,9 @@ def kinematics_of(scope: Scope, frames: Frames, notes: Notes) -> Kinematics:
     links = tuple(scope.all_of("link"))
     poses = [notes.attempt(lambda link: _placed(frames, link, carriers.get(link)), link) for link in links]
     loose = [link for link in links if link not in carriers]
-    bolted = tuple(link for link in loose if link.owner.static and link.full_name != WORLD)
+    bolted = dict.fromkeys(link for link in loose if link.owner.static and link.full_name != WORLD)
     placed = {link: pose for link, pose in zip(links, poses, strict=True) if pose}
-    return Kinematics(placed, hinges, in_world, bolted, tuple(link for link in loose if link not in bolted))
+    return Kinematics(placed, hinges, in_world, tuple(bolted), tuple(link for link in loose if link not in bolted))
 
 
 def _placed(frames: Frames, link: Entry, carrier: Hinge | None) -> Pose:

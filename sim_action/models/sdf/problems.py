@@ -34,6 +34,7 @@ class Notes:
 
     places: dict[Element, Location] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    _told: set[SdfProblem] = field(default_factory=set)
 
     @property
     def hopeless(self) -> bool:
@@ -45,9 +46,11 @@ class Notes:
         self.findings.append(finding(rule, message, self.places[element]))
 
     def attempt(self, step: Callable[[Subject], Result], subject: Subject) -> Result | None:
-        """What a step makes of something; what makes it impossible is noted, and the next one may find more."""
+        """What a step makes of something; what makes it impossible is noted once, and the next one may find more."""
         try:
             return step(subject)
         except SdfProblem as problem:
-            self.tell(problem.rule, problem.element, str(problem))
+            if problem not in self._told:
+                self._told.add(problem)
+                self.tell(problem.rule, problem.element, str(problem))
             return None
