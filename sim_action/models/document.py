@@ -17,10 +17,14 @@ from sim_action.models.findings import finding, refuse_errors
 from sim_action.regular_files import open_regular
 from sim_action.robot_model import Finding
 
-_MAX_BYTES: Final = 20_000_000
+MAX_BYTES: Final = 20_000_000
+"""Of a model, with all the files that it is made of."""
+
 _MAX_DEPTH: Final = 100
 # A model of as many links as the engine takes has 300 for each. Read in the caller's process, each takes 300 bytes.
-_MAX_ELEMENTS: Final = 50_000
+MAX_ELEMENTS: Final = 50_000
+"""Of a model, with all that it includes."""
+
 _MAX_ATTRIBUTES: Final = 500_000
 # Of bytes in which an image or an archive has a zero.
 _HEAD: Final = 64
@@ -34,11 +38,13 @@ class ModelDocument:
         root: of all elements.
         places: where each element was written.
         files: the file from which relative paths of an element start, where that is not the model's own.
+        size: of the file, in bytes; 0 for what was made here.
     """
 
     root: Element
     places: Mapping[Element, Location] = field(repr=False)
     files: Mapping[Element, Path] = field(default_factory=dict, repr=False)
+    size: int = 0
 
     def finding(self, rule: str, element: Element, message: str) -> Finding:
         """A finding at an element."""
@@ -64,11 +70,11 @@ def shown_file(path: Path) -> str:
 def _bytes(path: Path, where: Location) -> bytes:
     try:
         with open_regular(path, follow_link=True) as file:
-            data = file.read(_MAX_BYTES + 1)
+            data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}", where) from None
-    if len(data) > _MAX_BYTES:
-        raise ModelError(f"a model of more than {_MAX_BYTES // 1_000_000} MB is not read", where)
+    if len(data) > MAX_BYTES:
+        raise ModelError(f"a model of more than {MAX_BYTES // 1_000_000} MB is not read", where)
     return data
 
 
@@ -104,7 +110,7 @@ class _Parser:
             self._refuse(f"more than {_MAX_ATTRIBUTES:,} attributes", 1)
         try:
             self._expat.Parse(data, True)
-            return ModelDocument(self._builder.close(), self._places)
+            return ModelDocument(self._builder.close(), self._places, size=len(data))
         except expat.ExpatError as error:
             self._refuse(f"not well-formed XML: {_trouble(error, data)}", error.lineno)
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
@@ -115,8 +121,8 @@ class _Parser:
         self._depth += 1
         if self._depth > _MAX_DEPTH:
             self._refuse(f"more than {_MAX_DEPTH} elements inside each other", self._expat.CurrentLineNumber)
-        if len(self._places) == _MAX_ELEMENTS:
-            self._refuse(f"more than {_MAX_ELEMENTS:,} elements", self._expat.CurrentLineNumber)
+        if len(self._places) == MAX_ELEMENTS:
+            self._refuse(f"more than {MAX_ELEMENTS:,} elements", self._expat.CurrentLineNumber)
         place = Location(self._file, self._expat.CurrentLineNumber)
         self._places[self._builder.start(tag, attributes)] = place
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from sim_action.models.document import read_document
+from sim_action.models.document import ModelDocument, read_document
 from sim_action.models.package_folders import is_model
 from sim_action.models.packages import Found, PackageError, Packages
 
@@ -19,8 +20,13 @@ _MANIFEST: Final = "model.config"
 _MODEL: Final = "model.sdf"
 
 
-def find_model_file(reference: str, referrer: Path, packages: Packages) -> Found:
-    """The file of a model that is named by an address, a path, or the folder it is in. Raises PackageError."""
+def find_model_file(
+    reference: str, referrer: Path, packages: Packages, read: Callable[[Path], ModelDocument] = read_document
+) -> Found:
+    """The file of a model that is named by an address, a path, or the folder it is in; `read`: reads a model.config.
+
+    Raises PackageError, and whatever `read` raises.
+    """
     scheme, separator, rest = reference.partition("://")
     warning = None
     name, _, path = rest.partition("/")
@@ -28,7 +34,7 @@ def find_model_file(reference: str, referrer: Path, packages: Packages) -> Found
         place = referrer.resolve().parent / reference
         if "/" not in reference and not place.suffix and not _is_folder(place):
             # As SDF_PATH has it: a model's bare name.
-            return find_model_file(f"model://{reference}", referrer, packages)
+            return find_model_file(f"model://{reference}", referrer, packages, read)
     elif name and scheme in {"model", "package"}:
         found = (packages.find_model if scheme == "model" else packages.find)(name, referrer)
         place, warning = found.path / path, found.warning
@@ -36,7 +42,7 @@ def find_model_file(reference: str, referrer: Path, packages: Packages) -> Found
         return packages.resolve(reference, referrer)
     if not _is_folder(place):
         return Found(packages.file(place, reference), warning)
-    return Found(_file_in(place.resolve(), reference, packages), warning)
+    return Found(_file_in(place.resolve(), reference, packages, read), warning)
 
 
 def is_model_folder(path: Path) -> bool:
@@ -50,13 +56,13 @@ def parsed_version(text: str) -> Version:
     return (int(match[1]), int(match[2])) if match else (0, 0)
 
 
-def _file_in(folder: Path, reference: str, packages: Packages) -> Path:
+def _file_in(folder: Path, reference: str, packages: Packages, read: Callable[[Path], ModelDocument]) -> Path:
     """What model.config names as the newest that is read here, or model.sdf."""
     try:
         manifest = packages.file(folder / _MANIFEST, reference)
     except PackageError:
         return packages.file(folder / _MODEL, f"{reference}/{_MODEL}")
-    files = read_document(manifest).root.findall("sdf")
+    files = read(manifest).root.findall("sdf")
     if not files:
         raise PackageError("missing-file", f"{manifest} names no <sdf> file")
     known = [file for file in files if parsed_version(file.get("version", "")) <= NEWEST]

@@ -85,8 +85,47 @@ def test_a_model_that_grows_without_end_is_refused(workspace: Path) -> None:
         twice = "".join(f"<include><uri>m{n + 1}.sdf</uri><name>n{k}</name></include>" for k in range(2))
         written(workspace / f"m{n}.sdf", sdf(twice))
     written(workspace / "m12.sdf", sdf(link("a")))
-    with pytest.raises(RefusedModel, match=r"includes at most 500 others"):
+    with pytest.raises(RefusedModel, match=r"includes at most 500 others \[include-loop\]$"):
         load(workspace, sdf("<include><uri>m0.sdf</uri></include>"))
+
+
+def including(count: int, uri: str) -> str:
+    return sdf(link("a"), *(f"<include><uri>{uri.format(n)}</uri><name>n{n}</name></include>" for n in range(count)))
+
+
+@pytest.mark.parametrize(
+    ("filling", "words"),
+    [
+        ("<frame/>" * 20_000, "a model has at most 50,000 elements"),
+        (f"<plugin>{'x' * 9_000_000}</plugin>", "a model has at most 20 MB"),
+    ],
+    ids=["elements", "bytes"],
+)
+def test_reading_ends_where_a_model_has_too_much(filling: str, words: str, workspace: Path) -> None:
+    for number in range(3):
+        written(workspace / f"m{number}.sdf", sdf(filling))
+    # The fourth is not there: it would be told if it was looked for.
+    error = refused(workspace, including(4, "m{}.sdf"))
+    assert "m3.sdf" not in str(error)
+    assert words in str(error)
+    assert "[include-loop]" in error.problems[0].message
+
+
+def test_what_is_included_again_counts_again(workspace: Path) -> None:
+    written(workspace / "m.sdf", sdf("<plugin><a/></plugin>" * 10_000))
+    assert "a model has at most 50,000 elements" in str(refused(workspace, including(3, "m.sdf")))
+
+
+def test_the_manifest_of_a_model_is_read_once_and_counts(workspace: Path) -> None:
+    written(workspace / "w/model.sdf", sdf(link("a")))
+    manifest = workspace / "w/model.config"
+    written(manifest, "<model><sdf>model.sdf</sdf></model>")
+    once = work_of(lambda: refused(workspace, including(1, "w")))
+    written(manifest, f"<model><sdf>model.sdf</sdf>{'<a/>' * 2_000}</model>")
+    # Parsing it 50 times would take as many times 100,000.
+    assert work_of(lambda: refused(workspace, including(50, "w"))) < 50 * once + 200_000
+    written(manifest, f"<model><sdf>model.sdf</sdf>{'x' * 19_999_900}</model>")
+    assert "a model has at most 20 MB" in str(refused(workspace, including(1, "w")))
 
 
 def test_models_are_not_nested_without_end(workspace: Path) -> None:

@@ -26,7 +26,7 @@ def urdf_of_sdf(
 ) -> tuple[ModelDocument, tuple[Finding, ...]]:
     """The URDF of a parsed SDF, and what was odd or let go; `path`: of its file. Raises ModelError."""
     file, notes = read_sdf_file(path.resolve(), document), Notes()
-    scope = Assembly(packages, notes).read(file)
+    scope = Assembly(file, packages, notes).read()
     if file.version > NEWEST:
         message = f"SDF {document.root.get('version')} is read as {NEWEST[0]}.{NEWEST[1]}"
         notes.tell("passed-over", document.root, message)

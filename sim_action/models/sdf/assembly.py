@@ -3,38 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, get_args
 from xml.etree.ElementTree import Element
 
+from sim_action.models.findings import finding, refuse_errors
 from sim_action.models.model_files import Version, find_model_file
 from sim_action.models.packages import PackageError, Packages
+from sim_action.models.sdf.budget import Budget, OverBudget
 from sim_action.models.sdf.files import SdfFile, read_sdf_file
 from sim_action.models.sdf.problems import Notes, SdfProblem
 from sim_action.models.sdf.scopes import SEPARATOR, Entry, Kind, Scope
 from sim_action.models.sdf.values import flag_of, needed, says_yes, text_of
 
-_MOST_INCLUDES: Final = 500
-_MOST_ELEMENTS: Final = 50_000
 _DEEPEST: Final = 50
 _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 _UNIQUE_NAMES: Final[Version] = (1, 7)
 """From here on a name stands for one thing, whatever its kind."""
 
 
-@dataclass
 class Assembly:
-    """One model while it is put together; what is wrong is noted."""
+    """One model while it is put together; what is wrong is noted.
 
-    packages: Packages
-    notes: Notes
-    _files: dict[Path, SdfFile] = field(default_factory=dict)
-    _includes: int = 0
-    _elements: int = 0
+    Args:
+        file: with the outermost model.
+    """
 
-    def read(self, file: SdfFile) -> Scope:
-        """The outermost model and all below it."""
+    def __init__(self, file: SdfFile, packages: Packages, notes: Notes) -> None:
+        self.packages, self.notes = packages, notes
+        self._file = file
+        self._budget = Budget(file.document)
+        self._files: dict[Path, SdfFile] = {}
+
+    def read(self) -> Scope:
+        """The outermost model and all below it. Raises RefusedModel if that is too much to go on with."""
+        file = self._file
         self.notes.places.update(file.document.places)
         model = file.model
         static = self.notes.attempt(lambda model: flag_of(model, "static"), model) or False
@@ -97,24 +100,35 @@ class Assembly:
         return self._filled(scope, path)
 
     def _included(self, scope: Scope, include: Element) -> SdfFile:
+        try:
+            return self._paid(scope, include)
+        except OverBudget as error:
+            # First, as what was found before it may be more than is told.
+            problem = finding("include-loop", str(error), self.notes.places[include])
+            refuse_errors([problem, *self.notes.findings])
+            raise AssertionError("what is fatal is refused") from None
+
+    def _paid(self, scope: Scope, include: Element) -> SdfFile:
+        self._budget.begin_include()
         reference = (needed(include, "uri").text or "").strip()
         if not reference:
             raise SdfProblem("missing-part", include, "<include> with an empty <uri>")
         try:
-            found = find_model_file(reference, scope.file.path, self.packages)
+            found = find_model_file(reference, scope.file.path, self.packages, self._budget.read)
         except PackageError as error:
             rule = "missing-include" if error.rule == "missing-file" else error.rule
             raise SdfProblem(rule, include, str(error)) from None
         if found.warning:
             self.notes.tell("several-packages", include, found.warning)
-        file = self._files.get(found.path) or read_sdf_file(found.path)
-        self._files[found.path] = file
+        return self._opened(found.path)
+
+    def _opened(self, path: Path) -> SdfFile:
+        file = self._files.get(path)
+        if file is not None:
+            self._budget.spend(file.document)
+            return file
+        file = self._files[path] = read_sdf_file(path, self._budget.read(path))
         self.notes.places.update(file.document.places)
-        self._includes += 1
-        self._elements += len(file.document.places)
-        if self._includes > _MOST_INCLUDES or self._elements > _MOST_ELEMENTS:
-            message = f"a model includes at most {_MOST_INCLUDES} others, with {_MOST_ELEMENTS:,} elements in all"
-            raise SdfProblem("include-loop", include, message)
         return file
 
     def _enter(self, scope: Scope, entry: Entry) -> None:
