@@ -158,6 +158,14 @@ def test_a_static_part_hangs_on_the_world(where: str, tmp_path: Path) -> None:
     assert (model.root, {joint.type for joint in model.joints}) == ("world", {"fixed"})
 
 
+@pytest.mark.parametrize("where", ["nested", "outer"])
+def test_what_is_nested_in_something_static_is_static(where: str, tmp_path: Path) -> None:
+    said = "<static>true</static>"
+    inner = f'<model name="a">{said if where == "nested" else ""}{ARM}</model>'
+    model = load(tmp_path, sdf(said if where == "outer" else "", f'<model name="o">{inner}</model>'))
+    assert (model.root, {joint.type for joint in model.joints}) == ("world", {"fixed"})
+
+
 def test_plugins_of_all_models_are_handed_on(tmp_path: Path) -> None:
     written(tmp_path / "arm.sdf", sdf(ARM, '<plugin filename="libb.so" name="b"/>'))
     parts = ('<plugin filename="liba.so" name="a"/>', include("arm.sdf", '<plugin filename="libc.so" name="c"/>'))
