@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 
+from sim_action.errors import ModelError
 from sim_action.models import BUILT_IN, load_model
 from sim_action.robot_model import RobotModel
 from sim_action.workspace import PathError, Workspace
@@ -14,14 +15,26 @@ class ModelLibrary:
     """What was read stays what it was, whatever becomes of the files: make one for each call that reads scenarios."""
 
     def __init__(self) -> None:
-        self._models: dict[Hashable, RobotModel] = {}
+        self._models: dict[Hashable, RobotModel | ModelError] = {}
 
     def load(self, robot: Robot, workspace: Workspace) -> RobotModel:
-        """As `load_model` does, or the model that it has returned for the same before. Raises ModelError."""
+        """As `load_model` does, or what has come of the same before, be it the same error. Raises ModelError."""
         key = (workspace.root, workspace.allow_outside, *_place(robot, workspace), _options(robot))
         if key not in self._models:
-            self._models[key] = load_model(robot, workspace)
-        return self._models[key]
+            self._models[key] = _read(robot, workspace)
+        found = self._models[key]
+        if isinstance(found, ModelError):
+            raise found.with_traceback(None)
+        return found
+
+
+def _read(robot: Robot, workspace: Workspace) -> RobotModel | ModelError:
+    try:
+        return load_model(robot, workspace)
+    except ModelError as error:
+        # Without what was being read when it was raised, which would be kept with it.
+        error.__context__ = error.__cause__ = None
+        return error.with_traceback(None)
 
 
 def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:

@@ -71,3 +71,28 @@ def test_what_cannot_be_read_is_told_by_who_reads_it(model: str, workspace: Path
     for _ in range(2):
         with pytest.raises(ModelError):
             read(library, workspace, "a", model=model)
+
+
+def test_what_cannot_be_read_is_not_read_again(workspace: Path) -> None:
+    library = ModelLibrary()
+    (workspace / "arm.urdf").write_text("broken")
+    errors = list[ModelError]()
+    for folder in ("a", "b", "a"):
+        with pytest.raises(ModelError) as raised:
+            read(library, workspace, folder, model="../arm.urdf")
+        errors.append(raised.value)
+        (workspace / "arm.urdf").write_text(GOOD)
+    assert errors[0] is errors[1] is errors[2]
+    assert read(ModelLibrary(), workspace, "a", model="../arm.urdf").root == "base"
+
+
+def test_an_error_that_is_kept_keeps_nothing_of_what_was_read(workspace: Path) -> None:
+    library = ModelLibrary()
+    (workspace / "arm.urdf").write_text("<robot>")
+    depths = set[int]()
+    for _ in range(3):
+        with pytest.raises(ModelError) as raised:
+            read(library, workspace, "a", model="../arm.urdf")
+        assert raised.value.__context__ is None
+        depths.add(len(raised.traceback))
+    assert len(depths) == 1
