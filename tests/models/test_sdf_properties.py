@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from random import Random
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
@@ -22,6 +24,10 @@ from tests.ros_workspace import written
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
 
 
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+Moments = dict[str, float]
+
+
 @dataclass(frozen=True)
 class Part:
     """A link and the joint that it hangs on.
@@ -30,6 +36,7 @@ class Part:
         origin: of the link, in its parent's frame.
         axis: in the link's frame.
         centre: of its mass and of a ball, in the link's frame.
+        moments: kg m^2, about axes through the centre, askew to it.
         joint: the frame of the SDF's joint in the link's; it lies on the axis.
     """
 
@@ -39,6 +46,7 @@ class Part:
     axis: Vector3
     centre: Pose
     mass: float
+    moments: Moments
     joint: Pose
 
 
@@ -62,7 +70,14 @@ def random_part(source: Random, number: int, *, on_axis: bool) -> Part:
         joint = Pose((axis[0] * along, axis[1] * along, axis[2] * along), joint.orientation_xyzw)
     parent, kind = source.randrange(max(1, number)), source.choice(TYPES)
     mass = source.uniform(0.1, 5)
-    return Part(parent, kind, random_pose(source), axis, random_pose(source), mass, joint)
+    return Part(parent, kind, random_pose(source), axis, random_pose(source), mass, random_moments(source), joint)
+
+
+def random_moments(source: Random) -> Moments:
+    """Of a ball with three points on it that weigh something: there is such a body, and none of it needs mending."""
+    points = np.array([[source.uniform(-1, 1) for _ in range(3)] for _ in range(3)])
+    tensor = sum((np.dot(point, point) * np.eye(3) - np.outer(point, point) for point in points), 0.1 * np.eye(3))
+    return {name: float(tensor["xyz".index(name[1]), "xyz".index(name[2])]) for name in MOMENTS}
 
 
 def numbers(*values: float) -> str:
@@ -79,8 +94,8 @@ def urdf_text(parts: list[Part]) -> str:
     lines = ['<robot name="m">']
     for number, part in enumerate(parts):
         origin = urdf_origin(part.centre)
-        inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-        inertial = f'<inertial>{origin}<mass value="{part.mass!r}"/>{inertia}</inertial>'
+        stated = " ".join(f'{name}="{moment!r}"' for name, moment in part.moments.items())
+        inertial = f'<inertial>{origin}<mass value="{part.mass!r}"/><inertia {stated}/></inertial>'
         ball = f'<collision>{origin}<geometry><sphere radius="0.1"/></geometry></collision>'
         lines.append(f'<link name="l{number}">{inertial}{ball}</link>')
         if number:
@@ -104,7 +119,7 @@ def sdf_text(source: Random, parts: list[Part]) -> str:
         placed = f"<pose{sdf_pose(source, poses, here)}"
         poses[f"l{number}"] = here
         centre = f"<pose>{rpy_pose(part.centre)}</pose>"
-        inertial = f"<inertial>{centre}<mass>{part.mass!r}</mass>{SDF_INERTIA}</inertial>"
+        inertial = f"<inertial>{centre}<mass>{part.mass!r}</mass>{sdf_inertia(part)}</inertial>"
         ball_pose = f"<pose{sdf_pose(source, poses, geometry.compose(here, part.centre), empty=False)}"
         ball = f"<collision name='c'>{ball_pose}<geometry><sphere><radius>0.1</radius></sphere></geometry></collision>"
         lines.append(f'<link name="l{number}">{placed}{inertial}{ball}</link>')
@@ -118,7 +133,8 @@ def sdf_text(source: Random, parts: list[Part]) -> str:
     return '<sdf version="1.9"><model name="m">' + "\n".join(lines) + "</model></sdf>"
 
 
-SDF_INERTIA = "<inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia>"
+def sdf_inertia(part: Part) -> str:
+    return f"<inertia>{''.join(f'<{name}>{moment!r}</{name}>' for name, moment in part.moments.items())}</inertia>"
 
 
 def sdf_joint(source: Random, poses: dict[str, Pose], part: Part, number: int, here: Pose) -> str:
@@ -159,12 +175,24 @@ def assert_same_pose(first: Pose, second: Pose) -> None:
     assert difference.orientation_xyzw[:3] == pytest.approx((0, 0, 0), abs=1e-9)
 
 
-def centres_of_mass(model: RobotModel) -> dict[str, list[float]]:
-    return {
-        link.attrib["name"]: [float(word) for word in origin.attrib["xyz"].split()]
-        for link in ET.fromstring(model.urdf).iter("link")
-        if (origin := link.find("inertial/origin")) is not None
-    }
+def inertias(model: RobotModel) -> dict[str, tuple[Pose, NDArray[np.float64]]]:
+    """Of each link: the frame of its inertia in its own, and the tensor (3, 3) along the axes of the link."""
+    found = {}
+    for link in ET.fromstring(model.urdf).iter("link"):
+        origin, inertia = link.find("inertial/origin"), link.find("inertial/inertia")
+        assert origin is not None
+        assert inertia is not None
+        x, y, z, *rpy = (float(word) for name in ("xyz", "rpy") for word in origin.attrib[name].split())
+        pose = Pose((x, y, z), geometry.quaternion_from_rpy(*rpy))
+        found[link.attrib["name"]] = pose, in_link(pose, {name: float(inertia.attrib[name]) for name in MOMENTS})
+    return found
+
+
+def in_link(pose: Pose, moments: Moments) -> NDArray[np.float64]:
+    tensor = np.array([[moments["i" + "".join(sorted(row + column))] for column in "xyz"] for row in "xyz"])
+    axes = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]).T
+    turned: NDArray[np.float64] = axes @ tensor @ axes.T
+    return turned
 
 
 @given(seed=st.integers(0, 2**32))
@@ -180,7 +208,10 @@ def test_a_robot_is_the_same_in_both_formats(seed: int, tmp_path_factory: pytest
         assert one.mass == other.mass == part.mass
         assert_same_pose(link_poses(first, {})[one.name], link_poses(second, {})[other.name])
         assert_same_pose(one.collisions[0].pose, other.collisions[0].pose)
-        assert centres_of_mass(first)[one.name] == pytest.approx(centres_of_mass(second)[one.name], abs=1e-9)
+        (centre, tensor), (other_centre, other_tensor) = inertias(first)[one.name], inertias(second)[one.name]
+        assert centre.position_xyz == pytest.approx(other_centre.position_xyz, abs=1e-9)
+        assert tensor == pytest.approx(other_tensor, abs=1e-9)
+        assert tensor == pytest.approx(in_link(part.centre, part.moments), abs=1e-9)
     for joint in first.joints:
         assert_same_joint(joint, second.joints_by_name[joint.name])
 
