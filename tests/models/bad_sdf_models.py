@@ -40,6 +40,10 @@ def _shape(rule: str, words: str, shape: str) -> BadSdf:
     return _bad(rule, 3, words, "<sphere><radius>0.1</radius></sphere>", shape)
 
 
+def _surface(rule: str, words: str, contact: str) -> BadSdf:
+    return _bad(rule, 3, words, "</geometry>", f"</geometry><surface><contact>{contact}</contact></surface>")
+
+
 def _kind(rule: str, words: str, kind: str) -> BadSdf:
     return _bad(rule, 5, words, 'type="continuous"', f'type="{kind}"')
 
@@ -147,6 +151,15 @@ BAD_SDF_MODELS = [
     _bad("zero-mass", 3, "leaves <inertial> out", "<mass>1", "<mass>0"),
     _bad("impossible-inertia", 3, "principal moments", "<ixx>1", "<ixx>9"),
     _bad("unsupported-part", 3, "<inertial auto> of link 'base'", "<inertial>", '<inertial auto="true">'),
+    _surface("unsupported-part", "a sensor that nothing", "<collide_without_contact>1</collide_without_contact>"),
+    _surface("unsupported-part", "lets it touch nothing", "<collide_bitmask>0x00</collide_bitmask>"),
+    _surface("bad-number", "<collide_bitmask> is 'all': expected a whole", "<collide_bitmask>all</collide_bitmask>"),
+    _also(
+        "unsupported-part",
+        7,
+        "would change what is included",
+        "<include><uri>good.sdf</uri><name>g</name><experimental:params xmlns:experimental='e'/></include>",
+    ),
     _shape("missing-part", "a <geometry> without a shape", ""),
     _shape("missing-part", "<box> without <size>", "<box/>"),
     _shape("missing-part", "<mesh> without <uri>", "<mesh/>"),

@@ -94,11 +94,3 @@ def test_stiffness_and_damping_of_contacts_are_handed_on(tmp_path: Path) -> None
         tmp_path, sdf(f'<link name="a">{INERTIAL}{SPHERE.replace("</collision>", contact + "</collision>")}</link>')
     )
     assert (model.links[0].surface.stiffness, model.links[0].surface.damping) == (1e5, 10)
-
-
-@pytest.mark.parametrize(
-    "inside", ["<gravity>false</gravity>", "<kinematic>1</kinematic>", "<self_collide>true</self_collide>"]
-)
-def test_what_a_link_is_and_is_not_simulated_as_is_said(inside: str, tmp_path: Path) -> None:
-    assert rules(load(tmp_path, sdf(link("a", inside)))) == ["passed-over"]
-    assert rules(load(tmp_path, sdf(link("a", "<gravity>true</gravity>")))) == []

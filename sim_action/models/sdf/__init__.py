@@ -30,7 +30,8 @@ def urdf_of_sdf(
     if file.version > NEWEST:
         message = f"SDF {document.root.get('version')} is read as {NEWEST[0]}.{NEWEST[1]}"
         notes.tell("passed-over", document.root, message)
-    refuse_errors(notes.findings)
+    allowed = set(allow)
+    refuse_errors(notes.findings, allowed)
     urdf = convert(scope, notes)
-    refuse_errors(notes.findings, allow)
+    refuse_errors(notes.findings, allowed)
     return urdf, tuple(notes.findings)

@@ -17,6 +17,7 @@ from sim_action.models.sdf.scopes import SEPARATOR, Entry, Kind, Scope
 from sim_action.models.sdf.values import flag_of, needed, says_yes, text_of
 
 _DEEPEST: Final = 50
+_CHANGES: Final = "experimental:params"
 _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 _UNIQUE_NAMES: Final[Version] = (1, 7)
 """From here on a name stands for one thing, whatever its kind."""
@@ -70,6 +71,10 @@ class Assembly:
 
     def _include(self, scope: Scope, include: Element, path: tuple[Path, ...]) -> None:
         file = self._included(scope, include)
+        changes = include.find(_CHANGES)
+        if changes is not None:
+            message = f"<{_CHANGES}> would change what is included; let go, it is included as it is"
+            self.notes.tell("unsupported-part", changes, message)
         if file.path in path:
             names = " -> ".join(path.name for path in (*path[path.index(file.path) :], file.path))
             raise SdfProblem("include-loop", include, f"a model that includes itself: {names}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from typing import Final
-from xml.etree.ElementTree import Element
 
 from sim_action import geometry
 from sim_action.models.document import ModelDocument
@@ -12,9 +11,9 @@ from sim_action.models.sdf.frames import Frames
 from sim_action.models.sdf.joints import JointWriter
 from sim_action.models.sdf.kinematics import Kinematics, kinematics_of
 from sim_action.models.sdf.links import LinkWriter
+from sim_action.models.sdf.passed_over import tell_parts
 from sim_action.models.sdf.problems import Notes
 from sim_action.models.sdf.scopes import SEPARATOR, Entry, Scope
-from sim_action.models.sdf.values import flag_of
 from sim_action.models.sdf.writing import UrdfWriter
 from sim_action.robot_model import WORLD
 
@@ -78,14 +77,10 @@ def _tell_turned_base(notes: Notes, kinematics: Kinematics) -> None:
 
 def _tell_what_is_passed_over(notes: Notes, scope: Scope) -> None:
     for inner in scope.scopes():
-        notes.attempt(lambda model: _tell_self_collision(notes, model), inner.element)
+        name = f"model '{inner.element.get('name', '')}'"
+        notes.attempt(lambda model: tell_parts(notes, *model), (inner.element, name))
     for model in {inner.file.model: None for inner in scope.scopes()}:
         for pose in model.iter("pose"):
             if pose.get("frame"):
                 message = f"<pose frame=\"{pose.get('frame')}\"> never had a meaning: since SDF 1.7 it is 'relative_to'"
                 notes.tell("passed-over", pose, message)
-
-
-def _tell_self_collision(notes: Notes, model: Element) -> None:
-    if flag_of(model, "self_collide"):
-        notes.tell("passed-over", model, "<self_collide> is passed over: links of a robot do not touch each other")

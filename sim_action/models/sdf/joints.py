@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element
 from sim_action.geometry import Pose
 from sim_action.models.sdf.frames import Frames
 from sim_action.models.sdf.hinges import Hinge
+from sim_action.models.sdf.passed_over import tell_parts
 from sim_action.models.sdf.problems import Notes, SdfProblem
 from sim_action.models.sdf.scopes import Entry
 from sim_action.models.sdf.values import limit_of, needed, number_of
@@ -34,6 +35,7 @@ class JointWriter:
             self._write_limits(joint, axis, hinge.type)
             self._write_dynamics(joint, axis)
             self._write_mimic(joint, axis, hinge.entry)
+            tell_parts(self._notes, axis, f"joint '{hinge.entry.full_name}'")
 
     def _write_limits(self, joint: Element, axis: Element, kind: str) -> None:
         limit = axis.find("limit")
@@ -57,8 +59,6 @@ class JointWriter:
             return
         stated = {tag: numbers(number_of(dynamics, tag, 0.0)) for tag in ("damping", "friction")}
         self._writer.add(joint, "dynamics", dynamics, **stated)
-        if number_of(dynamics, "spring_stiffness", 0.0):
-            self._notes.tell("passed-over", dynamics, f"the spring of joint '{name}' is passed over")
 
     def _write_mimic(self, joint: Element, axis: Element, entry: Entry) -> None:
         mimic = axis.find("mimic")

@@ -8,10 +8,11 @@ from xml.etree.ElementTree import Element
 from sim_action import geometry
 from sim_action.geometry import Pose
 from sim_action.models.sdf.frames import Frames
+from sim_action.models.sdf.passed_over import tell_contact, tell_parts
 from sim_action.models.sdf.problems import Notes
 from sim_action.models.sdf.scopes import Entry
 from sim_action.models.sdf.shapes import shape_in, write_mesh, write_shape
-from sim_action.models.sdf.values import flag_of, number_of, numbers_of, says_yes
+from sim_action.models.sdf.values import number_of, numbers_of, says_yes
 from sim_action.models.sdf.writing import UrdfWriter, numbers
 
 _MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
@@ -32,7 +33,7 @@ class LinkWriter:
         """Writes a link; `frame`: of the URDF's link, in the outermost model's. Raises SdfProblem."""
         element, writer = entry.element, self._writer
         link = writer.add(writer.root, "link", element, name=entry.full_name)
-        self._tell_what_is_passed_over(element, entry.full_name)
+        self._tell_what_is_passed_over(element, f"link '{entry.full_name}'")
         inertial = element.find("inertial")
         if inertial is not None:
             self._write_inertial(link, inertial, self._placed(entry, inertial, frame))
@@ -105,13 +106,9 @@ class LinkWriter:
             if contact is not None and contact.find(tag) is not None:
                 writer.add(gazebo, tag, contact).text = numbers(number_of(contact, tag, 0.0))
 
-    def _tell_what_is_passed_over(self, link: Element, name: str) -> None:
-        odd = {
-            "gravity": link.find("gravity") is not None and not flag_of(link, "gravity"),
-            "kinematic": flag_of(link, "kinematic"),
-            "self_collide": flag_of(link, "self_collide"),
-        }
-        for tag, is_odd in odd.items():
-            if is_odd:
-                message = f"<{tag}> of link '{name}' is passed over: it is simulated as any other"
-                self._notes.tell("passed-over", link, message)
+    def _tell_what_is_passed_over(self, link: Element, owner: str) -> None:
+        tell_parts(self._notes, link, owner)
+        for collision in link.findall("collision"):
+            name = f"collision '{collision.get('name', '')}' of {owner}"
+            tell_parts(self._notes, collision, name)
+            tell_contact(self._notes, collision, name)
