@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from sim_action.errors import ModelError, RefusedModel
 from sim_action.models.findings import ALLOWABLE
 from tests.models.bad_sdf_models import BAD_SDF_MODELS, GOOD, BadSdf
-from tests.models.sdf_models import link, load, sdf
+from tests.models.sdf_models import joint, link, load, sdf
 from tests.models.test_urdf import TETRAHEDRON
 from tests.ros_workspace import written
 from tests.work import work_of
@@ -126,6 +126,16 @@ def test_the_manifest_of_a_model_is_read_once_and_counts(workspace: Path) -> Non
     assert work_of(lambda: refused(workspace, including(50, "w"))) < 50 * once + 200_000
     written(manifest, f"<model><sdf>model.sdf</sdf>{'x' * 19_999_900}</model>")
     assert "a model has at most 20 MB" in str(refused(workspace, including(1, "w")))
+
+
+@pytest.mark.parametrize("inner", ["<link name='{}'/>", "<frame name='{}'/>", "<model name='{}'/>"])
+def test_a_name_with_those_of_the_models_around_it_is_none_too_long(inner: str, workspace: Path) -> None:
+    outer = f"<model name='{'o' * 200}'>\n{inner}</model>"
+    error = refused(workspace, sdf(outer.format("i" * 54), link("a")))
+    assert (error.problems[0].location.line, "[bad-name]" in str(error)) == (4, True)
+    assert "a name of 256 characters, 'oooo" in str(error)
+    kept = sdf(outer.format("i" * 53), link("a"), joint("j", "a", "a"))
+    assert "[bad-name]" not in str(refused(workspace, kept))
 
 
 def test_models_are_not_nested_without_end(workspace: Path) -> None:

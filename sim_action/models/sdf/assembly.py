@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final, get_args
 from xml.etree.ElementTree import Element
 
+from sim_action.models.audit.structure import LONGEST_NAME
 from sim_action.models.findings import finding, refuse_errors
 from sim_action.models.model_files import Version, find_model_file
 from sim_action.models.packages import PackageError, Packages
@@ -17,6 +18,7 @@ from sim_action.models.sdf.scopes import SEPARATOR, Entry, Kind, Scope
 from sim_action.models.sdf.values import flag_of, needed, says_yes, text_of
 
 _DEEPEST: Final = 50
+_SHOWN: Final = 40
 _CHANGES: Final = "experimental:params"
 _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 _UNIQUE_NAMES: Final[Version] = (1, 7)
@@ -58,12 +60,12 @@ class Assembly:
         return scope
 
     def _add(self, scope: Scope, element: Element) -> None:
-        name = _named(element)
+        name = _named(element, scope.prefix)
         kind: Kind = next(kind for kind in _KINDS if kind == element.tag)
         self._enter(scope, Entry(kind, name, element, scope, element.find("pose")))
 
     def _nest(self, scope: Scope, element: Element, path: tuple[Path, ...]) -> None:
-        name, pose = _named(element), element.find("pose")
+        name, pose = _named(element, scope.prefix), element.find("pose")
         static = scope.static or flag_of(element, "static")
         frame = element.get("placement_frame", "")
         inner = Scope(scope.file, f"{scope.prefix}{name}{SEPARATOR}", element, frame, static, scope, pose)
@@ -71,21 +73,24 @@ class Assembly:
 
     def _include(self, scope: Scope, include: Element, path: tuple[Path, ...]) -> None:
         file = self._included(scope, include)
-        changes = include.find(_CHANGES)
-        if changes is not None:
-            message = f"<{_CHANGES}> would change what is included; let go, it is included as it is"
-            self.notes.tell("unsupported-part", changes, message)
+        self._tell_changes(include)
         if file.path in path:
             names = " -> ".join(path.name for path in (*path[path.index(file.path) :], file.path))
             raise SdfProblem("include-loop", include, f"a model that includes itself: {names}")
         if says_yes(include, "merge"):
             self._merge(scope, include, file, path)
             return
-        name = text_of(include, "name") or _named(file.model)
+        name = _short(include, scope.prefix, text_of(include, "name")) or _named(file.model, scope.prefix)
         static = scope.static or flag_of(file.model, "static") or flag_of(include, "static")
         pose, frame = _placement(include, file.model)
         inner = Scope(file, f"{scope.prefix}{name}{SEPARATOR}", file.model, frame, static, scope, pose)
         self._enter(scope, Entry("model", name, include, scope, pose, self._checked(inner, (*path, file.path))))
+
+    def _tell_changes(self, include: Element) -> None:
+        changes = include.find(_CHANGES)
+        if changes is not None:
+            message = f"<{_CHANGES}> would change what is included; let go, it is included as it is"
+            self.notes.tell("unsupported-part", changes, message)
 
     def _merge(self, scope: Scope, include: Element, file: SdfFile, path: tuple[Path, ...]) -> None:
         """What is in the included model becomes the outer one's own; where it was is told by its model's frame."""
@@ -159,8 +164,17 @@ def _placement(include: Element, model: Element) -> tuple[Element | None, str]:
     return model.find("pose") if stated is None else stated, frame or model.get("placement_frame", "")
 
 
-def _named(element: Element) -> str:
+def _named(element: Element, prefix: str) -> str:
     name = element.get("name", "")
     if not name:
         raise SdfProblem("missing-part", element, f"<{element.tag}> without 'name'")
+    return _short(element, prefix, name)
+
+
+def _short(element: Element, prefix: str, name: str) -> str:
+    """A name that is none too long: everything in a model has the model's before its own."""
+    if len(prefix) + len(name) > LONGEST_NAME:
+        size = f"a name of {len(prefix) + len(name):,} characters"
+        message = f"{size}, '{(prefix + name[:_SHOWN])[:_SHOWN]}...'; the engine takes {LONGEST_NAME}"
+        raise SdfProblem("bad-name", element, message)
     return name
