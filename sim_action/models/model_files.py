@@ -23,10 +23,7 @@ _MODEL: Final = "model.sdf"
 def find_model_file(
     reference: str, referrer: Path, packages: Packages, read: Callable[[Path], ModelDocument] = read_document
 ) -> Found:
-    """The file of a model that is named by an address, a path, or the folder it is in; `read`: reads a model.config.
-
-    Raises PackageError, and whatever `read` raises.
-    """
+    """The file of a model that an address, a path, or its folder names; `read`: a model.config. Raises PackageError."""
     scheme, separator, rest = reference.partition("://")
     warning = None
     name, _, path = rest.partition("/")
