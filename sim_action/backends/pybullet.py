@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import pybullet
 
 from sim_action import geometry
+from sim_action.backends import UNLIMITED_EFFORT
 from sim_action.backends.pybullet_scene import (
     BASE,
     add_gear,
@@ -32,9 +33,6 @@ from sim_action.observation import Contact, JointState, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.world import GROUND
-
-# For joints whose model states no limit; N m or N.
-_UNLIMITED_EFFORT: Final = 1000.0
 
 
 class PyBulletBackend:
@@ -122,7 +120,7 @@ class PyBulletBackend:
         self._index = {name: by_name[name][0] for name in self._joint_names}
         self._indices = list(self._index.values())
         self._friction = {name: by_name[name][7] for name in self._joint_names}
-        self._max_effort = {name: by_name[name][10] or _UNLIMITED_EFFORT for name in self._joint_names}
+        self._max_effort = {name: by_name[name][10] or UNLIMITED_EFFORT for name in self._joint_names}
         self._max_velocity = {name: by_name[name][11] for name in self._joint_names}
         links = scene.model.links_by_name
         set_surfaces(

@@ -116,3 +116,11 @@ def test_a_motor_of_0_has_no_limit_in_the_model_as_in_the_engine(engine: str, tm
     (model,) = read_urdf(tmp_path / "robot.urdf").joints
     assert (model.max_effort, model.max_velocity) == (None, None)
     assert trace.joint_velocity[-1, 0] == pytest.approx(4.0, rel=1e-3)
+
+
+def test_a_motor_without_a_limit_turns_what_is_heavy(engine: str, tmp_path: Path) -> None:
+    flywheel = joint("continuous", "").replace('"2"', '"20000"').replace('mass value="1"', 'mass value="30000"')
+    with machine(engine, tmp_path, flywheel) as backend:
+        trace = run(backend, 0.5, JointTargets(velocity={"j": 1.0}))
+    # With 1,000 N m, it would take 20 s.
+    assert trace.joint_velocity[-1, 0] == pytest.approx(1.0, rel=1e-3)

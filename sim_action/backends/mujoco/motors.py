@@ -12,13 +12,12 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from sim_action.backends import UNLIMITED_EFFORT
 from sim_action.backends.mujoco.model import IMPEDANCE, STEPS_TO_CONVERGE, Compiled
 from sim_action.command import JointTargets
 from sim_action.robot_model import RobotModel
 from sim_action.trace import FloatArray
 
-# For joints whose model states no limit; N m or N.
-_UNLIMITED_EFFORT: Final = 1000.0
 # Of what a position servo is off, it takes back this share in a step: what PyBullet does by default.
 _SERVO_SHARE: Final = 0.1
 
@@ -34,7 +33,7 @@ class Motors:
         self._qpos = compiled.positions
         self._index = {joint.name: number for number, joint in enumerate(joints)}
         self._friction = self._model.dof_frictionloss[self._dofs].copy()
-        self._max_effort = np.array([joint.max_effort or _UNLIMITED_EFFORT for joint in joints])
+        self._max_effort = np.array([joint.max_effort or UNLIMITED_EFFORT for joint in joints])
         self._max_velocity = np.array([joint.max_velocity or np.inf for joint in joints])
         self._gain = _SERVO_SHARE * rate
         self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
