@@ -100,7 +100,8 @@ def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Skin]:
     surface = model.links_by_name[name].surface
     skins = []
     for number, collision in enumerate(link.iterfind("collision")):
-        shape = next(iter(collision.find("geometry") or ()))
+        shape = collision.find("geometry/*")
+        assert shape is not None
         added = add_collision(spec, body, f"robot/{name}/{number}", shape, _origin(collision))
         skins += [Skin(geom, name, surface) for geom in added]
     return skins
