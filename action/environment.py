@@ -135,7 +135,7 @@ def _digest(file: Path) -> str:
 
 def _say(outputs: dict[str, object]) -> None:
     """Booleans as expressions compare them, times in whole milliseconds."""
-    with Path(os.environ["GITHUB_OUTPUT"]).open("a", encoding="utf-8") as file:
+    with Path(os.environ["GITHUB_OUTPUT"]).open("a", encoding="utf-8", newline="\n") as file:
         for name, value in outputs.items():
             text = str(value).lower() if isinstance(value, bool) else value
             file.write(f"{name}={text:.3f}\n" if isinstance(text, float) else f"{name}={text}\n")

@@ -5,6 +5,7 @@ Inputs come in as INPUT_ variables, which are kept from the scripts of scenarios
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import time
@@ -119,6 +120,10 @@ def run(name: str, inputs: Mapping[str, str]) -> int:
 
 def main() -> None:
     """What the one argument says."""
+    for stream in (sys.stdout, sys.stderr):
+        # What a runner reads: on Windows, Python would write the code page of a console.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding="utf-8", newline="\n")
     inputs = {
         variable.removeprefix("INPUT_").lower().replace("_", "-"): value
         for variable, value in os.environ.items()

@@ -32,9 +32,9 @@ def unique(found: Mapping[str, Iterable[Path]]) -> list[Path]:
     return list(first.values())
 
 
-def file_name(path: Path) -> str:
-    """How reports call a file; bytes of its name that are no UTF-8 are written out."""
-    return os.fsencode(path).decode("utf-8", errors="backslashreplace")
+def file_name(path: PurePath) -> str:
+    """How reports call a file, on every system; bytes of its name that are no UTF-8 are written out."""
+    return os.fsencode(path.as_posix()).decode("utf-8", errors="backslashreplace")
 
 
 def compared_name(name: str) -> str:

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 import pytest
 
-from sim_action.discovery import discover, unique
+from sim_action.discovery import discover, file_name, unique
 
 
 @pytest.fixture
@@ -84,3 +84,16 @@ def test_a_glob_may_be_absolute_or_begin_above(tree: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tree / "deep")
     assert names("../?.sim.yml") == ["../a.sim.yml", "../b.sim.yml"]
     assert names("**.sim.yml") == []
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        (PurePosixPath("a/b.sim.yml"), "a/b.sim.yml"),
+        (PureWindowsPath(r"a\b.sim.yml"), "a/b.sim.yml"),
+        (PureWindowsPath(r"D:\a\b.sim.yml"), "D:/a/b.sim.yml"),
+        (PurePosixPath(r"a\b.sim.yml"), r"a\b.sim.yml"),
+    ],
+)
+def test_reports_call_a_file_the_same_on_every_system(path: PurePath, name: str) -> None:
+    assert file_name(path) == name

@@ -10,11 +10,12 @@ machine. Links are resolved first, so that no package leads out of itself by one
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Final
 from urllib.parse import unquote
 
@@ -212,4 +213,6 @@ def _path_of_address(rest: str, reference: str) -> Path:
     if not path.startswith("/"):
         meant = f"file:///{rest}, or '{rest}' alone from the file that refers to it"
         raise PackageError("bad-reference", f"'{reference}': file:// takes an absolute path: {meant}")
-    return Path(path)
+    # The path of file:///C:/robot.stl begins with a slash, too.
+    is_on_drive = sys.platform == "win32" and PureWindowsPath(path[1:]).drive
+    return Path(path[1:] if is_on_drive else path)

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -7,6 +10,7 @@ import pytest
 
 from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time
 
+ROOT = Path(__file__).parents[2]
 INPUTS = {
     "scenario": "a.sim.yml\n\n  b *.sim.yml \r\n--help\n",
     "working-directory": ".",
@@ -73,3 +77,18 @@ def test_set_up_time_is_split() -> None:
     now = time.time()
     text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 6}")
     assert text == "Set-up took 30 s: Python 3 s, install 14 s, cache 13 s"
+
+
+def test_a_runner_gets_utf_8_whatever_the_code_page_of_the_console_is(tmp_path: Path) -> None:
+    (tmp_path / "✓.sim.yml").write_text("name: ✓\nexpect: []\n", encoding="utf-8")
+    inputs = {f"INPUT_{name.upper().replace('-', '_')}": value for name, value in {**INPUTS, "shard": ""}.items()}
+    ran = subprocess.run(
+        [sys.executable, "-P", ROOT / "action/run.py", "run"],
+        cwd=tmp_path,
+        env={**os.environ, **inputs, "INPUT_SCENARIO": ".", "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "cp1252"},
+        capture_output=True,
+        check=False,
+    )
+    assert ran.returncode == 2
+    assert "✗ ✓.sim.yml" in ran.stdout.decode("utf-8")
+    assert b"\r" not in ran.stdout + ran.stderr

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import sys
 from pathlib import Path
 
 import pytest
@@ -445,3 +446,15 @@ def test_only_the_first_files_that_are_missing_are_looked_for_by_another_name(ro
     with pytest.raises(PackageError) as raised:
         packages.find("rover_sensor", ros.rover)
     assert "did you mean" not in str(raised.value)
+
+
+@pytest.mark.parametrize("system", ["linux", "win32"])
+def test_an_address_with_a_drive_is_a_path_on_windows_alone(
+    system: str, ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Here, no file is called so: the message says which would be.
+    monkeypatch.setattr(sys, "platform", system)
+    with pytest.raises(PackageError) as refused:
+        ros.packages().resolve("file:///C:/meshes/a.stl", ros.rover)
+    place = Path("/C:/meshes/a.stl" if system == "linux" else "C:/meshes/a.stl").resolve()
+    assert str(place) in str(refused.value)
