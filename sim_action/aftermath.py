@@ -15,7 +15,7 @@ from typing import Final, Literal
 
 from pydantic import ValidationError
 
-from sim_action.isolation import Child
+from sim_action.isolation.child import Child
 from sim_action.native_output import split_output
 from sim_action.outcome import Failure, FailureKind, Outcome
 from sim_action.regular_files import open_regular
@@ -44,7 +44,7 @@ def outcome_of(child: Child, ending: Ending) -> Outcome:
         update={
             "name": job.loaded.scenario.name,
             "file": job.loaded.file,
-            "trace": os.path.relpath(job.trace, job.results) if _is_regular(job.trace) else None,
+            "trace": job.trace_name if _is_regular(job.trace) else None,
             "notes": (*outcome.notes, *(_left_behind(child) if written else ())),
             "diagnostics": diagnostics,
             "output": output,
@@ -108,45 +108,55 @@ def _cause(child: Child, ending: Ending, output: str) -> tuple[FailureKind, str,
     if ending == "output limit":
         printed = f"more than {scenario.output_bytes / 1e6:.4g} MB were printed"
         return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
-    if ending >= 0:
+    if (by := _signal_name(ending)) is None:
         hint = "; has its script called os._exit()?" if scenario.runs_user_code else ""
         message = f"the process of this scenario ended by itself, with exit code {ending} and no verdict{hint}"
         return "crash", f"exit {ending}", message
-    return _cause_of_signal(child, -ending, output)
+    return _cause_of_signal(child, by, output)
 
 
-def _cause_of_signal(child: Child, number: int, output: str) -> tuple[FailureKind, str, str]:
-    scenario, title = child.job.loaded.scenario, _signal_name(number)
+def _cause_of_signal(child: Child, title: str, output: str) -> tuple[FailureKind, str, str]:
+    scenario = child.job.loaded.scenario
     by = f"the process of this scenario was ended by {title}"
     is_full = child.peak_memory + _UNTOUCHED >= scenario.memory_bytes
-    if number in _CRASHES and (is_full or _BAD_ALLOC in output):
+    if title in _CRASHES and (is_full or _BAD_ALLOC in output):
         taken = f", when it had taken {child.peak_memory / 2**30:.2g} GiB" if child.peak_memory else ""
-        return "memory", "out of memory", f"{out_of_memory(scenario)}; {by}{taken}"
-    return "crash", title, f"{by}{_MEANINGS.get(number, '')}"
+        return "memory", "out of memory", f"{out_of_memory(child.job)}; {by}{taken}"
+    return "crash", title, f"{by}{_MEANINGS.get(title, '')}"
 
 
 _BAD_ALLOC: Final = "std::bad_alloc"
 # What native code dies of that was given no memory, and has not looked.
-_CRASHES: Final = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT)
+_CRASHES: Final = ("SIGSEGV", "SIGBUS", "SIGABRT")
 # The limit is on address space; of that, libraries take so much and use little.
 _UNTOUCHED: Final = 256 << 20
 
 _NATIVE: Final = ", which a fault in native code brings about: in the engine, or a library of the script"
-_MEANINGS: Final[Mapping[int, str]] = {
-    signal.SIGSEGV: _NATIVE,
-    signal.SIGBUS: _NATIVE,
-    signal.SIGILL: _NATIVE,
-    signal.SIGFPE: _NATIVE,
-    signal.SIGABRT: ", by which native code gives up: the engine, or a library of the script",
-    signal.SIGKILL: ": it did so itself, or the machine ran short of memory",
+_MEANINGS: Final[Mapping[str, str]] = {
+    "SIGSEGV": _NATIVE,
+    "SIGBUS": _NATIVE,
+    "SIGILL": _NATIVE,
+    "SIGFPE": _NATIVE,
+    "SIGABRT": ", by which native code gives up: the engine, or a library of the script",
+    "SIGKILL": ": it did so itself, or the machine ran short of memory",
+    "STATUS_ACCESS_VIOLATION": _NATIVE,
+    "STATUS_STACK_OVERFLOW": _NATIVE,
+}
+# Windows has no signals: what a fault ends, ends with one of these as its exit code (NTSTATUS values of [MS-ERREF]).
+_STATUSES: Final[Mapping[int, str]] = {
+    0xC0000005: "STATUS_ACCESS_VIOLATION",
+    0xC00000FD: "STATUS_STACK_OVERFLOW",
 }
 
 
-def _signal_name(number: int) -> str:
+def _signal_name(ending: int) -> str | None:
+    """What ended a child that has not ended by itself."""
+    if ending >= 0:
+        return _STATUSES.get(ending)
     try:
-        return signal.Signals(number).name
+        return signal.Signals(-ending).name
     except ValueError:
-        return f"signal {number}"
+        return f"signal {-ending}"
 
 
 def _is_regular(path: Path) -> bool:

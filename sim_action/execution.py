@@ -13,7 +13,8 @@ from typing import Final, Protocol
 from sim_action.aftermath import Ending, Limit, interrupted, outcome_of
 from sim_action.backends import BACKENDS, chosen
 from sim_action.interruption import Interruption
-from sim_action.isolation import CAN_FORK, Child
+from sim_action.isolation import way_here
+from sim_action.isolation.child import Child
 from sim_action.native_output import muted
 from sim_action.outcome import Outcome
 from sim_action.scenario import LoadedScenario, Scenario
@@ -36,23 +37,32 @@ class Listener(Protocol):
 
 
 def execute(
-    scenarios: Sequence[LoadedScenario], folder: Path, jobs: int, listener: Listener, interruption: Interruption
+    scenarios: Sequence[LoadedScenario],
+    folder: Path,
+    jobs: int,
+    listener: Listener,
+    interruption: Interruption,
+    *,
+    way: type[Child] | None = None,
 ) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
-    An interruption ends what runs; scenarios without an outcome then get one that says so. Raises UsageError.
+    An interruption ends what runs; scenarios without an outcome then get one that says so. `way`: how children are
+    born; left out, as this system has it. Raises UsageError.
     """
+    way = way or way_here()
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
-    if CAN_FORK:
+    if way.forks:
         _warm_up(loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code)
-    with tempfile.TemporaryDirectory(prefix="sim-action-") as scratch:
+    # On Windows, what a script has left running may hold files in it.
+    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
         paths = trace_paths([loaded.scenario.name for loaded in scenarios], folder)
         waiting = deque(
-            (index, Job(loaded, path, folder, _subfolder(Path(scratch), index)))
+            (index, Job(loaded, path, folder, _subfolder(Path(scratch), index), way.limits_memory))
             for index, (loaded, path) in enumerate(zip(scenarios, paths, strict=True))
         )
-        outcomes = _Scheduler(waiting, jobs, listener, interruption).run()
+        outcomes = _Scheduler(way, waiting, jobs, listener, interruption).run()
     return [outcomes.get(index) or interrupted(loaded) for index, loaded in enumerate(scenarios)]
 
 
@@ -73,8 +83,14 @@ class _Scheduler:
     """One thread, a queue of jobs, and the children that run."""
 
     def __init__(
-        self, waiting: deque[tuple[int, Job]], jobs: int, listener: Listener, interruption: Interruption
+        self,
+        way: type[Child],
+        waiting: deque[tuple[int, Job]],
+        jobs: int,
+        listener: Listener,
+        interruption: Interruption,
     ) -> None:
+        self._way = way
         self._interruption = interruption
         self._waiting = waiting
         self._jobs = jobs
@@ -99,14 +115,18 @@ class _Scheduler:
     def _start(self) -> None:
         while self._waiting and len(self._running) < self._jobs:
             index, job = self._waiting.popleft()
-            self._running[index] = Child.start(job)
+            self._running[index] = self._way.start(job)
 
     def _wait(self) -> None:
         nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
-        descriptors = [child.progress for child in self._running.values() if not child.silent]
-        ending = len(descriptors) < len(self._running)
-        descriptors.append(self._interruption.descriptor)
-        select.select(descriptors, [], [], min(_ENDING_WAIT if ending else _LONGEST_WAIT, max(0.0, nearest)))
+        heard = [child.progress for child in self._running.values() if not child.silent]
+        ending = len(heard) < len(self._running)
+        select.select(
+            [*heard, self._interruption.awakened],
+            [],
+            [],
+            min(_ENDING_WAIT if ending else _LONGEST_WAIT, max(0.0, nearest)),
+        )
 
     def _collect(self) -> None:
         for index, child in list(self._running.items()):

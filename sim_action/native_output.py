@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, TextIO
 
 from sim_action.outcome import Diagnostic
 
@@ -30,16 +30,22 @@ _MOST_DIAGNOSTICS: Final = 50
 def redirect_output(path: Path) -> None:
     """From now on, everything that this process and its children print goes to a file, and nothing is read.
 
-    C's own buffer is switched off, so that the last words of a process that dies are there.
+    On Linux, C's own buffer is switched off, so that the last words of a process that dies are there: PyBullet uses it,
+    which is to be had there alone.
     """
-    target = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    target = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o600)
     nothing = os.open(os.devnull, os.O_RDONLY)
     for source, descriptor in ((nothing, 0), (target, 1), (target, 2)):
         os.dup2(source, descriptor)
-    sys.stdout = os.fdopen(os.dup(1), "w", buffering=1, errors="backslashreplace")
-    sys.stderr = os.fdopen(os.dup(2), "w", buffering=1, errors="backslashreplace")
-    libc = ctypes.CDLL(None)
-    libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _UNBUFFERED, 0)
+    sys.stdout, sys.stderr = _text_to(1), _text_to(2)
+    if sys.platform == "linux":
+        libc = ctypes.CDLL(None)
+        libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _UNBUFFERED, 0)
+
+
+def _text_to(descriptor: int) -> TextIO:
+    """As the output is read: whatever the code page of a Windows console is, UTF-8."""
+    return os.fdopen(os.dup(descriptor), "w", buffering=1, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 @contextmanager

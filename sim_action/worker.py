@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import pickle
-import resource
 import signal
 import sys
 import time
@@ -33,7 +31,6 @@ from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.simulation import SimulationRun, simulate
 
 _PROGRESS_PERIOD: Final = 0.1
-_PR_SET_PDEATHSIG: Final = 1  # of Linux's sys/prctl.h
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +41,19 @@ class Job:
         trace: where the trace is written.
         results: the folder that outcomes name the trace from.
         folder: the child's own, for `outcome.json` and `output.txt`.
+        memory_is_limited: whether the child is held to the scenario's `memory_limit`.
     """
 
     loaded: LoadedScenario
     trace: Path
     results: Path
     folder: Path
+    memory_is_limited: bool = True
+
+    @property
+    def trace_name(self) -> str:
+        """How outcomes name the trace, on every system."""
+        return Path(os.path.relpath(self.trace, self.results)).as_posix()
 
     @property
     def outcome_file(self) -> Path:
@@ -70,51 +74,42 @@ class Job:
             return 0
 
 
+def received_job() -> Job:
+    """The job that comes on standard input, in an interpreter that has done nothing else."""
+    job: Job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
+    return job
+
+
+def turn_to(job: Job) -> None:
+    """Makes this process the scenario's own: what it prints is kept, and its end is for the parent to decide."""
+    redirect_output(job.output_file)
+    # Ctrl-C goes to the whole foreground.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def run_job(job: Job, progress_descriptor: int) -> None:
     """Runs a scenario in this process, which is the scenario's own, and writes the outcome."""
-    redirect_output(job.output_file)
-    _limit_resources(job.loaded.scenario.memory_bytes)
     started = time.perf_counter()
     outcome = _outcome(job, _Progress(progress_descriptor))
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
     job.outcome_file.write_text(outcome.model_dump_json(), encoding="utf-8")
 
 
-def main(progress_descriptor: int) -> NoReturn:
-    """Runs the job that comes on standard input, in an interpreter that has done nothing else."""
-    job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
-    run_job(job, progress_descriptor)
+def leave() -> NoReturn:
+    """Ends the process: threads and exit handlers of the user's code must not hold up a verdict that is written."""
     with suppress(OSError, ValueError):
         sys.stdout.flush()
         sys.stderr.flush()
-    # Threads and exit handlers that the user's code has left must not hold up a verdict that is written.
     os._exit(0)
 
 
-def out_of_memory(scenario: Scenario) -> str:
+def out_of_memory(job: Job) -> str:
     """What to say of a scenario that has come to its limit of memory."""
+    scenario = job.loaded.scenario
+    if not job.memory_is_limited:
+        return "it needs more memory than there is on this machine"
     return f"it needs more than the {scenario.memory_bytes / 2**30:.4g} GiB of memory that it may take (memory_limit)"
-
-
-def _limit_resources(memory: int) -> None:
-    # A parent that is killed outright cannot end its children.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    _limit(resource.RLIMIT_AS, memory)
-    # What it prints is bounded by the caller, who looks now and then; this holds while the caller is held up. A trace
-    # was in memory before it becomes a file. The number of processes is not limited: RLIMIT_NPROC counts those of the
-    # user, the rest of the job among them.
-    _limit(resource.RLIMIT_FSIZE, memory)
-    _limit(resource.RLIMIT_CORE, 0)
-    # Ctrl-C goes to the whole foreground; the parent decides what to end.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def _limit(kind: int, most: int) -> None:
-    """Sets a limit of this process and all below it; a lower one that is there already stays."""
-    _, hard = resource.getrlimit(kind)
-    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-    resource.setrlimit(kind, (most, most))
 
 
 class _Progress:
@@ -122,7 +117,6 @@ class _Progress:
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
-        os.set_blocking(descriptor, False)
         self._next = 0.0
 
     def __call__(self, sim_time: float) -> None:
@@ -146,10 +140,10 @@ def _outcome(job: Job, progress: _Progress) -> Outcome:
         return _invalid(job, error)
     except (RunError, ModelError) as error:
         if isinstance(error.__context__, MemoryError):
-            return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(scenario)}", error)
+            return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
         return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
     except MemoryError:
-        return _error(job, _OUT_OF_MEMORY, out_of_memory(scenario))
+        return _error(job, _OUT_OF_MEMORY, out_of_memory(job))
     except Exception as error:  # noqa: BLE001 - a fault of ours is an outcome too
         message = f"a fault of sim-action: {type(error).__name__}: {error}; please report it"
         return _error(job, ("internal", "internal error"), message, details=traceback.format_exc())
@@ -238,5 +232,5 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         digest=run.digest,
         engine=run.engine,
         notes=run.notes,
-        trace=os.path.relpath(job.trace, job.results),
+        trace=job.trace_name,
     )

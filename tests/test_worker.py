@@ -18,7 +18,7 @@ COUNT: Final = """
 import os, sys
 from pathlib import Path
 from sim_action.loading import load_scenario
-from sim_action.worker import Job, run_job
+from sim_action.worker import Job, run_job, turn_to
 
 opened = 0
 def count(event, arguments):
@@ -29,7 +29,9 @@ here = Path.cwd()
 out = os.dup(1)
 loaded = load_scenario(Path("s.sim.yml"))
 before = opened
-run_job(Job(loaded, here / "trace.npz", here, here), os.open(os.devnull, os.O_WRONLY))
+job = Job(loaded, here / "trace.npz", here, here)
+turn_to(job)
+run_job(job, os.open(os.devnull, os.O_WRONLY))
 os.write(out, f"{before} {opened - before}".encode())
 """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -65,8 +66,15 @@ def run(
             empty=empty,
             shard=shard,
             backend=backend,
-            jobs=jobs or len(os.sched_getaffinity(0)),
+            jobs=jobs or _cores(),
             permissions=Permissions(allow_outside, scripts_refused(allow_scripts, os.environ)),
             reports=report_request(reports),
         )
         return running.run(request, interruption)
+
+
+def _cores() -> int:
+    """Those that this process may use, where the system says."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

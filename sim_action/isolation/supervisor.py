@@ -11,7 +11,6 @@ it is not `sim_action.worker` itself keeps it small: no engine and no arrays are
 
 from __future__ import annotations
 
-import ctypes
 import os
 import resource
 import signal
@@ -20,9 +19,11 @@ import traceback
 from contextlib import suppress
 from typing import Final, NoReturn
 
-from sim_action.process_table import processes
+from sim_action.isolation import limits
+from sim_action.isolation.process_table import processes
 
-_PR_SET_PDEATHSIG: Final = 1  # of Linux's sys/prctl.h
+assert sys.platform == "linux"
+
 _PR_SET_DUMPABLE: Final = 4
 _PR_SET_CHILD_SUBREAPER: Final = 36
 
@@ -42,12 +43,11 @@ def main() -> NoReturn:
 
 
 def _prepare() -> None:
-    prctl = ctypes.CDLL(None).prctl
-    prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    limits.prctl(_PR_SET_CHILD_SUBREAPER, 1)
     # A caller that is killed outright asks nobody to end anything.
-    prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    limits.prctl(limits.PR_SET_PDEATHSIG, signal.SIGTERM)
     # Ending by the signal of a crash is no second crash.
-    prctl(_PR_SET_DUMPABLE, 0)
+    limits.prctl(_PR_SET_DUMPABLE, 0)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -59,9 +59,13 @@ def _work(progress: int) -> NoReturn:
     try:
         os.setpgid(0, 0)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _AWAITED)
-        from sim_action.worker import main as work
+        from sim_action.worker import leave, received_job, run_job, turn_to
 
-        work(progress)
+        job = received_job()
+        turn_to(job)
+        limits.impose(job.loaded.scenario.memory_bytes)
+        run_job(job, progress)
+        leave()
     except BaseException:  # noqa: BLE001 - nothing may return into the supervisor's code
         traceback.print_exc()
     finally:
@@ -107,7 +111,7 @@ def _kill_children() -> None:
 
 
 def _report(progress: int, left: int) -> None:
-    """Tells the caller what `isolation.Child` takes in: how many were left, and the most memory of any, in bytes."""
+    """Tells the caller what `linux.LinuxChild` takes in: how many were left, and the most memory of any, in bytes."""
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
     with suppress(OSError):
         os.set_blocking(progress, False)

@@ -1,4 +1,4 @@
-"""A child process for one scenario: how it is born, listened to, and ended with everything that it left behind.
+"""The way of Linux: a child that is held to its limits, and ended with everything that it left behind.
 
 Where no code of the user's runs, it is a fork of this process, and has no children. Else it is a `supervisor`, whose
 child is the scenario's own process.
@@ -16,76 +16,45 @@ import threading
 import time
 import traceback
 from contextlib import suppress
-from pathlib import Path
 from typing import Final, NoReturn, Self
 
-from sim_action.process_table import processes
-from sim_action.worker import Job, run_job
+from sim_action.isolation import limits
+from sim_action.isolation.child import Child, environment
+from sim_action.isolation.process_table import processes
+from sim_action.worker import Job, run_job, turn_to
 
-CAN_FORK: Final = sys.platform == "linux"
-
-# What a user's script has no business to see (the names that GitHub documents for runners).
-_SECRET_NAMES: Final = frozenset(
-    {"GITHUB_TOKEN", "GH_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"}
-)
-_SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_")
-_PACKAGE_ROOT: Final = Path(__file__).resolve().parent.parent
-
+assert sys.platform == "linux"
 
 # How long a supervisor may take to end what it is there for, in s: longer, if the machine is busy or it was stopped.
 _ENDING: Final = 5.0
 _ENDING_POLL: Final = 0.001
 
 
-class Child:
-    """A running child. Its process is the leader of a session and group of its own.
+class LinuxChild(Child):
+    """A running child. Its process is the leader of a session and group of its own."""
 
-    Attributes:
-        progress: descriptor to read sim times from, one a line; at its end when the child is gone.
-        sim_time: the last of them.
-        left: after `close`, how many processes it left behind that were ended.
-        peak_memory: after `close`, the most that was resident of one of its processes, in bytes; 0 if not known.
-        silent: whether the pipe has come to its end.
-        started: `time.monotonic()` at its birth.
-    """
+    forks = True
+    limits_memory = True
 
     def __init__(self, job: Job, pid: int, progress: int, *, supervised: bool) -> None:
-        self.job = job
-        self.progress = progress
-        self.sim_time = 0.0
-        self.left = 0
-        self.peak_memory = 0
-        self.silent = False
-        self.started = time.monotonic()
+        super().__init__(job, progress)
+        self._progress = progress
         self._pid = pid
         self._supervised = supervised
-        self._unread = b""
 
     @classmethod
     def start(cls, job: Job) -> Self:
-        """Forks this process, or starts a fresh interpreter where forking is not to be had or user code will run."""
+        """Forks this process, or starts a fresh interpreter where user code will run or threads do. Raises OSError."""
         reader, writer = os.pipe()
         os.set_blocking(reader, False)
+        # A caller that does not listen is no reason to wait.
+        os.set_blocking(writer, False)
         try:
-            alone = job.loaded.scenario.runs_user_code or not CAN_FORK or threading.active_count() > 1
+            alone = job.loaded.scenario.runs_user_code or threading.active_count() > 1
             pid = _spawn(job, writer) if alone else _fork(job, writer)
         finally:
             os.close(writer)
         return cls(job, pid, reader, supervised=alone)
-
-    def listen(self) -> None:
-        """Takes in what the child has said of its progress."""
-        with suppress(BlockingIOError):
-            read = os.read(self.progress, 65536)
-            self.silent = not read
-            self._unread += read
-        *lines, self._unread = self._unread[-65536:].split(b"\n")
-        for line in lines[-2:]:
-            with suppress(ValueError):
-                if line.startswith(b"end "):
-                    self.left, self.peak_memory = map(int, line.split()[1:])
-                else:
-                    self.sim_time = float(line)
 
     def poll(self) -> int | None:
         """The exit status if the child is gone (negative: the signal that ended it), else None.
@@ -115,7 +84,16 @@ class Child:
         if not self._supervised:
             self.peak_memory = usage.ru_maxrss << 10
         self.listen()
-        os.close(self.progress)
+        os.close(self._progress)
+
+    def _heard(self) -> bytes:
+        return os.read(self._progress, 65536)
+
+    def _take(self, line: bytes) -> None:
+        if line.startswith(b"end "):
+            self.left, self.peak_memory = map(int, line.split()[1:])
+        else:
+            super()._take(line)
 
     def _kill_group(self) -> None:
         with suppress(ProcessLookupError, PermissionError):
@@ -152,6 +130,8 @@ def _child_main(job: Job, writer: int) -> NoReturn:
     try:
         signal.set_wakeup_fd(-1)
         os.setsid()
+        turn_to(job)
+        limits.impose(job.loaded.scenario.memory_bytes)
         run_job(job, writer)
         code = 0
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code
@@ -168,26 +148,14 @@ def _spawn(job: Job, writer: int) -> int:
         pickle.dump(job, stdin)
         stdin.seek(0)
         process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
-            [sys.executable, "-P", "-m", "sim_action.supervisor", str(writer)],
+            [sys.executable, "-P", "-m", "sim_action.isolation.supervisor", str(writer)],
             stdin=stdin,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             pass_fds=(writer,),
             start_new_session=True,
-            env=_environment(),
+            env=environment(),
         )
     # This object would wait for the process too; from here on, its number is all that counts.
     process.returncode = 0
     return process.pid
-
-
-def _environment() -> dict[str, str]:
-    """The caller's, without what a stranger's script could act with. Hygiene, not a boundary."""
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in _SECRET_NAMES and not name.startswith(_SECRET_PREFIXES)
-    }
-    path = os.pathsep.join(filter(None, (str(_PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
-    # With a random seed, a controller that walks through a set would give another result every time.
-    return {**kept, "PYTHONPATH": path, "PYTHONHASHSEED": "0"}
