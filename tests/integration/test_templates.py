@@ -126,7 +126,7 @@ def test_this_repositorys_own_workflow(tmp_path: Path, runner_temp: Path) -> Non
     result = run_workflow(file, ACTION, temp=tmp_path, shared_temp=runner_temp, done=done)
     failed = {name: job.log for name, job in result.jobs.items() if job.result != "success"}
     assert not failed
-    assert len(result.jobs["runners"].runs) == 5
+    assert len(result.jobs["runners"].runs) == 6
 
 
 def test_gate_of_this_repository_lets_no_failure_through(tmp_path: Path, runner_temp: Path) -> None:

@@ -27,8 +27,9 @@ _X64: Final = {"ubuntu-latest", "ubuntu-24.04", "ubuntu-22.04"}
 _MACHINES: Final[Mapping[str, tuple[str, str]]] = {
     **dict.fromkeys(_X64, ("Linux", "X64")),
     "ubuntu-24.04-arm": ("Linux", "ARM64"),
-    "macos-latest": ("macOS", "ARM64"),
-    "windows-latest": ("Windows", "X64"),
+    **dict.fromkeys(("macos-latest", "macos-15"), ("macOS", "ARM64")),
+    "macos-15-intel": ("macOS", "X64"),
+    **dict.fromkeys(("windows-latest", "windows-2025"), ("Windows", "X64")),
 }
 
 

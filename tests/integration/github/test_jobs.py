@@ -116,12 +116,12 @@ def test_an_action_in_an_action_fares_for_itself(perform: Perform, repository: P
 def test_own_actions_are_those_of_this_checkout(perform: Perform) -> None:
     jobs = (
         job("a", runs_on="x")
-        .replace("ubuntu-latest\n    runs-on: x", "windows-latest")
+        .replace("ubuntu-latest\n    runs-on: x", "macos-15-intel")
         .replace("run: true", "uses: sim-action/sim-action@v1")
     )
     result = perform(workflow(jobs)).jobs["a"]
     assert result.result == "failure"
-    assert "Windows X64" in result.annotations[0].message
+    assert "macOS X64" in result.annotations[0].message
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,10 @@ def test_actions_that_are_not_there_are_refused(perform: Perform, uses: str) -> 
         ("ubuntu-24.04", "Linux X64"),
         ("ubuntu-24.04-arm", "Linux ARM64"),
         ("macos-latest", "macOS ARM64"),
+        ("macos-15", "macOS ARM64"),
+        ("macos-15-intel", "macOS X64"),
         ("windows-latest", "Windows X64"),
+        ("windows-2025", "Windows X64"),
     ],
 )
 def test_runners_have_a_system_and_an_architecture(perform: Perform, label: str, system: str) -> None:
