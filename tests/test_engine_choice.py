@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 from typing import get_args
 
 import pytest
+from packaging.requirements import Requirement
 
 from sim_action.backends import BACKENDS, chosen, installed
 from sim_action.engine_choice import runs_of
@@ -141,3 +143,22 @@ def test_a_model_of_mujocos_own_is_not_read_before_it_runs(tmp_path: Path) -> No
     assert ant(tmp_path).unchecked == (
         "ant.xml is read by MuJoCo when it runs: until then, what is said of links and joints is not checked",
     )
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "python", "engines"),
+    [
+        ("linux", "x86_64", "3.11", ["pybullet"]),
+        ("linux", "x86_64", "3.12", ["mujoco-core"]),
+        ("linux", "aarch64", "3.11", ["mujoco-core"]),
+        ("darwin", "arm64", "3.11", ["mujoco-core"]),
+        ("darwin", "x86_64", "3.11", []),
+        ("win32", "AMD64", "3.14", ["mujoco-core"]),
+        ("win32", "ARM64", "3.12", []),
+    ],
+)
+def test_what_is_installed_has_wheels_there(system: str, machine: str, python: str, engines: list[str]) -> None:
+    file = Path(__file__).parents[1] / "pyproject.toml"
+    needed = map(Requirement, tomllib.loads(file.read_text())["project"]["dependencies"])
+    here = {"sys_platform": system, "platform_machine": machine, "python_version": python}
+    assert [each.name for each in needed if each.marker and each.marker.evaluate(here)] == engines
