@@ -31,6 +31,7 @@ from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.simulation import SimulationRun, simulate
 
 _PROGRESS_PERIOD: Final = 0.1
+_RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,9 +134,7 @@ class _Progress:
 def _outcome(job: Job, progress: _Progress) -> Outcome:
     scenario = job.loaded.scenario
     try:
-        run = _simulated(_checked(job.loaded), progress)
-        job.trace.parent.mkdir(parents=True, exist_ok=True)
-        run.trace.save(job.trace)
+        run = _stored_run(job, progress)
     except InvalidScenario as error:
         return _invalid(job, error)
     except (RunError, ModelError) as error:
@@ -148,6 +147,19 @@ def _outcome(job: Job, progress: _Progress) -> Outcome:
         message = f"a fault of sim-action: {type(error).__name__}: {error}; please report it"
         return _error(job, ("internal", "internal error"), message, details=traceback.format_exc())
     return _judged(job, scenario, run)
+
+
+def _stored_run(job: Job, progress: _Progress) -> SimulationRun:
+    """The run, with its trace where it belongs. Raises what ends a run without a verdict."""
+    # To say that there was no memory takes some, when a script may have taken the last of it.
+    reserve = bytearray(_RESERVE)
+    try:
+        run = _simulated(_checked(job.loaded), progress)
+        job.trace.parent.mkdir(parents=True, exist_ok=True)
+        run.trace.save(job.trace)
+    finally:
+        del reserve
+    return run
 
 
 def _invalid(job: Job, error: InvalidScenario) -> Outcome:

@@ -17,6 +17,7 @@ from typing import Final
 import junitparser
 import pytest
 
+from sim_action.backends import installed
 from sim_action.outcome import Outcome, Results
 
 ROOT: Final = Path(__file__).parents[2]
@@ -304,8 +305,9 @@ while size >= 64:
 """
 
 
-def test_a_script_that_leaves_the_engine_no_memory_is_out_of_memory(tmp_path: Path) -> None:
-    script(tmp_path, "brim", BRIM, "memory_limit: 512 MiB")
+@pytest.mark.parametrize("engine", installed())
+def test_a_script_that_leaves_the_engine_no_memory_is_out_of_memory(tmp_path: Path, engine: str) -> None:
+    script(tmp_path, "brim", BRIM, f"memory_limit: 512 MiB\nbackend: {engine}")
     (outcome,) = outcomes(tmp_path).values()
     (failure,) = outcome.failures
     assert failure.kind == "memory"
