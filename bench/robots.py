@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
-
-import pybullet_data
 
 from sim_action.loading import load_scenario
 from sim_action.permissions import Permissions
@@ -16,7 +15,10 @@ from sim_action.scenario import LoadedScenario
 from sim_action.workspace import Workspace
 from sim_action.world import Robot
 
-DATA: Final = Path(pybullet_data.getDataPath())
+_PACKAGE: Final = find_spec("pybullet_data")
+DATA: Final = Path(_PACKAGE.origin).parent if _PACKAGE and _PACKAGE.origin else Path("no-pybullet_data")
+"""Where they are; where PyBullet is not installed, none of them is there."""
+
 WORKSPACE: Final = Workspace(DATA, DATA, allow_outside=True)
 
 

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import pybullet
-
 from bench.robots import KnownRobot
-from sim_action.backends.pybullet import PyBulletBackend
 from sim_action.geometry import Twist
 from sim_action.loading import build_scene
 from sim_action.scenario import LoadedScenario
@@ -49,6 +46,10 @@ def _ours(loaded: LoadedScenario) -> float:
 
 def _raw(loaded: LoadedScenario) -> float:
     """A loop by hand: a step, and the state of the base and of all joints that move."""
+    import pybullet
+
+    from sim_action.backends.pybullet import PyBulletBackend
+
     physics, scene = loaded.scenario.physics, build_scene(loaded)
     backend = PyBulletBackend(scene, contacts=False)
     settling = round(physics.settle * physics.rate)

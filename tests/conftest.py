@@ -1,4 +1,7 @@
-"""Property tests ask the same questions on every run, and never how long an answer took."""
+"""Property tests ask the same questions on every run, and never how long an answer took.
+
+What is about PyBullet, or takes its robots, has the marker `pybullet`, and is skipped where PyBullet is not installed.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from sim_action.backends import installed
 
 settings.register_profile("sim-action", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("sim-action")
@@ -17,3 +22,9 @@ def cache_of_the_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.get_closest_marker("pybullet") and "pybullet" not in installed():
+        pytest.skip("PyBullet is not installed; it has wheels for Linux x86-64 with Python 3.11 alone")

@@ -29,6 +29,7 @@ def test_tables_and_schema_are_fresh() -> None:
     assert checked.returncode == 0, checked.stderr
 
 
+@pytest.mark.pybullet
 def test_the_table_of_robots_is_fresh_but_for_its_figures() -> None:
     checked = subprocess.run(
         [sys.executable, "-m", "docs.robots", "--check"], cwd=ROOT, capture_output=True, text=True, check=False

@@ -46,6 +46,7 @@ def test_a_scenario_may_name_every_engine_there_is() -> None:
     assert get_args(Scenario.model_fields["backend"].annotation) == ("auto", *ENGINES)
 
 
+@pytest.mark.pybullet
 def test_auto_is_the_first_that_is_installed(tmp_path: Path) -> None:
     assert installed() == ENGINES
     assert engines(tmp_path) == [("stands", "pybullet")]
@@ -56,6 +57,7 @@ def test_auto_is_another_where_the_first_is_missing(tmp_path: Path, monkeypatch:
     assert engines(tmp_path) == [("stands", "mujoco")]
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("engine", ENGINES)
 def test_what_the_file_says_counts_and_what_was_typed_counts_more(engine: str, tmp_path: Path) -> None:
     (other,) = set(ENGINES) - {engine}
@@ -64,11 +66,13 @@ def test_what_the_file_says_counts_and_what_was_typed_counts_more(engine: str, t
     assert engines(tmp_path, "agreement: {yaw: 1 deg}", engine) == [("stands", engine)]
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize(("more", "backend"), [("", "all"), ("backend: mujoco", "all"), ("agreement: {yaw: 1}", None)])
 def test_on_several_each_run_has_the_name_of_its_engine(more: str, backend: str | None, tmp_path: Path) -> None:
     assert engines(tmp_path, more, backend) == [("stands [pybullet]", "pybullet"), ("stands [mujoco]", "mujoco")]
 
 
+@pytest.mark.pybullet
 @pytest.mark.usefixtures("only_pybullet")
 @pytest.mark.parametrize(
     ("more", "message"),
@@ -85,6 +89,7 @@ def test_an_engine_that_the_file_asks_for_and_is_not_there_is_told_on_its_line(
     assert message in str(refused.value.problems[0])
 
 
+@pytest.mark.pybullet
 @pytest.mark.usefixtures("only_pybullet")
 @pytest.mark.parametrize("backend", ["mujoco", "all"])
 def test_an_engine_that_was_typed_and_is_not_there_ends_the_call(backend: str, tmp_path: Path) -> None:
@@ -133,6 +138,7 @@ def test_a_model_of_mujocos_own_runs_nowhere_else(more: str, backend: str | None
     assert message in str(refused.value.problems[0])
 
 
+@pytest.mark.pybullet
 @pytest.mark.usefixtures("only_pybullet")
 def test_a_model_of_mujocos_own_is_told_where_mujoco_is_missing(tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario, match=r"2:9: robot\.model: an \.xml file is a model for MuJoCo; the engine"):

@@ -248,6 +248,8 @@ def test_an_honest_run_is_left_alone(tmp_path: Path) -> None:
     assert pendulum(tmp_path).end == "time limit"
 
 
+# When, and at what speed, is the engine's.
+@pytest.mark.pybullet
 def test_gains_that_explode_are_an_error_that_names_the_joint(tmp_path: Path) -> None:
     message = unstable(tmp_path, ", joints: {swing: 1}", "commands: {script: gains.py}")
     assert message.startswith("simulation unstable at t = 0.104 s (step 25), first in joint swing: 1984 rad/s")
@@ -265,5 +267,7 @@ def test_a_start_below_the_ground_is_an_error(tmp_path: Path) -> None:
         pendulum(tmp_path, below)
 
 
+# MuJoCo bears these.
+@pytest.mark.pybullet
 def test_steps_that_are_too_long_are_an_error(tmp_path: Path) -> None:
     assert "time steps too long (raise physics.rate)" in unstable(tmp_path, ", pose: {z: 4}", "physics: {rate: 5}")

@@ -84,7 +84,7 @@ def test_a_sibling_whose_name_begins_alike_is_outside(repository: Path) -> None:
     [
         ("absent.urdf", "'absent.urdf' does not exist \\(looked for .*/scenarios/absent.urdf\\)"),
         ("..", "'..' is a folder"),
-        ("a\0b", "'a\\\\x00b' cannot be a file: embedded null byte"),
+        ("a\0b", "'a\\\\x00b' cannot be a file: .*embedded null"),
         ("a" * 300, "cannot be a file: .*File name too long"),
         ("\ud800", "cannot be a file"),
     ],

@@ -36,7 +36,7 @@ ctypes.CDLL = NoPrctl
 sys.platform = "darwin"
 """
 _WINDOWS: Final = """
-import ctypes, os, select, signal, socket, stat, subprocess, sys, sysconfig, types
+import ctypes, os, select, shutil, signal, socket, stat, subprocess, sys, sysconfig, types
 sysconfig.get_config_vars()
 # Other packages ask for the system when they are imported: they are to believe in their own.
 import click, mujoco, numpy, pydantic, rich.console, xacro, yaml
@@ -44,7 +44,7 @@ for name in ("fcntl", "grp", "pwd", "pybullet", "resource", "termios", "tty"):
     sys.modules[name] = None
 # Python's own parts are to go on.
 subprocess.signal = types.SimpleNamespace(**vars(signal))
-subprocess.os = types.SimpleNamespace(**vars(os))
+shutil.os = subprocess.os = types.SimpleNamespace(**vars(os))
 def hide(module, names):
     for name in names.split():
         vars(module).pop(name, None)

@@ -94,6 +94,7 @@ STRAIGHT: dict[str, tuple[tuple[str, ...], float, float]] = {
 }
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("model", STRAIGHT)
 @on_every_engine
 def test_real_robots_drive_straight_as_far_as_their_wheels_turn(engine: str, model: str) -> None:
@@ -118,6 +119,7 @@ SCRUBBING = {
 }
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("model", SCRUBBING)
 @on_every_engine
 def test_robots_that_turn_by_slipping_do_so_roughly(engine: str, model: str, request: pytest.FixtureRequest) -> None:
@@ -150,6 +152,7 @@ def swept(seconds: float, joints: tuple[str, ...]) -> list[JointTargets]:
     return [target(step) for step in range(round(seconds * 240))]
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("model", ARMS)
 def test_arms_follow_the_same_trajectory(model: str) -> None:
     traces: list[Trace] = []
@@ -163,6 +166,7 @@ def test_arms_follow_the_same_trajectory(model: str) -> None:
     assert np.abs(traces[0].joint_position[480]).max() > 0.3
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("model", [known.name for known in ROBOTS])
 @on_every_engine
 def test_real_robots_rest_with_their_whole_weight_on_the_ground(engine: str, model: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.backends import BACKENDS, Backend, chosen
 from sim_action.command import JointTargets
 from sim_action.models.findings import ALLOWABLE
 from sim_action.models.urdf import read_urdf
@@ -20,12 +20,14 @@ LIMIT = '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n'
 SECOND = 240
 
 
-def backend(folder: Path, text: str) -> PyBulletBackend:
+def backend(folder: Path, text: str) -> Backend:
     path = folder / "robot.urdf"
     path.write_text(text, encoding="utf-8")
     robot = Robot(model="robot.urdf", base="fixed", allow=ALLOWABLE)
     model = read_urdf(path, allow=ALLOWABLE)
-    return PyBulletBackend(Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True)
+    return BACKENDS.load(chosen("auto"))(
+        Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True
+    )
 
 
 @pytest.mark.parametrize("bad", [bad for bad in BAD_MODELS if bad.rule in ALLOWABLE], ids=lambda bad: bad.name)

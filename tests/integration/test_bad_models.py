@@ -153,6 +153,7 @@ def unaudited(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.pybullet
 def test_what_the_audit_keeps_from_the_engine_would_cost_its_own_scenario_only(unaudited: Path) -> None:
     found = outcomes(unaudited)
     assert found.keys() == {*SIGNALS, *UNSTABLE, *GOOD_TWINS}
@@ -166,6 +167,7 @@ def test_what_the_audit_keeps_from_the_engine_would_cost_its_own_scenario_only(u
     assert {found[name].status for name in GOOD_TWINS} == {"passed"}
 
 
+@pytest.mark.pybullet
 def test_junit_holds_what_the_engine_died_of(unaudited: Path) -> None:
     junit = junitparser.JUnitXml.fromfile(str(unaudited / "sim-results/junit.xml"))
     assert len(list(junit)) == len(SIGNALS) + len(UNSTABLE) + len(GOOD_TWINS)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.backends import BACKENDS
 from sim_action.command import JointTargets
 from sim_action.errors import RefusedModel
 from sim_action.models.audit.engine_tables import MOST_JOINTS, MOST_MOVING_JOINTS
@@ -17,6 +17,8 @@ from sim_action.observation import Observation
 from sim_action.scene import Scene
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
+
+pytestmark = pytest.mark.pybullet
 
 INERTIAL = (
     '<inertial><mass value="{}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
@@ -49,7 +51,9 @@ def after(folder: Path, urdf: str, base: str, steps: int) -> list[Observation]:
     model = read_urdf(path)
     names = [joint.name for joint in model.moving_joints]
     robot = Robot.model_validate({"model": "comb.urdf", "base": base, "joints": {n: start(n) for n in names}})
-    backend = PyBulletBackend(Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True)
+    backend = BACKENDS.load("pybullet")(
+        Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True
+    )
     try:
         begun = backend.observe(0, contacts=False)
         targets = JointTargets(velocity={names[-1]: SPEED})

@@ -213,6 +213,7 @@ def test_joint_targets_drive_as_a_twist_does(tmp_path: Path, run: Run) -> None:
     assert outcome.status == "passed"
 
 
+@pytest.mark.pybullet
 def test_what_the_engine_says_becomes_diagnostics(tmp_path: Path, run: Run, capfd: pytest.CaptureFixture[str]) -> None:
     # What sim-action hands the engine gives it nothing to say; what a controller does to it may.
     ask = "try:\n    pybullet.loadURDF('nothing.urdf')\nexcept pybullet.error:\n    pass"

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.fuzz_urdf import Found, examine, written
+
+pytestmark = pytest.mark.pybullet
 
 COUNT = 400
 SEED = 4

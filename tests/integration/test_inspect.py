@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
-import pybullet
 import pytest
 import yaml
 
@@ -25,12 +24,16 @@ TIGHT: Final = 2e-4
 TURNED: Final = {"laikago": (0.001, TIGHT), "franka_panda": (TIGHT, 0.012)}
 """m, where a mesh that is turned reaches furthest: the engine's margin rounds its edges, and we know but its box."""
 ASKEW: Final = (0.001, 0.05)
-every_robot = pytest.mark.parametrize("known", ROBOTS, ids=lambda known: known.name)
+every_robot = pytest.mark.parametrize(
+    "known", [pytest.param(known, marks=pytest.mark.pybullet, id=known.name) for known in ROBOTS]
+)
 BLOCK: Final = "to paste into a scenario in this folder:\n\n"
 
 
 def engines_box(scene: Scene) -> list[float]:
     """How far the engine's robot reaches from its base frame along -x, +x, -y, ..."""
+    import pybullet
+
     client = pybullet.connect(pybullet.DIRECT)
     try:
         pybullet.setPhysicsEngineParameter(enableFileCaching=0, physicsClientId=client)
@@ -41,6 +44,8 @@ def engines_box(scene: Scene) -> list[float]:
 
 
 def loaded(scene: Scene, client: int) -> int:
+    import pybullet
+
     path = scene.workspace.directory / "engine.urdf"
     path.write_text(scene.model.urdf)
     flags = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
@@ -54,6 +59,8 @@ def loaded(scene: Scene, client: int) -> int:
 
 
 def reach(body: int, axis: int, sign: int, client: int) -> float:
+    import pybullet
+
     normal, at = ([value * (place == axis) for place in range(3)] for value in (-sign, sign * FAR))
     shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal, physicsClientId=client)
     wall = pybullet.createMultiBody(0, shape, basePosition=at, physicsClientId=client)
@@ -111,6 +118,7 @@ def test_the_block_of_a_robot_runs_as_it_was_pasted(known: KnownRobot, tmp_path:
     assert run(tmp_path, block)["status"] == "passed"
 
 
+@pytest.mark.pybullet
 def test_the_drive_that_is_offered_drives(tmp_path: Path) -> None:
     (husky,) = (known for known in ROBOTS if known.name == "husky")
     block, _ = inspected(tmp_path, husky.path)

@@ -23,6 +23,8 @@ from tests.mesh_files import (
     wheel,
 )
 
+pytestmark = pytest.mark.pybullet
+
 
 @pytest.mark.parametrize("scale", [(2, 1, 0.5), (-1, 1, 1), (-1, -2, -0.1)])
 def test_a_scale_acts_as_it_does_in_the_engine(scale: Vector3, tmp_path: Path) -> None:

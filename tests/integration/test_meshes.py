@@ -27,6 +27,8 @@ from tests.mesh_files import (
     wheel,
 )
 
+pytestmark = pytest.mark.pybullet
+
 IGNORE_VISUALS = 1 << 20
 """pybullet.URDF_IGNORE_VISUAL_SHAPES."""
 

@@ -6,18 +6,23 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from sim_action.backends.pybullet import PyBulletBackend
-from sim_action.backends.pybullet_scene import GRAVITY
+from sim_action.backends import GRAVITY
 from sim_action.command import JointTargets
 from sim_action.models.urdf import read_urdf
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.workspace import Workspace
 from sim_action.world import Body, Ground, Physics, Placement, Robot, Sphere, World
+
+if TYPE_CHECKING:
+    from sim_action.backends.pybullet import PyBulletBackend
+
+pytestmark = pytest.mark.pybullet
 
 BALL = """
 <robot name="ball"><link name="ball">
@@ -54,6 +59,8 @@ def scene(
     path = folder / "robot.urdf"
     path.write_text(urdf)
     everything = Scene(robot, read_urdf(path), world or World(), Physics(rate=rate), Workspace(folder, folder))
+    from sim_action.backends.pybullet import PyBulletBackend
+
     backend = PyBulletBackend(everything, contacts=contacts)
     try:
         yield backend

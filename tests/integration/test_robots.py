@@ -16,6 +16,8 @@ from sim_action.errors import ModelError
 from sim_action.models import load_model
 from tests.integration.conftest import sim_action
 
+pytestmark = pytest.mark.pybullet
+
 NEGLIGIBLE: Final = 0.002  # of the whole, for all links that state no mass
 
 every_robot = pytest.mark.parametrize("known", ROBOTS, ids=lambda known: known.name)

@@ -11,11 +11,10 @@ from typing import Final
 from xml.etree import ElementTree as ET
 
 import numpy as np
-import pybullet_data
 import pytest
 
-from sim_action.backends.pybullet import PyBulletBackend
-from sim_action.backends.pybullet_scene import GRAVITY
+from bench.robots import DATA
+from sim_action.backends import BACKENDS, GRAVITY, Backend, chosen
 from sim_action.command import JointTargets
 from sim_action.errors import ModelError, RefusedModel
 from sim_action.models import load_model
@@ -27,8 +26,6 @@ from sim_action.world import Physics, Placement, Robot, World
 from tests.integration.conftest import sim_action
 from tests.models.sdf_models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written
-
-DATA: Final = Path(pybullet_data.getDataPath())
 
 # Poses as people write them in SDF: from the ground, with the wheels' axes along their own z.
 ROVER = """\
@@ -138,10 +135,10 @@ def test_what_is_wrong_in_an_included_file_is_told_by_validate(tmp_path: Path) -
 
 
 @contextmanager
-def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[PyBulletBackend]:
+def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[Backend]:
     written(folder / "robot.sdf", text)
     workspace = Workspace(folder, folder)
-    backend = PyBulletBackend(
+    backend = BACKENDS.load(chosen("auto"))(
         Scene(robot, load_model(robot, workspace), World(), Physics(rate=rate), workspace), contacts=False
     )
     try:

@@ -67,7 +67,7 @@ def test_a_mapped_folder_needs_no_package_xml(ros: RosWorkspace) -> None:
         ),
         ("drive.sim.yml", "missing-package", "is no folder"),
         ("../../elsewhere", "outside-workspace", r"is outside the workspace .*; --allow-outside lifts this"),
-        ("a\0b", "missing-package", "cannot be a folder: embedded null byte"),
+        ("a\0b", "missing-package", "cannot be a folder: .*embedded null"),
         ("a" * 300, "missing-package", "cannot be a folder|is no folder"),
     ],
 )
@@ -356,7 +356,7 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
         ("model://rover_description/", "bad-reference", "names no file"),
         ("http://example.org/a.stl", "bad-reference", "files are named by package://name/path, model://name/path, "),
         ("file://meshes/a.stl", "bad-reference", "takes an absolute path: file:///meshes/a.stl, or 'meshes/a.stl'"),
-        ("a\0b", "bad-reference", "cannot be a file: embedded null byte"),
+        ("a\0b", "bad-reference", "cannot be a file: .*embedded null"),
         ("a" * 300, "bad-reference", "cannot be a file: .*File name too long"),
         ("package://rover_description/../../../elsewhere/a.stl", "outside-workspace", "is outside the workspace"),
         ("../../../../elsewhere/a.stl", "outside-workspace", r"is outside .* \(it is .*/elsewhere/a.stl\); --allow"),

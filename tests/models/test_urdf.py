@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -237,7 +238,8 @@ def test_a_missing_file_and_a_folder_are_model_errors(tmp_path: Path) -> None:
 def test_links_of_meshes_in_a_circle_are_no_files(tmp_path: Path) -> None:
     (tmp_path / "a").symlink_to("a")
     error = refusal(tmp_path, ARM.replace('<sphere radius="0.5"/>', '<mesh filename="a"/>'))
-    assert "'a' cannot be a file" in str(error)
+    # Since Python 3.13, such a path is one that leads nowhere.
+    assert re.search("'a' (cannot be a file|does not exist)", str(error))
 
 
 def mutated(text: str, seed: int) -> bytes:
