@@ -26,6 +26,13 @@ def test_a_good_model_has_no_findings(tmp_path: Path) -> None:
     assert findings(tmp_path, GOOD) == []
 
 
+@pytest.mark.parametrize("material", ['<material name="">', "<material>"])
+def test_a_material_without_a_name_is_no_concern(material: str, tmp_path: Path) -> None:
+    # The URDF exporter of SolidWorks writes an empty name, always; what is to be seen is not simulated.
+    visual = f'<visual><geometry><box size="1 1 1"/></geometry>{material}<color rgba="1 0 0 1"/></material></visual>'
+    assert findings(tmp_path, GOOD.replace("</link>", f"{visual}</link>")) == []
+
+
 @pytest.mark.parametrize("bad", BAD_MODELS, ids=lambda bad: bad.name)
 def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) -> None:
     if RULES[bad.rule].level == "warning":

@@ -21,7 +21,6 @@ _REQUIRED: Final = {
     **{f"link/collision/geometry/{tag}": names for tag, names in SHAPES.items()},
     "link/collision/geometry/mesh": ("filename",),
     "link/visual/geometry/mesh": ("filename",),
-    "link/visual/material": ("name",),
 }
 _CHILDREN: Final = {"joint": ("parent", "child"), "link/collision": ("geometry",), "link/inertial": ("mass", "inertia")}
 
