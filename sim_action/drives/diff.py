@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
+from sim_action import units
 from sim_action.command import JointTargets
 from sim_action.drives import Drive
 from sim_action.drives.diff_plugin import StatedWheels, stated_by_plugin
@@ -55,12 +56,12 @@ class DiffDrive(Drive):
         return cls(left=tuple(left), right=tuple(right)) if len(left) == len(right) == len(wheels) / 2 == 1 else None
 
     def problems(self, model: RobotModel) -> SpecProblems:
-        """Joints that the model has not, figures that it does not tell."""
+        """Joints that the model has not, or that are none of wheels, and figures that it does not tell."""
         unknown = [
             ((side, index), trouble)
             for side in ("left", "right")
             for index, name in enumerate(getattr(self, side))
-            if (trouble := model.why_not_driven(name)) is not None
+            if (trouble := _why_no_wheel(model, name)) is not None
         ]
         yield from unknown
         if unknown:
@@ -146,6 +147,22 @@ class DiffDriveMotion:
 
 # In m. Wheels of less would be asked to turn at speeds that are no numbers.
 _LEAST_LENGTH: Final = 1e-6
+
+# In rad, from one limit to the other: exporters write such as 1e9 for what turns for ever.
+_FOR_EVER: Final = 1e5
+
+
+def _why_no_wheel(model: RobotModel, name: str) -> str | None:
+    """What to say of a joint that no wheel turns about: engines drive it through its limits, for a while."""
+    if (trouble := model.why_not_driven(name)) is not None:
+        return trouble
+    joint = model.joints_by_name[name]
+    if joint.type == "prismatic":
+        return f"joint '{name}' slides: a wheel turns about a joint that is 'continuous'"
+    if joint.lower is None or joint.upper is None or not 0 <= joint.upper - joint.lower < _FOR_EVER:
+        return None
+    limits = f"{units.display(joint.lower, 'rad')} to {units.display(joint.upper, 'rad')}"
+    return f"joint '{name}' has limits, {limits}: a wheel turns for ever, about a joint that is 'continuous'"
 
 
 def _mean(wheels: Sequence[Wheel], value: Callable[[Wheel], float]) -> float:

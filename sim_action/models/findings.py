@@ -72,6 +72,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "absurd-size": Rule("error", "a part larger than any robot: millimetres taken for metres"),
         "unsupported-part": Rule("error", "a part of SDF that is not simulated; let go, it is passed over"),
         "xacro-warning": Rule("warning", "what xacro itself warned of"),
+        "locked-joint": Rule("warning", "a joint that cannot move: its limits are one number, often 0 for a wheel"),
         "concave-mesh": Rule("warning", "a collision mesh that is not convex: its hull is what collides"),
         "tiny-mesh": Rule("warning", "a collision mesh smaller than 1 mm: metres taken for millimetres"),
         "flat-mesh": Rule("warning", "a collision mesh without a volume"),

@@ -85,6 +85,28 @@ def test_every_joint_that_is_not_there_is_a_problem_at_its_place() -> None:
     ]
 
 
+def test_a_wheel_turns_for_ever() -> None:
+    # So do exporters write a wheel, and an engine's motor would turn it through its limits.
+    limited = changed(burger(), wheel_right_joint={"type": "revolute", "lower": 0.0, "upper": 0.0})
+    ((path, message),) = problems(BURGER, limited)
+    assert path == ("right", 0)
+    limits = "joint 'wheel_right_joint' has limits, 0 deg to 0 deg"
+    assert message == f"{limits}: a wheel turns for ever, about a joint that is 'continuous'"
+
+
+def test_a_wheel_does_not_slide() -> None:
+    ((path, message),) = problems(BURGER, changed(burger(), wheel_left_joint={"type": "prismatic"}))
+    assert path == ("left", 0)
+    assert message == "joint 'wheel_left_joint' slides: a wheel turns about a joint that is 'continuous'"
+
+
+@pytest.mark.parametrize("limits", [(None, None), (-1e9, 1e9), (2.0, -1.0)], ids=str)
+def test_a_joint_that_nothing_stops_turns_a_wheel(limits: tuple[float | None, float | None]) -> None:
+    lower, upper = limits
+    free = changed(burger(), wheel_left_joint={"type": "revolute", "lower": lower, "upper": upper})
+    assert problems(BURGER, free) == []
+
+
 def test_a_wheel_is_on_one_side() -> None:
     assert problems(DiffDrive(left=(LEFT,), right=(LEFT, RIGHT)), burger()) == [
         (("right",), "a wheel cannot be on both sides")

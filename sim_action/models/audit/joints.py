@@ -49,6 +49,10 @@ def limits(document: ModelDocument) -> Iterator[Finding]:
         elif (lower or 0.0) > (upper or 0.0):
             message = f"joint '{name}' has a lower limit of {lower or 0:g} above its upper limit of {upper or 0:g}"
             yield document.finding("reversed-limits", limit, message)
+        elif (lower or 0.0) == (upper or 0.0):
+            other = "what turns for ever, as a wheel does, is 'continuous'; " if kind == "revolute" else ""
+            message = f"joint '{name}' cannot move, its limits are both {lower or 0:g}: {other}what is held is 'fixed'"
+            yield document.finding("locked-joint", limit, message)
 
 
 def motors(document: ModelDocument) -> Iterator[Finding]:
