@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final, Literal
 
@@ -103,8 +103,8 @@ def _cause(child: Child, ending: Ending, output: str) -> tuple[FailureKind, str,
     """Kind, title and message of an end without a verdict."""
     scenario = child.job.loaded.scenario
     if ending == "wall limit":
-        limit = f"no verdict after {scenario.wall_seconds:g} s of wall time"
-        return "wall limit", "wall limit", f"{limit} (wall_limit): a stuck controller, or too low a limit"
+        limit = f"no verdict after {scenario.wall_seconds:g} s of wall time (wall_limit)"
+        return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child), 'too low a limit'))}"
     if ending == "output limit":
         printed = f"more than {scenario.output_bytes / 1e6:.4g} MB were printed"
         return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
@@ -113,6 +113,15 @@ def _cause(child: Child, ending: Ending, output: str) -> tuple[FailureKind, str,
         message = f"the process of this scenario ended by itself, with exit code {ending} and no verdict{hint}"
         return "crash", f"exit {ending}", message
     return _cause_of_signal(child, by, output)
+
+
+def _stuck(child: Child) -> Iterator[str]:
+    """What may hold a scenario up for ever."""
+    scenario = child.job.loaded.scenario
+    if scenario.robot.is_xacro and not child.sim_time:
+        yield "xacro that does not end"
+    if any(source.runs_user_code for source in scenario.commands):
+        yield "a stuck controller"
 
 
 def _cause_of_signal(child: Child, title: str, output: str) -> tuple[FailureKind, str, str]:

@@ -32,7 +32,12 @@ _STEP_ROUNDING = 1e-6
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
 _LEAST_MEMORY: Final = 512 << 20
 _MOST_MEMORY: Final = 1 << 50
-_MEMORY: Final = 4 << 30
+MEMORY: Final = 4 << 30
+"""Bytes of address space that a process may take, if nobody says otherwise."""
+
+WALL_SECONDS: Final = 60.0
+"""Of wall time that anything may take, if nobody says otherwise."""
+
 _OUTPUT: Final = 100_000_000
 
 
@@ -124,12 +129,12 @@ class Scenario(FrozenModel):
     @property
     def wall_seconds(self) -> float:
         """After how many seconds of wall time a run is given up."""
-        return self.wall_limit or max(60.0, 10 * self.time_limit)
+        return self.wall_limit or max(WALL_SECONDS, 10 * self.time_limit)
 
     @property
     def memory_bytes(self) -> int:
         """How much address space a process of it may take."""
-        return int(self.memory_limit or _MEMORY)
+        return int(self.memory_limit or MEMORY)
 
     @property
     def output_bytes(self) -> int:

@@ -21,9 +21,9 @@ def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
 
     Exit code: 2 if no engine could take it.
     """
-    from sim_action.inspection import inspect_model
+    from sim_action.inspection_process import inspect_apart
     from sim_action.inspection_text import inspection_text
 
-    found = inspect_model(*asked_model(model, flags))
+    found = inspect_apart(*asked_model(model, flags))
     click.echo(found.model_dump_json(indent=2) if as_json else inspection_text(found))
     return ExitCode.PASSED

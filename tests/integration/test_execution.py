@@ -112,6 +112,18 @@ def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: P
     assert cause in f"{failure.title} {failure.message}"
 
 
+def test_where_no_controller_runs_none_is_stuck(tmp_path: Path, run: Run) -> None:
+    (tmp_path / "endless.xacro").write_text(
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="${9**9**9}"/></robot>'
+    )
+    path = scenario(tmp_path, "xacro", wall_limit=2)
+    path.write_text(path.read_text().replace("turtlebot3_burger", "endless.xacro"))
+    (outcome,) = run([path], tmp_path)
+    (failure,) = outcome.failures
+    assert failure.kind == "wall limit"
+    assert "after 2 s of wall time (wall_limit): xacro that does not end or too low a limit;" in failure.message
+
+
 FORGED = """\
 import json, os, sys
 frame = sys._getframe()

@@ -1,0 +1,78 @@
+"""What is evaluated for a look at a model: in a process of its own, which is ended with all that it has begun."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from tests.integration.conftest import sim_action
+
+MODEL: Final = """\
+<robot name="bot" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:property name="p" value="{value}"/>
+  <link name="base">
+    <inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><geometry><sphere radius="${{p}}"/></geometry></collision>
+  </link>
+</robot>
+"""
+
+# A bound of time that a test can wait for.
+CALLER: Final = """
+import sys
+from pathlib import Path
+from sim_action.errors import ModelError
+from sim_action.inspection_process import inspect_apart
+from sim_action.workspace import Workspace
+from sim_action.world import Robot
+
+here = Path.cwd()
+try:
+    print(inspect_apart(Robot(model="bot.xacro"), Workspace(here, here), seconds=1, memory=1 << 29).mass)
+except ModelError as error:
+    sys.exit(str(error))
+"""
+
+
+def looked(folder: Path, value: str) -> subprocess.CompletedProcess[str]:
+    (folder / "bot.xacro").write_text(MODEL.format(value=value))
+    call = [sys.executable, "-c", CALLER]
+    return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_what_is_evaluated_in_time_is_told(tmp_path: Path) -> None:
+    found = looked(tmp_path, "${1 / 2}")
+    assert (found.returncode, found.stdout, found.stderr) == (0, "2.0\n", "")
+
+
+def test_what_is_never_done_is_ended(tmp_path: Path) -> None:
+    found = looked(tmp_path, "${9**9**9}")
+    assert found.returncode == 1
+    assert found.stderr == "bot.xacro: not evaluated after 1 s: does something in it go on without end?\n"
+
+
+def test_what_takes_too_much_memory_is_told(tmp_path: Path) -> None:
+    found = looked(tmp_path, "${len('a' * 10**10)}")
+    assert found.returncode == 1
+    assert "bot.xacro:5: there is not enough memory" in found.stderr
+
+
+def test_the_command_says_what_it_would_say_of_urdf(tmp_path: Path) -> None:
+    (tmp_path / "bot.xacro").write_text(MODEL.format(value="${1 / 2}"))
+    inspected = sim_action(tmp_path, "inspect", "bot.xacro")
+    assert (inspected.returncode, inspected.stderr) == (0, "")
+    assert "bot: 1 links, 0 joints (0 move), 2 kg" in inspected.stdout
+    assert "model: bot.xacro" in inspected.stdout
+
+
+@pytest.mark.parametrize(("value", "line", "rule"), [("${1 / 0}", 5, "bad-xacro"), ("${-1}", 5, "bad-shape")])
+def test_the_command_says_what_is_wrong_and_where(value: str, line: int, rule: str, tmp_path: Path) -> None:
+    (tmp_path / "bot.xacro").write_text(MODEL.format(value=value))
+    inspected = sim_action(tmp_path, "inspect", "bot.xacro")
+    assert (inspected.returncode, inspected.stdout) == (2, "")
+    assert inspected.stderr.startswith(f"sim-action: bot.xacro:{line}: ")
+    assert inspected.stderr.endswith(f"[{rule}]\n")
