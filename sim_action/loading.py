@@ -153,9 +153,7 @@ class _Loader:
         """What can be said of a model that only the scenario's own process may read; the rest is checked there."""
         if robot.is_xacro and self._permissions.scripts_refused:
             self._problems.note(("robot", "model"), self._permissions.scripts_refused)
-        read = "evaluated" if robot.is_xacro else "read by MuJoCo"
-        name = f"{robot.model} is {read} when it runs: until then, what is said of links and joints is not checked"
-        self.unchecked = (name, *check_text(robot, self._workspace))
+        self.unchecked = check_text(robot, self._workspace)
 
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))

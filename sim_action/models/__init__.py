@@ -73,7 +73,8 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
     path = _path(robot.model, packages)
     if robot.is_mjcf:
         read_document(path)
-        return ()
+        what = "what is said of links and joints is not checked"
+        return (f"{robot.model} is read by MuJoCo when it runs: until then, {what}",)
     from sim_action.models import expansion
 
     return expansion.check_text(path, robot.args, packages)

@@ -67,6 +67,11 @@ def shown_file(path: Path) -> str:
     return file_name(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
+def shown_place(place: Location) -> Location:
+    """How reports call a place in a file, likewise."""
+    return Location(shown_file(Path(place.file)), place.line, place.column)
+
+
 def _bytes(path: Path, where: Location) -> bytes:
     try:
         with open_regular(path, follow_link=True) as file:

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from sim_action.location import Location
-from sim_action.models.document import ModelDocument, shown_file
+from sim_action.models.document import ModelDocument, shown_file, shown_place
 from sim_action.models.findings import finding, refuse_errors
 from sim_action.models.packages import Packages
 from sim_action.models.xacro_check import XacroCheck, check_xacro
@@ -26,7 +26,7 @@ def read_xacro(
         refuse_errors([_finding(error)])
         raise
     root = ET.fromstring(expansion.text)  # noqa: S314 - written by xacro from documents without a DOCTYPE
-    places = {element: _shown(place) for element, place in zip(root.iter(), expansion.places, strict=True)}
+    places = {element: shown_place(place) for element, place in zip(root.iter(), expansion.places, strict=True)}
     warnings = [finding("xacro-warning", note, Location(shown_file(path))) for note in expansion.notes]
     return ModelDocument(root, places), warnings
 
@@ -39,8 +39,4 @@ def check_text(path: Path, arguments: Mapping[str, Argument], packages: Packages
 
 
 def _finding(error: XacroError) -> Finding:
-    return finding(error.rule, str(error), _shown(error.location))
-
-
-def _shown(place: Location) -> Location:
-    return Location(shown_file(Path(place.file)), place.line, place.column)
+    return finding(error.rule, error.message, shown_place(error.location))

@@ -15,6 +15,7 @@ from typing import Final
 from xml.dom.minidom import Element, Node
 
 from sim_action.location import Location
+from sim_action.models.document import shown_file, shown_place
 from sim_action.models.packages import PackageError, Packages
 from sim_action.models.xacro_documents import XacroDocuments, XacroError, place_of
 from sim_action.models.xacro_files import unknown_argument
@@ -55,7 +56,8 @@ class _Checker:
         while self._waiting:
             self._read(self._waiting.popleft())
         files = "1 file" if len(self._seen) == 1 else f"{len(self._seen)} files"
-        self.notes.append(f"{self._path}: xacro is evaluated only when the scenario runs; checked as text: {files}")
+        evaluated = f"{shown_file(self._path)} is evaluated only when the scenario runs"
+        self.notes.append(f"what is said of links and joints: {evaluated} (read as text: {files})")
 
     def check_arguments(self, arguments: Iterable[str]) -> None:
         """Another one may be declared in a file that was not read."""
@@ -81,7 +83,9 @@ class _Checker:
         try:
             name = _FIND.sub(lambda found: self._package_folder(found[1], place), stated)
             if "$" in name or _WILDCARDS & set(name):
-                self._pass_over(f"{place}: include '{stated}' was not followed: what it names is known only then")
+                self._pass_over(
+                    f"{shown_place(place)}: include '{stated}' was not followed: what it names is known only then"
+                )
                 return
             target = self._packages.file(path.parent / name, stated)
         except PackageError as error:
@@ -94,7 +98,7 @@ class _Checker:
     def _package_folder(self, name: str, place: Location) -> str:
         found = self._packages.find(name, Path(place.file))
         if found.warning:
-            self.notes.append(f"{place}: {found.warning}")
+            self.notes.append(f"{shown_place(place)}: {found.warning}")
         return str(found.path)
 
     def _pass_over(self, note: str) -> None:
@@ -104,7 +108,7 @@ class _Checker:
     def _absent(self, element: Element, error: XacroError) -> None:
         """An include that may never be made is no problem yet."""
         if element.hasAttribute("optional") or _is_conditional(element):
-            self._pass_over(f"{error}, if it is included at all")
+            self._pass_over(f"{shown_place(error.location)}: {error.message}, if it is included at all")
         else:
             self.problems.append(error)
 

@@ -17,6 +17,7 @@ from typing import Final
 from xml.dom.minidom import Element, Node
 
 from sim_action.location import Location
+from sim_action.models.document import shown_place
 from sim_action.models.packages import PackageError
 from sim_action.models.xacro_documents import XacroError, place_of
 
@@ -77,9 +78,9 @@ def _way(trail: list[_Step], end: Location) -> str:
 def _said(step: _Step) -> str:
     match step.frame.f_code.co_name, step.node:
         case "handle_macro_call", Element(tagName=tag):
-            return f"in macro '{tag.removeprefix('xacro:')}' called at {step.place}"
+            return f"in macro '{tag.removeprefix('xacro:')}' called at {shown_place(step.place)}"
         case "process_include", _:
-            return f"included at {step.place}"
+            return f"included at {shown_place(step.place)}"
     return ""
 
 

@@ -66,6 +66,7 @@ def test_what_is_wrong_is_told_on_the_line_of_the_xacro_file(
     message = refusal(tmp_path, MODEL.replace(old, new))
     assert message.startswith(f"{tmp_path}/bot.urdf.xacro:{line}:")
     assert message.endswith(f"[{rule}]")
+    assert message.count("bot.urdf.xacro:") == 1
 
 
 def test_arguments_that_there_are_not(tmp_path: Path) -> None:
@@ -84,7 +85,8 @@ def test_a_scenario_says_what_was_left_unchecked_and_checks_it_where_it_runs(tmp
     path.write_text(SCENARIO)
     loaded = load_scenario(path)
     assert loaded.scenario.runs_user_code
-    assert "links and joints" in loaded.unchecked[0]
+    assert "what is said of links and joints: " in loaded.unchecked[0]
+    assert len(loaded.unchecked) == 1
     with pytest.raises(InvalidScenario, match="no moving joint 'elbow'"):
         load_scenario(path, evaluate=True)
 

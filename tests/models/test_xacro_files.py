@@ -500,13 +500,14 @@ def test_the_end_of_long_chatter_is_dropped() -> None:
 def test_a_sound_robot_has_no_problems_and_says_that_it_was_not_run(ros: RosWorkspace) -> None:
     check = check_xacro(ros.rover, ["mass"], ros.packages())
     assert check.problems == ()
-    assert check.notes == (f"{ros.rover}: xacro is evaluated only when the scenario runs; checked as text: 4 files",)
+    when = f"{ros.rover} is evaluated only when the scenario runs"
+    assert check.notes == (f"what is said of links and joints: {when} (read as text: 4 files)",)
 
 
 def checked(ros: RosWorkspace, body: str, *arguments: str) -> tuple[list[str], list[str]]:
     """The problems, and the notes but for the one that always is."""
     check = check_xacro(ros.robot(body), arguments, ros.packages())
-    assert "xacro is evaluated only when the scenario runs" in check.notes[-1]
+    assert "is evaluated only when the scenario runs" in check.notes[-1]
     notes = [note.replace(f"{ros.root}/{URDF}/", "") for note in check.notes[:-1]]
     return [f"{told(ros, problem)} [{problem.rule}]" for problem in check.problems], notes
 
