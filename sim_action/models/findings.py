@@ -29,7 +29,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "unknown-argument": Rule("fatal", "an argument in `robot.args` that the xacro file does not have"),
         "missing-include": Rule("fatal", "a file that is to be included and is not there"),
         "missing-package": Rule("fatal", "a package that is not there"),
-        "outside-workspace": Rule("fatal", "a file that is to be included from outside the workspace"),
+        "outside-workspace": Rule("fatal", "a mesh, or a file to include, from outside the workspace"),
         "bad-reference": Rule("fatal", "an address that names no file"),
         "not-a-robot": Rule("fatal", "a file that is no robot model, or not one alone"),
         "missing-part": Rule("fatal", "an element without a part or an attribute that it must have"),

@@ -108,7 +108,9 @@ class Packages:
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
             raise PackageError("bad-reference", f"{reference!r} cannot be a file: {error}") from None
         if not self.admits(found):
-            raise self._outside(f"'{reference}'", found)
+            elsewhere = "; a path from the file that refers to it, or of a package, is there on every machine"
+            is_absolute = reference.startswith(("/", "file:"))
+            raise self._outside(f"'{reference}'", found, elsewhere if is_absolute else "")
         if not is_file:
             reason = "is a folder" if is_folder else "does not exist"
             raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){self._beside(found)}")
@@ -150,9 +152,9 @@ class Packages:
     def _owners(self) -> OwnersFolders:
         return OwnersFolders(self.environment)
 
-    def _outside(self, what: str, found: Path) -> PackageError:
+    def _outside(self, what: str, found: Path, advice: str = "") -> PackageError:
         where = f"is outside the workspace {self.workspace.root} (it is {found})"
-        return PackageError("outside-workspace", f"{what} {where}; --allow-outside lifts this")
+        return PackageError("outside-workspace", f"{what} {where}; --allow-outside lifts this{advice}")
 
     def _missing(self, kind: str, name: str, here: Path, variables: Iterable[str]) -> PackageError:
         inside, root = self._inside, self.workspace.root

@@ -51,7 +51,8 @@ def _resolve(document: ModelDocument, path: Path, packages: Packages, boxes: dic
         try:
             found = packages.resolve(mesh.attrib["filename"], document.files.get(mesh, path))
         except PackageError as error:
-            rule = "missing-visual" if shape.tag == "visual" else "missing-mesh"
+            missing = "missing-mesh" if error.rule == "missing-file" else error.rule
+            rule = "missing-visual" if shape.tag == "visual" else missing
             yield document.finding(rule, mesh, str(error))
             continue
         if found.warning and found.warning not in told:

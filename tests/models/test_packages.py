@@ -360,7 +360,12 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
         ("a" * 300, "bad-reference", "cannot be a file: .*File name too long"),
         ("package://rover_description/../../../elsewhere/a.stl", "outside-workspace", "is outside the workspace"),
         ("../../../../elsewhere/a.stl", "outside-workspace", r"is outside .* \(it is .*/elsewhere/a.stl\); --allow"),
-        ("file:///etc/passwd", "outside-workspace", "is outside"),
+        (
+            "file:///etc/passwd",
+            "outside-workspace",
+            "lifts this; a path from the file that refers to it, or of a package",
+        ),
+        ("/etc/passwd", "outside-workspace", "or of a package, is there on every machine$"),
         ("link.stl", "outside-workspace", "is outside"),
     ],
 )
