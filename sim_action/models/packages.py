@@ -80,6 +80,7 @@ class Packages:
         """The file that `reference`, which stands in `referrer`, names. Raises PackageError."""
         scheme, separator, rest = reference.partition("://")
         if not separator:
+            _refuse_one_slash(reference)
             return Found(self.file(referrer.resolve().parent / reference, reference))
         if scheme == "file":
             return Found(self.file(_path_of_address(rest, reference), reference))
@@ -104,13 +105,15 @@ class Packages:
             # As in an address, %20 is a space where there is no such name.
             if not found.exists() and "%" in reference:
                 found = Path(unquote(str(path))).resolve()
-            is_file, is_folder = found.is_file(), found.is_dir()
+            is_file, is_folder, is_there = found.is_file(), found.is_dir(), found.exists()
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
             raise PackageError("bad-reference", f"{reference!r} cannot be a file: {error}") from None
         if not self.admits(found):
             elsewhere = "; a path from the file that refers to it, or of a package, is there on every machine"
             is_absolute = reference.startswith(("/", "file:"))
             raise self._outside(f"'{reference}'", found, elsewhere if is_absolute else "")
+        if is_there and not is_file and not is_folder:
+            raise PackageError("missing-file", f"'{reference}' is no regular file (looked for {found})")
         if not is_file:
             reason = "is a folder" if is_folder else "does not exist"
             raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){self._beside(found)}")
@@ -208,6 +211,14 @@ def _steps(start: Path, end: Path) -> int:
     """How many folders lie on the way."""
     common = len(Path(os.path.commonpath((start, end))).parts)
     return len(start.parts) + len(end.parts) - 2 * common
+
+
+def _refuse_one_slash(reference: str) -> None:
+    """An address that has lost a slash looks like a path."""
+    scheme, _, rest = reference.partition(":/")
+    if scheme in {"package", "model", "file"} and rest:
+        meant = f"{scheme}://{'/' if scheme == 'file' else ''}{rest}"
+        raise PackageError("bad-reference", f"'{reference}' has one slash too few; did you mean '{meant}'?")
 
 
 def _path_of_address(rest: str, reference: str) -> Path:

@@ -131,6 +131,8 @@ def test_a_long_text_in_the_place_of_a_number_is_cut(tmp_path: Path) -> None:
 def test_what_hangs_on_an_unknown_link_is_no_loop(tmp_path: Path) -> None:
     (found,) = findings(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="bas"/>'))
     assert found.rule == "unknown-link"
+    unknown = "joint 'shoulder' names the unknown link 'bas'"
+    assert found.message == f"{unknown}; did you mean 'base'? (allowed: base, upper)"
 
 
 def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:

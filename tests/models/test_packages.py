@@ -367,6 +367,9 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
         ),
         ("/etc/passwd", "outside-workspace", "or of a package, is there on every machine$"),
         ("link.stl", "outside-workspace", "is outside"),
+        ("package:/arm/a.stl", "bad-reference", r"one slash too few; did you mean 'package://arm/a.stl'\?$"),
+        ("file:/arm/a.stl", "bad-reference", r"did you mean 'file:///arm/a.stl'\?$"),
+        ("pipe.stl", "missing-file", r"'pipe.stl' is no regular file \(looked for .*/urdf/pipe.stl\)$"),
     ],
 )
 def test_what_leads_to_no_file_is_refused(
@@ -374,6 +377,7 @@ def test_what_leads_to_no_file_is_refused(
 ) -> None:
     written(elsewhere / "a.stl", "")
     (ros.description / "urdf/link.stl").symlink_to(elsewhere / "a.stl")
+    os.mkfifo(ros.description / "urdf/pipe.stl")
     with pytest.raises(PackageError, match=message) as raised:
         ros.packages().resolve(reference, ros.rover)
     assert raised.value.rule == rule

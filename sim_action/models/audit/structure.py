@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from sim_action.messages import did_you_mean
 from sim_action.models.document import ModelDocument
 from sim_action.models.values import child_of, parent_of
 from sim_action.robot_model import Finding
 
 _JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
+
+# Each compares a name with all others.
+_MOST_HINTS: Final = 10
 
 LONGEST_NAME: Final = 255
 """In bytes of UTF-8. PyBullet writes a name into 1,024 bytes, and what is longer ends the process."""
@@ -43,12 +47,13 @@ def tree(document: ModelDocument) -> Iterator[Finding]:
     links = {link.attrib["name"] for link in document.elements("link")}
     children: dict[str, list[str]] = {}
     carriers: dict[str, str] = {}
-    unknown = False
+    unknown = 0
     for joint in document.elements("joint"):
         name, parent, child = joint.attrib["name"], parent_of(joint), child_of(joint)
         for link in sorted({parent, child} - links):
-            unknown = True
-            yield document.finding("unknown-link", joint, f"joint '{name}' names the unknown link '{link}'")
+            hint = did_you_mean(link, links) if unknown < _MOST_HINTS else ""
+            unknown += 1
+            yield document.finding("unknown-link", joint, f"joint '{name}' names the unknown link '{link}'{hint}")
         if child in carriers:
             message = f"link '{child}' is the child of two joints, '{carriers[child]}' and '{name}': it can hang on one"
             yield document.finding("two-parents", joint, message)
