@@ -65,7 +65,7 @@ class Inspection(FrozenModel):
         mass: kg, of the links that say what they weigh.
         lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, joints where they
             begin; None if there are no shapes.
-        height: m, of the base link above the ground when the lowest shape touches it.
+        height: m, of the base link above the ground when the lowest shape touches it; 0 if it is bolted to the world.
         wheels: what looks like wheels, whether or not it is plain how they drive.
         drive: how it drives, if that was recognised, with the figures.
         needs: rules that `robot.allow` has to name.
@@ -114,7 +114,7 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
         joints=tuple(_joint_entry(joint, start) for joint in model.joints),
         lower_xyz=box[0] if box else None,
         upper_xyz=box[1] if box else None,
-        height=-box[0][2] if box else None,
+        height=_height(model, box[0]) if box else None,
         wheels=wheels,
         drive=drive.describe(model) if drive else None,
         findings=model.findings,
@@ -130,6 +130,11 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
     skid_steer = None if drive else _skid_steer(model, wheels)
     if skid_steer:
         yield f"drive: {drive_text(skid_steer)}"
+
+
+def _height(model: RobotModel, lowest_corner: Vector3) -> float:
+    """Of the base link above the ground, in m."""
+    return 0.0 if model.root == WORLD else -lowest_corner[2]
 
 
 def _base(model: RobotModel) -> str | None:

@@ -10,7 +10,7 @@ from sim_action import units
 from sim_action.geometry import Vector3
 from sim_action.inspection import Inspection, JointEntry
 from sim_action.messages import log_line
-from sim_action.robot_model import Finding
+from sim_action.robot_model import WORLD, Finding
 
 _WIDTH: Final = 80
 _AXES: Final = {sign * place: f"{'-' * (sign < 0)}{name}" for place, name in enumerate("xyz", 1) for sign in (1, -1)}
@@ -29,8 +29,11 @@ def _summary(found: Inspection) -> Iterator[str]:
     if found.lower_xyz and found.upper_xyz and found.height is not None:
         sizes = (_length(upper - lower) for lower, upper in zip(found.lower_xyz, found.upper_xyz, strict=True))
         yield f"its collision shapes fill {' x '.join(sizes)} m (x, y, z)"
-        side = "below" if round(found.height, 4) < 0 else "above"
-        yield f"standing, its base link '{found.root}' is {_length(abs(found.height))} m {side} the ground"
+        if found.root == WORLD:
+            lowest = f"its lowest shape is {_above(found.lower_xyz[2])} the ground"
+            yield from _wrapped(f"bolted to the world, its base link '{WORLD}' is at the origin; {lowest}")
+        else:
+            yield f"standing, its base link '{found.root}' is {_above(found.height)} the ground"
     for wheel in found.wheels:
         x, y, _ = map(_length, wheel.position_xyz)
         yield f"wheel: {wheel.joint}, radius {_length(wheel.radius)} m, at x = {x} m, y = {y} m"
@@ -38,6 +41,10 @@ def _summary(found: Inspection) -> Iterator[str]:
         yield from _wrapped(f"recognised: {found.drive}")
     elif found.wheels:
         yield "how these drive is not plain: robot.drive has to say it"
+
+
+def _above(height: float) -> str:
+    return f"{_length(abs(height))} m {'below' if round(height, 4) < 0 else 'above'}"
 
 
 def _length(metres: float) -> str:

@@ -92,6 +92,17 @@ def test_a_base_whose_shapes_are_all_above_it_is_below_the_ground(tmp_path: Path
     assert "standing, its base link 'base' is 2.5 m below the ground" in text
 
 
+def test_a_base_that_is_the_world_is_at_its_origin(tmp_path: Path) -> None:
+    bolted = GOOD.replace('"base"', '"world"')
+    found = inspect_model("robot.urdf", workspace(tmp_path, bolted))
+    assert found.height == 0
+    said = "bolted to the world, its base link 'world' is at the origin; its lowest shape is 2.5 m above the ground"
+    assert said in " ".join(inspection_text(found).split())
+    below = inspect_model("robot.urdf", workspace(tmp_path, bolted.replace("1 2 3", "0 0 0.25")))
+    assert "its lowest shape is 0.25 m below the ground" in " ".join(inspection_text(below).split())
+    assert "standing" not in inspection_text(below)
+
+
 def test_nothing_is_said_of_the_size_of_what_has_none(tmp_path: Path) -> None:
     found = inspect_model("robot.urdf", workspace(tmp_path, re.sub("(?s)<collision>.*</collision>", "", GOOD)))
     assert (found.lower_xyz, found.upper_xyz, found.height, found.wheels) == (None, None, None, ())
