@@ -36,7 +36,7 @@ _EXPLODES: Final = (
 )
 _SINKS: Final = (
     "usual causes: no collision shape that carries it, a start below the ground (robot.pose.z), "
-    "time steps too long (raise physics.rate)"
+    "an inertia far from that of its mass and size, time steps too long (raise physics.rate)"
 )
 
 

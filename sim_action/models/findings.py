@@ -82,6 +82,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "two-frictions": Rule("warning", "a friction that depends on the direction: one coefficient counts"),
         "zero-limit": Rule("warning", "an effort or a velocity of 0 in a <limit>: it counts as none"),
         "follower-limits": Rule("warning", "a joint that mimics one that goes further than its own limits let it"),
+        "odd-inertia": Rule("warning", "an inertia that no link of its mass and size has: in another unit"),
+        "odd-mass": Rule("warning", "a model denser than any metal: its masses are in another unit"),
         "default-inertia": Rule("warning", "an <inertial> of SDF without a mass or moment: it is 1, as SDF has it"),
         "turned-base": Rule("warning", "a root link that SDF turns: robot.pose has to say so"),
         "passed-over": Rule("warning", "a property of an SDF model that is not simulated"),

@@ -11,6 +11,7 @@ from sim_action import geometry
 from sim_action.geometry import Box
 from sim_action.models import gazebo
 from sim_action.models.audit import audit
+from sim_action.models.audit.proportions import proportions
 from sim_action.models.cleaning import (
     drop_empty_root,
     drop_odd_mimics,
@@ -49,6 +50,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
         mend(document)
     plugins = gazebo.plugins(document)
     links = tuple(_link(document, link, meshes.boxes) for link in document.elements("link"))
+    findings += proportions(document, links)
     joints = tuple(map(_joint, document.elements("joint")))
     for mend in (drop_zero_masses, fill_in_inertia, mend_inertia):
         mend(document)

@@ -61,6 +61,10 @@ def _follower(limits: str, how: str) -> str:
     return f"{hinge}{_SPARE}{_END}"
 
 
+def _scaled(factor: float) -> str:
+    return _INERTIA.replace('"1"', f'"{factor}"')
+
+
 def _fixed(name: str, parent: str, child: str) -> str:
     return _joint("fixed", name, parent, child)
 
@@ -214,6 +218,9 @@ BAD_MODELS = [
         1,
         f'<robot name="a"><link name="b"><collision><geometry>{_SPHERE}</geometry></collision></link></robot>',
     ),
+    _bad("odd-inertia", 6, _INERTIA, _scaled(1e9)),
+    _bad("odd-inertia", 6, _INERTIA, _scaled(1e-4)),
+    BadModel("tonnes", "odd-mass", 5, GOOD.replace('value="2"', 'value="1e5"').replace(_INERTIA, _scaled(1e5))),
     _bad("absurd-size", 10, "0.5", "500"),
     _bad("absurd-size", 10, _SPHERE, '<box size="120 80 40"/>'),
     _bad("absurd-size", 9, "1 2 3", "1 2 -300"),

@@ -35,13 +35,12 @@ def test_a_material_without_a_name_is_no_concern(material: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("bad", BAD_MODELS, ids=lambda bad: bad.name)
 def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) -> None:
-    if RULES[bad.rule].level == "warning":
-        (found,) = findings(tmp_path, bad.text)
-        assert found.rule == bad.rule
-        assert (bad.line, found.location.line) == (found.location.line, bad.line)
-        return
     path = tmp_path / "robot.urdf"
     path.write_text(bad.text, encoding="utf-8")
+    if RULES[bad.rule].level == "warning":
+        (found,) = read_urdf(path).findings
+        assert (found.rule, found.location.line) == (bad.rule, bad.line)
+        return
     with pytest.raises(RefusedModel) as refused:
         read_urdf(path)
     problem = refused.value.problems[0]
@@ -138,6 +137,18 @@ def test_what_hangs_on_an_unknown_link_is_no_loop(tmp_path: Path) -> None:
 def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:
     text = GOOD.replace('mass value="2"', 'mass value="-2"').replace('radius="0.5"', 'radius="0"')
     assert {finding.rule for finding in findings(tmp_path, text)} == {"negative-mass", "bad-shape"}
+
+
+@pytest.mark.parametrize(("others", "rules"), [("200", []), ("2", ["odd-inertia"])])
+def test_a_placeholder_is_told_where_it_counts(others: str, rules: list[str], tmp_path: Path) -> None:
+    # An IMU of 1 g has had nobody's care, and beside 200 kg it needs none.
+    inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    imu = f'<mass value="0.001"/>{inertia}</inertial><collision><geometry><box size="1e-2 1e-2 1e-2"/></geometry>'
+    text = GOOD.replace(f'<mass value="1"/>{inertia}</inertial>', f"{imu}</collision>")
+    assert text != GOOD
+    path = tmp_path / "robot.urdf"
+    path.write_text(text.replace('value="2"', f'value="{others}"'), encoding="utf-8")
+    assert [finding.rule for finding in read_urdf(path).findings] == rules
 
 
 @pytest.mark.parametrize(
