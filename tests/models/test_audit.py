@@ -122,6 +122,29 @@ def test_what_is_wrong_with_numbers_is_said(text: str, wanted: str, tmp_path: Pa
     assert found.message == f'<origin xyz="{text}">: expected {wanted}'
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"'),
+        ('lower="-1" upper="2"', 'lower="-12.566" upper="12.566"'),
+        ('rpy="0 0 0"', 'rpy="0 -6.2832 6.2832"'),
+        ("</joint>", "<hardwareInterface/><joint_properties/></joint>"),
+        (
+            "</robot>",
+            '<loop_joint/><self_collide/><xacro:links xmlns:xacro="x"/><drake:joint xmlns:drake="y"/></robot>',
+        ),
+    ],
+)
+def test_what_is_rare_but_right_is_not_told(old: str, new: str, tmp_path: Path) -> None:
+    assert old in GOOD
+    assert findings(tmp_path, GOOD.replace(old, new)) == []
+
+
+def test_a_tag_that_is_nearly_right_is_named(tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace("<dynamics", "<dynamic"))
+    assert found.message == "<dynamic> in <joint> is read by nobody; did you mean <dynamics>?"
+
+
 def test_a_long_text_in_the_place_of_a_number_is_cut(tmp_path: Path) -> None:
     (found,) = findings(tmp_path, GOOD.replace('value="2"', f'value="{"9" * 10_000}"'))
     assert found.message == f'<mass value="{"9" * 100}...">: expected a finite number of 1e+18 at most'

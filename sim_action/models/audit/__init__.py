@@ -8,7 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from sim_action.models.audit import attributes, engine_tables, gazebo, inertia, joints, shapes, structure
+from sim_action.models.audit import (
+    attributes,
+    engine_tables,
+    gazebo,
+    inertia,
+    joints,
+    shapes,
+    spelling,
+    structure,
+    units,
+)
 from sim_action.models.document import ModelDocument
 from sim_action.robot_model import Finding
 
@@ -33,6 +43,10 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
         inertia.presence,
         gazebo.references,
         gazebo.directions,
+        units.angles,
+        units.limits,
+        spelling.tags,
+        spelling.repeated,
     ),
 )
 
