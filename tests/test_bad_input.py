@@ -140,7 +140,7 @@ def test_a_version_of_the_format_that_is_not_there_yet(tmp_path: Path) -> None:
         ("../../etc/passwd", "3:3: robot.model: '../../etc/passwd' is outside the workspace "),
         ("/etc/passwd", "3:3: robot.model: '/etc/passwd' is outside the workspace "),
         ("./", "3:3: robot.model: './' is a folder (looked for "),
-        ("s.sim.yml", "1: not well-formed XML: syntax error [bad-xml]"),
+        ("s.sim.yml", "1: not well-formed XML: syntax error; a model is a .urdf, .xacro or .sdf file, "),
         ('"a\\0b.urdf"', "3:3: robot.model: 'a\\x00b.urdf' cannot be a file"),
         ('"a\\n::error::b.urdf"', "3:3: robot.model: 'a\\n::error::b.urdf' does not exist"),
         ("a" * 300 + ".urdf", "3:3: robot.model: 'aaaaaaa"),

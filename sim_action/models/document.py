@@ -14,6 +14,7 @@ from sim_action.discovery import file_name
 from sim_action.errors import ModelError
 from sim_action.location import Location
 from sim_action.models.findings import finding, refuse_errors
+from sim_action.models.xml_errors import explained
 from sim_action.regular_files import open_regular
 from sim_action.robot_model import Finding
 
@@ -26,8 +27,6 @@ MAX_ELEMENTS: Final = 50_000
 """Of a model, with all that it includes."""
 
 _MAX_ATTRIBUTES: Final = 500_000
-# Of bytes in which an image or an archive has a zero.
-_HEAD: Final = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,21 +82,6 @@ def _bytes(path: Path, where: Location) -> bytes:
     return data
 
 
-_MISPLACED: Final = expat.errors.codes[expat.errors.XML_ERROR_MISPLACED_XML_PI]
-
-
-def _trouble(error: expat.ExpatError, data: bytes) -> str:
-    """What the parser says, and what other tools let pass that it does not."""
-    if error.code == _MISPLACED:
-        return "something stands before <?xml ...?>, which must be the first in a file; remove either"
-    if error.lineno == 1 and b"\0" in data[:_HEAD]:
-        return f"{expat.errors.messages[error.code]}; it does not even begin as text: is this a model?"
-    lines = data.split(b"\n")
-    if error.lineno <= len(lines) and lines[error.lineno - 1][error.offset : error.offset + 1] == b"\0":
-        return "a NUL character; remove it"
-    return expat.errors.messages[error.code]
-
-
 class _Parser:
     """One file while it is parsed: elements, and the place of each."""
 
@@ -117,7 +101,7 @@ class _Parser:
             self._expat.Parse(data, True)
             return ModelDocument(self._builder.close(), self._places, size=len(data))
         except expat.ExpatError as error:
-            self._refuse(f"not well-formed XML: {_trouble(error, data)}", error.lineno)
+            self._refuse(explained(error, data), error.lineno)
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
             self._refuse(f"{error}; save the model as UTF-8", 1)
         raise AssertionError("unreachable")

@@ -12,6 +12,7 @@ from xml.dom.minidom import Document, Node
 from xml.parsers import expat
 
 from sim_action.location import Location
+from sim_action.models.xml_errors import explained
 from sim_action.regular_files import open_regular
 
 _MAX_BYTES: Final = 5_000_000
@@ -63,7 +64,7 @@ class XacroDocuments:
         try:
             document = _Builder(path, self).parseString(data)
         except expat.ExpatError as error:
-            raise XacroError("bad-xml", _explained(error), Location(str(path), error.lineno)) from None
+            raise XacroError("bad-xml", explained(error, data), Location(str(path), error.lineno)) from None
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
             raise XacroError("bad-xml", f"{error}; save the file as UTF-8", Location(str(path), 1)) from None
         arguments = document.getElementsByTagName("xacro:arg")
@@ -116,11 +117,3 @@ class _Builder(ExpatBuilderNS):
 
     def _here(self) -> Location:
         return Location(str(self._path), self.getParser().CurrentLineNumber)
-
-
-def _explained(error: expat.ExpatError) -> str:
-    reason = expat.errors.messages[error.code]
-    hint = ""
-    if reason == expat.errors.XML_ERROR_UNBOUND_PREFIX:
-        hint = '; a prefix is declared in the first element, as in <robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
-    return f"not well-formed XML: {reason}{hint}"

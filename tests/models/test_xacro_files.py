@@ -322,7 +322,11 @@ def test_one_expansion_leaves_nothing_to_the_next(ros: RosWorkspace) -> None:
             "bad-xacro",
             "test.urdf.xacro:2: wrong size, when evaluating expression 'xacro.fatal('wrong size')'",
         ),
-        ("<a>", "bad-xml", "test.urdf.xacro:3: not well-formed XML: mismatched tag"),
+        (
+            "<a>",
+            "bad-xml",
+            "test.urdf.xacro:3: not well-formed XML: mismatched tag: </robot> where the <a> of line 2 is to end",
+        ),
         (
             "<gazebo:a/>",
             "bad-xml",
@@ -538,7 +542,9 @@ def test_all_missing_includes_are_told(ros: RosWorkspace) -> None:
 def test_bad_xml_is_told(ros: RosWorkspace) -> None:
     ros.write(f"{URDF}/inner.xacro", "<robot>\n<a></robot>")
     problems, _ = checked(ros, '<xacro:include filename="inner.xacro"/>')
-    assert problems == ["inner.xacro:2: not well-formed XML: mismatched tag [bad-xml]"]
+    assert problems == [
+        "inner.xacro:2: not well-formed XML: mismatched tag: </robot> where the <a> of line 2 is to end [bad-xml]"
+    ]
 
 
 @pytest.mark.parametrize(
