@@ -13,6 +13,7 @@ from sim_action.messages import log_line
 from sim_action.robot_model import WORLD, Finding
 
 _WIDTH: Final = 80
+_LONGEST_NAME: Final = 60
 _AXES: Final = {sign * place: f"{'-' * (sign < 0)}{name}" for place, name in enumerate("xyz", 1) for sign in (1, -1)}
 
 
@@ -25,7 +26,8 @@ def inspection_text(found: Inspection) -> str:
 
 def _summary(found: Inspection) -> Iterator[str]:
     moving = sum(joint.type != "fixed" for joint in found.joints)
-    yield f"{found.name}: {len(found.links)} links, {len(found.joints)} joints ({moving} move), {found.mass:.4g} kg"
+    name = found.name if len(found.name) <= _LONGEST_NAME else f"{found.name[:_LONGEST_NAME]}..."
+    yield f"{name}: {len(found.links)} links, {len(found.joints)} joints ({moving} move), {found.mass:.4g} kg"
     if found.lower_xyz and found.upper_xyz and found.height is not None:
         sizes = (_length(upper - lower) for lower, upper in zip(found.lower_xyz, found.upper_xyz, strict=True))
         yield f"its collision shapes fill {' x '.join(sizes)} m (x, y, z)"

@@ -103,6 +103,11 @@ def test_a_base_that_is_the_world_is_at_its_origin(tmp_path: Path) -> None:
     assert "standing" not in inspection_text(below)
 
 
+def test_a_long_name_is_cut(tmp_path: Path) -> None:
+    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', f'"{"a" * 5000}"'))))
+    assert text.startswith(f"{'a' * 60}...: 2 links")
+
+
 def test_nothing_is_said_of_the_size_of_what_has_none(tmp_path: Path) -> None:
     found = inspect_model("robot.urdf", workspace(tmp_path, re.sub("(?s)<collision>.*</collision>", "", GOOD)))
     assert (found.lower_xyz, found.upper_xyz, found.height, found.wheels) == (None, None, None, ())

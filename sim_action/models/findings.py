@@ -111,11 +111,13 @@ def finding(rule: str, message: str, location: Location) -> Finding:
 def refuse_errors(findings: Iterable[Finding], allowed: Iterable[str] = ()) -> None:
     """Raises RefusedModel if there is an error among them that nobody allowed."""
     lenient = set(allowed)
-    problems = [
+    refused = (
         Problem(finding.location, f"{finding.message} [{finding.rule}]")
         for finding in findings
         if finding.level == "fatal" or (finding.level == "error" and finding.rule not in lenient)
-    ]
+    )
+    # A file that is included many times has the same to mend each time.
+    problems = list(dict.fromkeys(refused))
     if len(problems) > _MOST_TOLD:
         more = _more(len(problems) - _MOST_TOLD)
         problems[_MOST_TOLD:] = [Problem(problems[_MOST_TOLD].location, more)]

@@ -74,6 +74,12 @@ def test_all_that_is_wrong_is_told_at_once(workspace: Path) -> None:
     assert [problem.location.line for problem in refused.value.problems] == [3, 4]
 
 
+def test_what_is_wrong_in_a_file_is_told_once_however_often_it_is_included(workspace: Path) -> None:
+    written(workspace / "bad.sdf", GOOD.replace("<mass>1", "<mass>heavy"))
+    once, thrice = (refused(workspace, including(count, "bad.sdf")) for count in (1, 3))
+    assert once.problems == thrice.problems
+
+
 def test_files_that_include_each_other_are_named(workspace: Path) -> None:
     written(workspace / "b.sdf", sdf("<include><uri>robot.sdf</uri></include>"))
     with pytest.raises(RefusedModel, match=r"robot.sdf -> b.sdf -> robot.sdf \[include-loop\]"):
