@@ -19,7 +19,7 @@ from sim_action.observation import Observation
 from sim_action.panel import End, Panel
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
-from sim_action.start import refuse_bad_start
+from sim_action.start import moved_while_settling, refuse_bad_start
 from sim_action.trace import Digest, Trace
 from sim_action.verdict import Verdict
 from sim_action.watchdog import Watchdog
@@ -88,7 +88,8 @@ class _Loop:
         self._scenario = scenario
         self._scene = scene
         self._backend = backend
-        self._watchdog = Watchdog.of(scene, backend.observe(0, contacts=False))
+        self._placed = backend.observe(0, contacts=False)
+        self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = list(map(str, scene.model.findings))
         self._motion = self._open_drive()
         self._twist: Twist | None = None
@@ -103,6 +104,8 @@ class _Loop:
         ]
         self._settle()
         start = self._backend.observe(0, contacts=False)
+        if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
+            self._notes.append(moved)
         panel = Panel.open(self._scenario, self._scene, start)
         kept, digest = [Trace.of_observation(start)], Digest()
         started = time.perf_counter()

@@ -6,11 +6,13 @@ An engine takes two bodies apart that are in each other, the faster the deeper t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Final
 
-from sim_action import units
+from sim_action import geometry, units
 from sim_action.errors import BadStart
+from sim_action.geometry import Pose
 from sim_action.observation import Overlap
 from sim_action.scene import Scene, SpecProblems
 from sim_action.world import GROUND
@@ -18,12 +20,33 @@ from sim_action.world import GROUND
 DEPTH: Final = 0.005
 """In m. What is no deeper was meant to touch, as fingers do, and is eased apart while the robot settles."""
 
+# In rad and m: what gives way by less has come to rest.
+_TILTED: Final = math.radians(2)
+_SUNK: Final = 0.02
+
 
 def refuse_bad_start(scene: Scene, overlaps: Iterable[Overlap]) -> None:
     """Raises BadStart if the robot, which has just been put in its place, is inside something."""
     problems = tuple(_problems(scene, overlaps))
     if problems:
         raise BadStart(problems)
+
+
+def moved_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
+    """What to say of a base that is not as it was put, in the world frame, when the run begins; None: nothing."""
+    tilted = _tilt(after) - _tilt(before)
+    sunk = before.position_xyz[2] - after.position_xyz[2]
+    stood = scene.robot.pose.z is None  # else it was to fall
+    if scene.bolted or (tilted < _TILTED and (sunk < _SUNK or not stood)):
+        return None
+    ways = [f"tilted by {units.display(tilted, 'rad')}"] if tilted >= _TILTED else []
+    ways += [f"came {units.display(sunk, 'm')} down"] if sunk >= _SUNK else []
+    return f"while it settled, before t = 0, the base link '{scene.model.root}' {' and '.join(ways)}"
+
+
+def _tilt(pose: Pose) -> float:
+    """In rad, between the z axis of a frame and the world's."""
+    return math.acos(max(-1.0, min(1.0, geometry.rotate(pose.orientation_xyzw, (0.0, 0.0, 1.0))[2])))
 
 
 def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from sim_action.errors import BadStart
-from sim_action.geometry import Pose
+from sim_action.geometry import Pose, quaternion_from_rpy
 from sim_action.observation import Overlap
 from sim_action.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.scene import Scene
-from sim_action.start import DEPTH, refuse_bad_start
+from sim_action.start import DEPTH, moved_while_settling, refuse_bad_start
 from sim_action.world import GROUND, Body, Physics, Robot, World
 from tests.traces import HERE
 
@@ -29,6 +29,32 @@ ARM = RobotModel(
     joints=(joint("fixed", "base", "foot"), joint("revolute", "base", "upper"), joint("fixed", "upper", "hand")),
     urdf="<robot/>",
 )
+
+
+def settled(down: float, pitch: float, z: float | None = None, base: str = "free") -> str | None:
+    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
+    after = Pose((0.0, 0.0, 0.5 - down), quaternion_from_rpy(0.0, pitch, 1.0))
+    return moved_while_settling(Scene(robot, ARM, World(), Physics(), HERE), Pose((0.0, 0.0, 0.5)), after)
+
+
+@pytest.mark.parametrize(
+    ("down", "pitch", "z", "said"),
+    [
+        (0.0, 0.0, None, None),
+        (0.01, 0.03, None, None),
+        (0.25, 0.0, None, "came 0.25 m down"),
+        (0.25, -0.1, None, "tilted by 5.73 deg and came 0.25 m down"),
+        (0.0, 0.1, None, "tilted by 5.73 deg"),
+        (0.25, 0.0, 0.5, None),
+        (0.25, 0.1, 0.5, "tilted by 5.73 deg and came 0.25 m down"),
+    ],
+)
+def test_a_base_that_has_moved_before_the_run_begins_is_told(
+    down: float, pitch: float, z: float | None, said: str | None
+) -> None:
+    expected = said and f"while it settled, before t = 0, the base link 'base' {said}"
+    assert settled(down, pitch, z) == expected
+    assert settled(down, pitch, z, base="fixed") is None
 
 
 def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1) -> list[str]:

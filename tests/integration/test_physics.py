@@ -96,6 +96,18 @@ def test_the_burger_stands_still_without_commands(tmp_path: Path) -> None:
     assert not any("not at rest" in note for note in run.notes)
 
 
+def test_a_robot_that_sinks_while_it_settles_is_told_of(tmp_path: Path) -> None:
+    # On one leg, beside its centre of mass.
+    inertia = '<inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
+    leg = '<collision><origin xyz="0.1 0 0"/><geometry><box size="0.02 0.02 0.5"/></geometry></collision>'
+    (tmp_path / "leg.urdf").write_text(f'<robot name="r"><link name="base">{inertia}{leg}</link></robot>')
+    path = tmp_path / "leg.sim.yml"
+    path.write_text("name: leg\nrobot: {model: leg.urdf}\nexpect: [upright]\ntime_limit: 1 s\n")
+    loaded = load_scenario(path)
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert any(note.startswith("while it settled, before t = 0, the base link 'base' tilted by") for note in run.notes)
+
+
 def settled(folder: Path, pose: str, physics: str) -> SimulationRun:
     path = folder / "settle.sim.yml"
     path.write_text(
