@@ -74,6 +74,13 @@ def test_all_that_is_wrong_is_told_at_once(workspace: Path) -> None:
     assert [problem.location.line for problem in refused.value.problems] == [3, 4]
 
 
+def test_a_name_in_an_included_model_has_a_nearest_one(workspace: Path) -> None:
+    include = "<include><uri>good.sdf</uri><name>l</name></include>"
+    (problem,) = refused(workspace, sdf(link("a"), include, joint("j", "a", "l::bas"))).problems
+    told = "<child> refers to 'l::bas', and there is no 'bas' in that model; did you mean 'base'? (allowed: "
+    assert problem.message.startswith(told)
+
+
 def test_what_is_wrong_in_a_file_is_told_once_however_often_it_is_included(workspace: Path) -> None:
     written(workspace / "bad.sdf", GOOD.replace("<mass>1", "<mass>heavy"))
     once, thrice = (refused(workspace, including(count, "bad.sdf")) for count in (1, 3))

@@ -49,8 +49,10 @@ class Frames:
             return None
         entry = scope.find(name)
         if entry is None:
-            hint = did_you_mean(name, scope.names) if self._hinted.one_more() else ""
-            raise SdfProblem("unknown-frame", element, f"<{element.tag}> refers to '{name}', which is not there{hint}")
+            inner, rest = scope.innermost(name)
+            where = "which is not there" if inner is scope else f"and there is no '{rest}' in that model"
+            hint = did_you_mean(rest, inner.names) if self._hinted.one_more() else ""
+            raise SdfProblem("unknown-frame", element, f"<{element.tag}> refers to '{name}', {where}{hint}")
         return entry
 
     def placed(self, scope: Scope, element: Element | None, otherwise: Pose) -> Pose:

@@ -81,6 +81,12 @@ class Scope:
             if entry.scope is not None:
                 yield from entry.scope.scopes()
 
+    def innermost(self, name: str) -> tuple[Scope, str]:
+        """The model that a name leads into, as far as it leads, and what is left of the name."""
+        head, separator, rest = name.partition(SEPARATOR)
+        model = self.names.get(head)
+        return model.scope.innermost(rest) if separator and model and model.scope else (self, name)
+
     def find(self, name: str) -> Entry | None:
         """What a name leads to; links of old files may have `::` in their own name."""
         if name in self.names:
