@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.backends import BACKENDS, Backend, chosen
+from sim_action.backends import BACKENDS, Backend, chosen, installed
 from sim_action.command import JointTargets
 from sim_action.models.findings import ALLOWABLE
 from sim_action.models.urdf import read_urdf
@@ -20,24 +20,25 @@ LIMIT = '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n'
 SECOND = 240
 
 
-def backend(folder: Path, text: str) -> Backend:
+def backend(folder: Path, text: str, engine: str | None = None) -> Backend:
     path = folder / "robot.urdf"
     path.write_text(text, encoding="utf-8")
     robot = Robot(model="robot.urdf", base="fixed", allow=ALLOWABLE)
     model = read_urdf(path, allow=ALLOWABLE)
-    return BACKENDS.load(chosen("auto"))(
+    return BACKENDS.load(engine or chosen("auto"))(
         Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True
     )
 
 
+@pytest.mark.parametrize("engine", installed())
 @pytest.mark.parametrize("bad", [bad for bad in BAD_MODELS if bad.rule in ALLOWABLE], ids=lambda bad: bad.name)
-def test_what_was_let_go_can_be_simulated(bad: BadModel, tmp_path: Path) -> None:
-    engine = backend(tmp_path, bad.text)
+def test_what_was_let_go_can_be_simulated(bad: BadModel, engine: str, tmp_path: Path) -> None:
+    it = backend(tmp_path, bad.text, engine)
     try:
-        engine.advance(0, [None] * SECOND)
-        seen = engine.observe(SECOND, contacts=True)
+        it.advance(0, [None] * SECOND)
+        seen = it.observe(SECOND, contacts=True)
     finally:
-        engine.close()
+        it.close()
     joints = (value for state in seen.joints.values() for value in (state.position, state.velocity))
     assert all(map(math.isfinite, (*seen.pose.position_xyz, *seen.twist.angular_xyz, *joints)))
 

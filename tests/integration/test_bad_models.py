@@ -12,6 +12,7 @@ from typing import Final
 import junitparser
 import pytest
 
+from sim_action.backends import installed
 from sim_action.models.findings import RULES
 from sim_action.outcome import Outcome, Results
 from tests.integration.conftest import ACTION, sim_action
@@ -69,15 +70,15 @@ def outcomes(folder: Path) -> dict[str, Outcome]:
     return {Path(outcome.file).parent.name.replace("_", " "): outcome for outcome in results.outcomes}
 
 
-@pytest.fixture(scope="module")
-def suite(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which all cases have run, two at a time."""
+@pytest.fixture(scope="module", params=installed())
+def suite(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    """A folder in which all cases have run on one engine, two at a time."""
     folder = tmp_path_factory.mktemp("suite")
     for case in CASES:
         write(folder, case.name, case.text, case.files)
     for number in range(GOOD_ONES):
         write(folder, f"good {number}", GOOD)
-    ran = sim_action(folder, "run", ".", "--jobs", "2")
+    ran = sim_action(folder, "run", ".", "--jobs", "2", "--backend", request.param)
     assert ran.returncode == 2, ran.stdout + ran.stderr
     assert "Traceback" not in ran.stdout + ran.stderr
     return folder

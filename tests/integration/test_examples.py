@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from sim_action.backends import installed
+
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("**/*.sim.yml"))
 
@@ -33,10 +35,11 @@ def outcomes(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
+@pytest.mark.parametrize("engine", installed())
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_passes(example: Path, tmp_path: Path) -> None:
+def test_an_example_passes_on_every_engine(example: Path, engine: str, tmp_path: Path) -> None:
     shutil.copytree(example.parent, tmp_path / "copy")
-    ran = sim_action(tmp_path, "run", f"copy/{example.name}")
+    ran = sim_action(tmp_path, "run", "--backend", engine, f"copy/{example.name}")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     (outcome,) = outcomes(tmp_path)
     assert outcome["status"] == "passed"
