@@ -16,7 +16,7 @@ from sim_action.interruption import Interruption
 from sim_action.isolation import way_here
 from sim_action.isolation.child import Child
 from sim_action.native_output import muted
-from sim_action.outcome import Outcome
+from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.trace_files import trace_paths
 from sim_action.worker import Job
@@ -73,7 +73,8 @@ def _subfolder(scratch: Path, index: int) -> Path:
 
 
 def _warm_up(scenarios: Iterable[Scenario]) -> None:
-    """Imports the engines that they run on, once for all children."""
+    """Imports the engines that they run on, and makes ready what outcomes are written with, once for all children."""
+    ExpectationOutcome.model_rebuild()
     with muted():
         for engine in {chosen(scenario.backend) for scenario in scenarios}:
             BACKENDS.load(engine)
