@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Final
 
-from sim_action import geometry
 from sim_action.drives import Drive, recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.drives.wheels import radius as radius_of_wheel
-from sim_action.geometry import Pose, Vector3
+from sim_action.drives.sides import sides_on_ground
+from sim_action.drives.skid import SkidSteer
+from sim_action.drives.wheels import Wheel, wheels_on_ground
+from sim_action.geometry import Vector3
 from sim_action.kinematics import link_poses, robot_box
 from sim_action.models import load_model
 from sim_action.models.findings import ALLOWABLE
@@ -19,11 +19,6 @@ from sim_action.robot_model import WORLD, Finding, Joint, JointType, Link, Robot
 from sim_action.scene import Scene
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
-
-# Of its radius: how far above the lowest shape a wheel may end that is on the ground.
-_LIFTED: Final = 0.1
-# Of a unit vector: how far an axis may be off one of the base.
-_ASKEW: Final = 0.1
 
 
 class JointEntry(FrozenModel):
@@ -102,9 +97,8 @@ def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
 
 def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], needs: tuple[str, ...]) -> Inspection:
     """`start`: where joints begin."""
-    poses = link_poses(model, start)
-    box, drive = robot_box(model, poses), recognise(model)
-    wheels = tuple(_wheels(model, poses, box[0][2])) if box else ()
+    box, drive = robot_box(model, link_poses(model, start)), recognise(model)
+    wheels = tuple(map(_wheel_entry, wheels_on_ground(model)))
     return Inspection(
         name=model.name,
         model=robot.model,
@@ -127,9 +121,11 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
     """What may be so, and is for the robot's owner to say."""
     if robot.base is None and model.root != WORLD and not wheels and drive is None:
         yield "base: fixed  # if it is bolted to the world, as arms are"
-    skid_steer = None if drive else _skid_steer(model, wheels)
-    if skid_steer:
-        yield f"drive: {drive_text(skid_steer)}"
+    sides = None if drive else sides_on_ground(model)
+    if sides:
+        left, right = sides
+        kind = SkidSteer if len(left) + len(right) > 2 else DiffDrive
+        yield f"drive: {drive_text(kind(left=left, right=right))}"
 
 
 def _height(model: RobotModel, lowest_corner: Vector3) -> float:
@@ -146,6 +142,11 @@ def _link_entry(link: Link) -> LinkEntry:
     return LinkEntry(name=link.name, mass=link.mass, collision_shapes=len(link.collisions))
 
 
+def _wheel_entry(wheel: Wheel) -> WheelEntry:
+    assert wheel.radius is not None, "what is on the ground is round"
+    return WheelEntry(joint=wheel.joint, radius=wheel.radius, position_xyz=wheel.position_xyz, axis_xyz=wheel.axis_xyz)
+
+
 def _joint_entry(joint: Joint, start: Mapping[str, float]) -> JointEntry:
     return JointEntry(
         name=joint.name,
@@ -158,37 +159,3 @@ def _joint_entry(joint: Joint, start: Mapping[str, float]) -> JointEntry:
         start=start.get(joint.name, 0.0),
         mimics=None if joint.mimic is None else joint.mimic.joint,
     )
-
-
-def _wheels(model: RobotModel, poses: Mapping[str, Pose], ground: float) -> Iterator[WheelEntry]:
-    """Round links that turn about a level axis, as low as anything is; `ground`: m, the z of that."""
-    for joint in model.joints:
-        radius = radius_of_wheel(model, joint.name)
-        if joint.type != "continuous" or radius is None:
-            continue
-        pose = poses[joint.child]
-        axis = geometry.rotate(pose.orientation_xyzw, joint.axis_xyz)
-        if abs(axis[2]) < _ASKEW and pose.position_xyz[2] - radius < ground + _LIFTED * radius:
-            yield WheelEntry(joint=joint.name, radius=radius, position_xyz=pose.position_xyz, axis_xyz=axis)
-
-
-def _skid_steer(model: RobotModel, wheels: tuple[WheelEntry, ...]) -> DiffDrive | None:
-    """The drive of wheels on both sides that all roll forward and none of which is steered."""
-    left, right = (
-        tuple(entry.joint for entry in wheels if entry.position_xyz[1] * side > 0 and entry.axis_xyz[1] > 1 - _ASKEW)
-        for side in (1, -1)
-    )
-    is_skid_steer = left and right and len(left) + len(right) == len(wheels)
-    is_steered = any(_is_steered(model, entry.joint) for entry in wheels)
-    return DiffDrive(left=left, right=right) if is_skid_steer and not is_steered else None
-
-
-def _is_steered(model: RobotModel, joint: str) -> bool:
-    """Whether a wheel hangs on something that moves."""
-    above = {joint.child: joint for joint in model.joints}
-    link = model.joints_by_name[joint].parent
-    while link in above:
-        if above[link].moves:
-            return True
-        link = above[link].parent
-    return False

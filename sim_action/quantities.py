@@ -95,9 +95,12 @@ MetresPerSecond = Annotated[float, Quantity((units.SPEED,))]
 NonNegativeMetresPerSecond = Annotated[float, Ge(0), Quantity((units.SPEED,))]
 RadiansPerSecond = Annotated[float, Quantity((units.ANGULAR_SPEED,))]
 NonNegativeRadiansPerSecond = Annotated[float, Ge(0), Quantity((units.ANGULAR_SPEED,))]
+PositiveRadiansPerSecond = Annotated[float, Gt(0), Quantity((units.ANGULAR_SPEED,))]
 PositiveMetresPerSecondSquared = Annotated[float, Gt(0), Quantity((units.ACCELERATION,))]
 PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
+NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTIA,))]
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
+PositiveRatio = Annotated[float, Gt(0), Quantity((units.RATIO,))]
 JointPosition = Annotated[float | str, Written((units.ANGLE, units.LENGTH))]
 JointQuantity = Annotated[
     float | str,

@@ -70,12 +70,18 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A rigid part; `mass` in kg is None where the model does not say."""
+    """A rigid part.
+
+    Attributes:
+        mass: kg; None where the model does not say.
+        centre_of_mass_xyz: m, in the link's frame.
+    """
 
     name: str
     mass: float | None
     collisions: tuple[Shape, ...] = ()
     surface: Surface = Surface()
+    centre_of_mass_xyz: Vector3 = ZERO
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 from sim_action import units
 from sim_action.robot_model import WORLD, RobotModel
@@ -17,13 +17,18 @@ SpecProblems = Iterator[SpecProblem]
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Everything that is simulated, with names resolved and files read."""
+    """Everything that is simulated, with names resolved and files read.
+
+    Attributes:
+        rotors: joint -> inertia of its motor in kg m^2, as the joint feels it through the gears; left out: none.
+    """
 
     robot: Robot
     model: RobotModel
     world: World
     physics: Physics
     workspace: Workspace
+    rotors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def bolted(self) -> bool:

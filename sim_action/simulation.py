@@ -64,13 +64,19 @@ class SimulationRun:
 
 def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> SimulationRun:
     """Runs a scenario to its end. Raises RunError where there can be no verdict."""
+    drive = _drive_of(scenario, scene)
+    scene = replace(scene, rotors=drive.rotors(scene.model)) if drive else scene
     contacts = any(expected.assertion.watches_contacts for expected in scenario.expect)
     backend = BACKENDS.load(chosen(scenario.backend))(scene, contacts=contacts)
     try:
         refuse_bad_start(scene, backend.overlaps())
-        return _Loop(scenario, scene, backend).run(progress)
+        return _Loop(scenario, scene, drive, backend).run(progress)
     finally:
         backend.close()
+
+
+def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
+    return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +90,14 @@ class _Ticker:
 class _Loop:
     """One run; the step count is its clock."""
 
-    def __init__(self, scenario: Scenario, scene: Scene, backend: Backend) -> None:
+    def __init__(self, scenario: Scenario, scene: Scene, drive: Drive | None, backend: Backend) -> None:
         self._scenario = scenario
         self._scene = scene
         self._backend = backend
         self._placed = backend.observe(0, contacts=False)
         self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = list(map(str, scene.model.findings))
-        self._motion = self._open_drive()
+        self._motion = self._open_drive(drive)
         self._twist: Twist | None = None
         self._last_step = scenario.steps(scenario.time_limit)
         self._stride = max(1, round(scenario.physics.rate / scenario.trace_rate))
@@ -129,18 +135,15 @@ class _Loop:
             travelled=float(trace.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=tuple(self._notes),
+            notes=(*self._notes, *(self._motion.notes if self._motion else ())),
         )
 
-    def _open_drive(self) -> DriveMotion | None:
-        if not self._scenario.commands:
-            return None
-        model, stated = self._scene.model, self._scenario.robot.drive
-        drive: Drive | None = stated or recognise(model)
+    def _open_drive(self, drive: Drive | None) -> DriveMotion | None:
         if drive is None:
             return None
-        self._notes.append(("" if stated else "recognised: ") + drive.describe(model))
-        return drive.open(model, self._scenario.physics.rate)
+        is_stated = self._scenario.robot.drive is not None
+        self._notes.append(("" if is_stated else "recognised: ") + drive.describe(self._scene.model))
+        return drive.open(self._scene.model, self._scenario.physics.rate)
 
     def _settle(self) -> None:
         """Lets the robot come to rest before t = 0, with its wheels braked."""

@@ -73,7 +73,8 @@ def test_the_block_holds_what_gazebos_plugin_says(tmp_path: Path) -> None:
     )
     wheels = "".join(
         f'<link name="{side}w"/>'
-        f'<joint name="{side}" type="continuous"><parent link="base"/><child link="{side}w"/></joint>'
+        f'<joint name="{side}" type="continuous"><parent link="base"/><child link="{side}w"/>'
+        '<axis xyz="0 1 0"/></joint>'
         for side in "lr"
     )
     found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{wheels}{plugin}")))
@@ -144,7 +145,14 @@ def test_wheels_are_listed_with_what_a_drive_has_to_say(tmp_path: Path) -> None:
     assert found.wheels[0].position_xyz == pytest.approx((0.2, 0.3, 0))
     assert found.wheels[0].axis_xyz == pytest.approx((0, 1, 0), abs=1e-6)
     assert "wheel: c_joint, radius 0.1 m, at x = 0.2 m, y = -0.3 m\n" in inspection_text(found)
-    assert "\n  # drive: {diff: {left: [a_joint, b_joint], right: [c_joint, d_joint]}}\n" in found.robot
+    assert "\n  drive: {skid: {left: [a_joint, b_joint], right: [c_joint, d_joint]}}\n" in found.robot
+    assert "recognised: skid steer: left a_joint, b_joint; right c_joint, d_joint;" in inspection_text(found)
+
+
+def test_a_drive_that_is_likely_is_offered_and_left_to_the_reader(tmp_path: Path) -> None:
+    found = cart(tmp_path, FOUR[0], FOUR[2])
+    assert found.drive is None
+    assert "\n  # drive: {diff: {left: [a_joint], right: [c_joint]}}\n" in found.robot
     assert "robot.drive has to say it" in inspection_text(found)
 
 
@@ -152,10 +160,9 @@ def test_wheels_are_listed_with_what_a_drive_has_to_say(tmp_path: Path) -> None:
     "odd",
     [
         wheel("e", "0.5 0 -1", parent="upper"),
-        wheel("e", "0.5 0.3 0", axis="0 0 -1"),
         wheel("e", "0.5 0 0"),
     ],
-    ids=["steered", "backwards", "in the middle"],
+    ids=["steered", "in the middle"],
 )
 def test_no_drive_is_offered_that_may_be_wrong(odd: str, tmp_path: Path) -> None:
     found = cart(tmp_path, *FOUR, odd)

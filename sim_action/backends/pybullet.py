@@ -21,6 +21,7 @@ from sim_action.backends.pybullet_scene import (
     add_gear,
     add_ground,
     add_object,
+    add_rotor,
     configure,
     load_robot,
     place,
@@ -126,6 +127,9 @@ class PyBulletBackend:
         set_surfaces(
             self._client, self._robot, {index: links[name].surface for index, name in self._link_names.items()}
         )
+        for name, inertia in scene.rotors.items():
+            axis = scene.model.joints_by_name[name].axis_xyz
+            add_rotor(self._client, self._robot, self._index[name], axis, inertia)
         _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
         self._com_in_link = Pose(com_position, com_orientation)
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 import pybullet
 
 from sim_action import geometry
-from sim_action.geometry import Pose
+from sim_action.geometry import Pose, Vector3
 from sim_action.robot_model import Mimic, Surface
 from sim_action.scene import Scene
 from sim_action.world import FASTEST, Body, Ground, Placement
@@ -77,6 +77,15 @@ def set_surfaces(client: int, robot: int, surfaces: Mapping[int, Surface]) -> No
         if surface.stiffness is not None:
             soft = {"contactStiffness": surface.stiffness, "contactDamping": surface.damping}
         _set_dynamics(client, robot, link, lateralFriction=surface.friction, **soft)
+
+
+def add_rotor(client: int, robot: int, link: int, axis_xyz: Vector3, inertia: float) -> None:
+    """Gives a joint the inertia of its motor, in kg m^2, about its axis, which is given in the frame of its link."""
+    dynamics = pybullet.getDynamicsInfo(robot, link, client)
+    principal_inertia, principal_axes = dynamics[2], dynamics[4]
+    along = geometry.rotate(geometry.conjugate(principal_axes), axis_xyz)
+    inertias = [own + inertia * part**2 for own, part in zip(principal_inertia, along, strict=True)]
+    pybullet.changeDynamics(robot, link, localInertiaDiagonal=inertias, physicsClientId=client)
 
 
 def add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:

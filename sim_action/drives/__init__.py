@@ -24,6 +24,10 @@ class DriveMotion(Protocol):
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """Joint targets for the next physics steps; fewer than `steps` once they no longer change."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What it was asked for so far and could not do, for people; each thing once."""
+
 
 class Drive(FrozenModel):
     """What all drives are: a frozen spec whose fields are the YAML keys."""
@@ -48,8 +52,30 @@ class Drive(FrozenModel):
     def describe(self, model: RobotModel) -> str:
         """One line for people, with every figure that was read from the model."""
 
+    def rotors(self, model: RobotModel) -> dict[str, float]:
+        """Joint -> inertia of its motor in kg m^2, as the joint feels it, beside what the model says."""
+        return {}
 
-DRIVES: Final = Table[type[Drive]]("drive", {"diff": "sim_action.drives.diff:DiffDrive"})
+
+DRIVES: Final = Table[type[Drive]](
+    "drive",
+    {
+        "diff": "sim_action.drives.diff:DiffDrive",
+        "skid": "sim_action.drives.skid:SkidSteer",
+        "ackermann": "sim_action.drives.ackermann:AckermannDrive",
+    },
+)
+
+NOT_PLANAR: Final = (
+    "a twist asked for more than forward speed and turning rate; this drive cannot do the rest, and left it out"
+)
+
+
+def is_planar(twist: Twist) -> bool:
+    """Whether a twist is forward speed and turning rate alone."""
+    _, *linear = twist.linear_xyz
+    *angular, _ = twist.angular_xyz
+    return not any((*linear, *angular))
 
 
 def recognise(model: RobotModel) -> Drive | None:

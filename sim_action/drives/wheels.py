@@ -1,31 +1,102 @@
-"""Wheels of a robot model: their joints, radii and places."""
+"""Wheels of a robot model: their joints, radii, places and axles, and which of them are on the ground."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Final
 
-from sim_action.geometry import Vector3
-from sim_action.kinematics import link_poses
-from sim_action.robot_model import RobotModel
+from sim_action import geometry
+from sim_action.geometry import Pose, Vector3
+from sim_action.kinematics import link_poses, robot_box
+from sim_action.robot_model import Joint, RobotModel, Shape
+
+ASKEW: Final = 0.1
+"""Of a unit vector: how far an axle may be off the direction that makes it plain."""
+
+# Of its radius: how far above the lowest shape a wheel may end that is on the ground.
+_LIFTED: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Wheel:
-    """A wheel: its joint, its radius in m (None if the model does not tell), its centre in the base frame at home."""
+    """A wheel, with all joints where they begin.
+
+    Attributes:
+        joint: the joint that turns it.
+        radius: m; None if the model does not tell.
+        position_xyz: m, base frame: the middle of its round shape, or of its link if it has none.
+        axis_xyz: unit vector, base frame: about which the joint turns it.
+    """
 
     joint: str
     radius: float | None
     position_xyz: Vector3
+    axis_xyz: Vector3
 
 
 def wheel(model: RobotModel, joint_name: str) -> Wheel:
-    """The wheel that a joint turns, all joints where they begin; KeyError if the model has no such joint."""
-    link = model.joints_by_name[joint_name].child
-    place = link_poses(model, model.positions({}))[link]
-    return Wheel(joint_name, radius(model, joint_name), place.position_xyz)
+    """The wheel that a joint turns; KeyError if the model has no such joint."""
+    return _wheel(model, model.joints_by_name[joint_name], _poses(model))
 
 
 def radius(model: RobotModel, joint_name: str) -> float | None:
     """Of the link that a joint turns, in m: that of its first round shape; None if it has none."""
-    link = model.links_by_name[model.joints_by_name[joint_name].child]
-    return next((shape.radius for shape in link.collisions if shape.radius is not None), None)
+    tyre = _tyre(model, model.joints_by_name[joint_name])
+    return tyre.radius if tyre else None
+
+
+def wheels_on_ground(model: RobotModel) -> tuple[Wheel, ...]:
+    """Round links that joints turn freely about a level axis, as low as anything of the robot is."""
+    poses = _poses(model)
+    box = robot_box(model, poses)
+    return tuple(_on_ground(model, poses, box[0][2])) if box else ()
+
+
+def steering_joint(model: RobotModel, joint_name: str) -> Joint | None:
+    """The nearest joint that moves above that of a wheel; None if it hangs on nothing that moves."""
+    above = {joint.child: joint for joint in model.joints}
+    link = model.joints_by_name[joint_name].parent
+    while link in above:
+        if above[link].moves:
+            return above[link]
+        link = above[link].parent
+    return None
+
+
+def centre_of_mass(model: RobotModel) -> Vector3:
+    """Of all links that state a mass, in m, base frame, with all joints where they begin."""
+    poses = _poses(model)
+    x = y = z = 0.0
+    for link in model.links:
+        at = geometry.compose(poses[link.name], Pose(link.centre_of_mass_xyz)).position_xyz
+        share = (link.mass or 0.0) / model.mass if model.mass else 0.0
+        x, y, z = x + share * at[0], y + share * at[1], z + share * at[2]
+    return x, y, z
+
+
+def _poses(model: RobotModel) -> dict[str, Pose]:
+    """Link name -> its pose in the base frame, with all joints where they begin."""
+    return link_poses(model, model.positions({}))
+
+
+def _tyre(model: RobotModel, joint: Joint) -> Shape | None:
+    shapes = model.links_by_name[joint.child].collisions
+    return next((shape for shape in shapes if shape.radius is not None), None)
+
+
+def _wheel(model: RobotModel, joint: Joint, poses: Mapping[str, Pose]) -> Wheel:
+    pose, tyre = poses[joint.child], _tyre(model, joint)
+    middle = geometry.compose(pose, tyre.pose) if tyre else pose
+    axis = geometry.rotate(pose.orientation_xyzw, joint.axis_xyz)
+    return Wheel(joint.name, tyre.radius if tyre else None, middle.position_xyz, axis)
+
+
+def _on_ground(model: RobotModel, poses: Mapping[str, Pose], ground: float) -> Iterator[Wheel]:
+    """`ground`: m, base frame: the z of what is lowest."""
+    for joint in model.joints:
+        found = _wheel(model, joint, poses)
+        if joint.type != "continuous" or found.radius is None or abs(found.axis_xyz[2]) > ASKEW:
+            continue
+        if found.position_xyz[2] - found.radius < ground + _LIFTED * found.radius:
+            yield found

@@ -65,7 +65,9 @@ def _of_folder(folder: Path) -> Packages:
 def _link(document: ModelDocument, element: Element, meshes: Mapping[Element, Box]) -> Link:
     shapes = tuple(_shape(collision, meshes) for collision in element.findall("collision"))
     mass = number(element.find("inertial/mass"), "value")
-    return Link(element.attrib["name"], mass, shapes, gazebo.surface(document, element))
+    inertial = element.find("inertial")
+    middle = geometry.ZERO if inertial is None else origin(inertial).position_xyz
+    return Link(element.attrib["name"], mass, shapes, gazebo.surface(document, element), middle)
 
 
 def _shape(collision: Element, meshes: Mapping[Element, Box]) -> Shape:

@@ -15,8 +15,9 @@ from pydantic import ValidationError
 from sim_action.command import JointTargets
 from sim_action.drives import recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.geometry import Twist
+from sim_action.geometry import Twist, Vector3
 from sim_action.robot_model import RobotModel, Shape
+from tests.drives.carts import FOUR, cart, wheel
 from tests.traces import WHEELS, burger
 
 LEFT, RIGHT = WHEELS
@@ -61,7 +62,7 @@ def test_the_burger_is_recognised() -> None:
         changed(burger(), wheel_left_joint={"type": "revolute"}),
         changed(burger(), scan_joint={"type": "continuous", "name": "left_lidar"}),
         without_radii(burger()),
-        dataclasses.replace(burger(), joints=()),
+        dataclasses.replace(burger(), joints=(), links=burger().links[:1]),
     ],
     ids=["a name that tells nothing", "a joint with limits", "three wheels", "wheels that are meshes", "no joints"],
 )
@@ -132,7 +133,7 @@ def test_wheels_without_a_radius_need_one() -> None:
 def test_a_description_has_every_figure() -> None:
     assert BURGER.describe(burger()) == (
         "diff drive: left wheel_left_joint; right wheel_right_joint; wheel radius 0.033 m, separation 0.16 m, "
-        "acceleration 1 m/s^2"
+        "acceleration 1 m/s^2, torque 10 N m"
     )
 
 
@@ -167,11 +168,71 @@ def test_the_mean_of_both_sides_is_the_forward_speed() -> None:
     assert (right - left) / SEPARATION == pytest.approx(2.0)
 
 
-def test_all_wheels_of_a_side_turn_alike() -> None:
-    four = DiffDrive(left=(LEFT, "a"), right=(RIGHT, "b"), radius=0.033, separation=0.16)
-    (targets,) = four.open(burger(), 0.1).targets(Twist.planar(1.0), 1)
-    assert targets.velocity[LEFT] == targets.velocity["a"]
-    assert list(targets.velocity) == [LEFT, "a", RIGHT, "b"]
+def test_all_wheels_of_a_side_roll_alike() -> None:
+    four = DiffDrive(left=("a", "b"), right=("c", "d"))
+    model = cart(*FOUR[:1], wheel("b", -0.2, 0.3, radius=0.2), *FOUR[2:])
+    (targets,) = four.open(model, 0.1).targets(Twist.planar(1.0), 1)
+    assert list(targets.velocity) == ["a", "b", "c", "d"]
+    assert [targets.velocity[name] for name in "abcd"] == pytest.approx([10, 5, 10, 10])
+
+
+def test_a_wheel_whose_axis_points_the_other_way_turns_the_other_way() -> None:
+    model = cart(wheel("a", 0.0, 0.3), wheel("b", 0.0, -0.3, axis=(0.0, -1.0, 0.0)))
+    (targets,) = DiffDrive(left=("a",), right=("b",)).open(model, 0.1).targets(Twist.planar(1.0), 1)
+    assert targets.velocity == {"a": pytest.approx(10), "b": pytest.approx(-10)}
+
+
+def test_forward_is_where_wheels_roll_with_the_left_ones_on_their_left() -> None:
+    """As with r2d2 of pybullet_data, which faces its y."""
+    model = cart(wheel("a", -0.3, 0.0, axis=(1.0, 0.0, 0.0)), wheel("b", 0.3, 0.0, axis=(-1.0, 0.0, 0.0)))
+    drive = DiffDrive(left=("a",), right=("b",))
+    assert problems(drive, model) == []
+    assert "separation 0.6 m, acceleration 1 m/s^2, heading 90 deg from the base's x axis" in drive.describe(model)
+    (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0), 1)
+    # A wheel that turns forward about x rolls along -y.
+    assert targets.velocity == {"a": pytest.approx(-10), "b": pytest.approx(10)}
+
+
+def test_a_heading_that_is_stated_wins() -> None:
+    model = cart(wheel("a", 0.0, 0.3), wheel("b", 0.0, -0.3))
+    drive = DiffDrive(left=("b",), right=("a",), heading=math.pi)
+    assert problems(drive, model) == []
+    (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0), 1)
+    assert targets.velocity == {"a": pytest.approx(-10), "b": pytest.approx(-10)}
+
+
+def test_sides_that_are_swapped_are_a_problem() -> None:
+    ((path, message),) = problems(DiffDrive(left=(RIGHT,), right=(LEFT,)), burger())
+    assert path == ("left",)
+    assert message == "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
+
+
+@pytest.mark.parametrize(
+    ("axis", "trouble"),
+    [
+        ((0.0, 0.0, 1.0), "joint 'd' turns about an upright axis in the model: it rolls nothing"),
+        ((1.0, 0.0, 0.0), "the wheel at 'd' rolls across the others; 'heading' says where forward is"),
+    ],
+)
+def test_what_does_not_roll_forward_is_no_wheel(axis: Vector3, trouble: str) -> None:
+    model = cart(*FOUR[:3], wheel("d", -0.2, -0.3, axis=axis))
+    assert [message for _, message in problems(DiffDrive(left=("a", "b"), right=("c", "d")), model)] == [trouble]
+
+
+@pytest.mark.parametrize(
+    ("twist", "noted"),
+    [
+        (Twist.planar(1.0, 1.0), False),
+        (Twist((1.0, 0.1, 0.0)), True),
+        (Twist((0.0, 0.0, 1.0)), True),
+        (Twist((1.0, 0.0, 0.0), (0.0, 0.1, 1.0)), True),
+    ],
+)
+def test_what_a_twist_asks_for_that_wheels_cannot_do_is_noted_once(twist: Twist, noted: bool) -> None:
+    motion = BURGER.open(burger(), 10.0)
+    motion.targets(twist, 1)
+    motion.targets(Twist(), 1)
+    assert len(motion.notes) == noted
 
 
 @pytest.mark.parametrize(("torque", "max_effort"), [(None, {}), (2.0, {LEFT: 2.0, RIGHT: 2.0})])

@@ -8,7 +8,9 @@ import pytest
 
 from sim_action.drives import recognise
 from sim_action.drives.diff import DiffDrive
+from sim_action.geometry import Twist, Vector3
 from sim_action.robot_model import Plugin, RobotModel
+from tests.drives.carts import RADIUS, cart, wheel
 from tests.drives.test_diff import BURGER, LEFT, RIGHT, changed, without_radii
 from tests.traces import burger
 
@@ -82,6 +84,35 @@ def test_what_a_plugin_means_beside_what_it_says_is_told(name: str, parameters: 
     assert isinstance(drive, DiffDrive)
     assert (drive.left, drive.right) == (((RIGHT,), (LEFT,)) if SWAPPED in remark else ((LEFT,), (RIGHT,)))
     assert drive.describe(model) == drive.describe(burger()) + remark
+
+
+FORWARD, BACKWARD = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
+
+
+@pytest.mark.parametrize("axis", [FORWARD, BACKWARD], ids=["forward", "backward"])
+@pytest.mark.parametrize(("left", "right"), [("a", "b"), ("b", "a")], ids=["as named", "exchanged"])
+@pytest.mark.parametrize(("legacy", "way"), [("true", -1), ("false", 1)])
+def test_joints_turn_as_gazebo_turns_them(axis: Vector3, left: str, right: str, legacy: str, way: int) -> None:
+    parameters = (("leftJoint", left), ("rightJoint", right), ("legacyMode", legacy))
+    model = cart(wheel("a", 0.0, 0.3, axis=axis), wheel("b", 0.0, -0.3, axis=axis))
+    model = dataclasses.replace(model, plugins=(Plugin("gazebo_ros_diff_drive", parameters),))
+    drive = recognise(model)
+    assert drive is not None
+    (targets,) = drive.open(model, 0.1).targets(Twist.planar(1.0, 2.0), 1)
+    ahead, turn = 1.0 / RADIUS, 2.0 * 0.3 / RADIUS
+    assert targets.velocity == pytest.approx({left: ahead - way * turn, right: ahead + way * turn})
+
+
+def test_a_plugin_whose_sides_are_exchanged_turns_the_other_way_and_goes_ahead() -> None:
+    drive = recognise(with_plugin("gz-sim-diff-drive-system", left_joint=RIGHT, right_joint=LEFT))
+    assert drive == DiffDrive(left=(RIGHT,), right=(LEFT,), heading=0.0)
+
+
+def test_wheels_that_a_plugin_would_turn_against_each_other_roll_ahead() -> None:
+    model = cart(wheel("a", 0.0, 0.3, axis=FORWARD), wheel("b", 0.0, -0.3, axis=BACKWARD))
+    parameters = (("left_joint", "a"), ("right_joint", "b"))
+    model = dataclasses.replace(model, plugins=(Plugin("gz-sim-diff-drive-system", parameters),))
+    assert recognise(model) == DiffDrive(left=("a",), right=("b",))
 
 
 def test_ros_2_has_no_legacy_mode() -> None:

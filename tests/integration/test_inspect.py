@@ -9,7 +9,8 @@ from typing import Any, Final
 import pytest
 import yaml
 
-from bench.robots import ROBOTS, KnownRobot
+from bench.robots import ROBOTS, WORKSPACE, KnownRobot
+from sim_action.drives import recognise
 from sim_action.kinematics import link_poses, robot_box
 from sim_action.models import load_model
 from sim_action.scene import Scene
@@ -119,12 +120,20 @@ def test_the_block_of_a_robot_runs_as_it_was_pasted(known: KnownRobot, tmp_path:
 
 
 @pytest.mark.pybullet
-def test_the_drive_that_is_offered_drives(tmp_path: Path) -> None:
-    (husky,) = (known for known in ROBOTS if known.name == "husky")
-    block, _ = inspected(tmp_path, husky.path)
-    assert "\n  # drive: {diff: {" in block
+@pytest.mark.parametrize(("name", "kind"), [("husky", "skid"), ("racecar", "ackermann")])
+def test_the_drive_that_is_recognised_drives(name: str, kind: str, tmp_path: Path) -> None:
+    (known,) = (known for known in ROBOTS if known.name == name)
+    block, _ = inspected(tmp_path, known.path)
+    assert f"\n  drive: {{{kind}: {{" in block
     goal = {"expect": [{"travel": {"at_least": "0.5 m"}}], "commands": {"twist": [{"linear": 0.5}]}, "time_limit": 5}
-    assert run(tmp_path, block.replace("# drive", "drive"), **goal)["status"] == "passed"
+    assert run(tmp_path, block, **goal)["status"] == "passed"
+
+
+@every_robot
+def test_only_what_drives_has_a_drive(known: KnownRobot) -> None:
+    drive = recognise(load_model(known.robot, WORKSPACE))
+    drives = {"husky": "skid", "r2d2": "skid", "racecar": "ackermann"}
+    assert (drive.key if drive else None) == drives.get(known.name)
 
 
 def test_the_block_of_a_xacro_with_packages_and_arguments_runs(tmp_path: Path) -> None:

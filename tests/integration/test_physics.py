@@ -70,15 +70,40 @@ def test_a_spin_has_the_analytic_yaw_and_stays_in_place(tmp_path: Path, seconds:
     assert run.travelled < 0.01
 
 
-@pytest.mark.parametrize(("legacy", "way"), [("<legacyMode>false</legacyMode>", 1), ("", -1)])
-def test_a_spin_goes_the_way_that_gazebos_plugin_turns_it(legacy: str, way: int, tmp_path: Path) -> None:
+def plugged_burger(folder: Path, legacy: str) -> str:
+    """The burger with the diff drive plugin of ROS 1, which says `legacy`; its file below the folder."""
     text = Path(models.__file__).with_name("built_in").joinpath("turtlebot3_burger.urdf").read_text(encoding="utf-8")
     joints = "<leftJoint>wheel_left_joint</leftJoint><rightJoint>wheel_right_joint</rightJoint>"
     plugin = f'<gazebo><plugin filename="libgazebo_ros_diff_drive.so">{joints}{legacy}</plugin></gazebo>'
-    (tmp_path / "burger.urdf").write_text(text.replace("</robot>", f"{plugin}</robot>"))
-    run = drive(tmp_path, "{angular: 1.0}", 10, model="burger.urdf")
+    (folder / "burger.urdf").write_text(text.replace("</robot>", f"{plugin}</robot>"))
+    return "burger.urdf"
+
+
+LEGACY = pytest.mark.parametrize(("legacy", "way"), [("<legacyMode>false</legacyMode>", 1), ("", -1)])
+
+
+@LEGACY
+def test_a_spin_goes_the_way_that_gazebos_plugin_turns_it(legacy: str, way: int, tmp_path: Path) -> None:
+    run = drive(tmp_path, "{angular: 1.0}", 10, model=plugged_burger(tmp_path, legacy))
     assert turned(run) == pytest.approx(way * 2 * rim_distance(SEPARATION / 2, 10) / SEPARATION, rel=0.01)
     assert any("sides swapped" in note for note in run.notes) == (way < 0)
+
+
+@LEGACY
+def test_ahead_is_ahead_whichever_side_gazebos_plugin_turns_to(legacy: str, way: int, tmp_path: Path) -> None:
+    run = drive(tmp_path, "{linear: 0.2}", 10, model=plugged_burger(tmp_path, legacy))
+    x, y, _ = run.trace.base_position_xyz[-1]
+    assert (x, y) == pytest.approx((rim_distance(0.2, 10), 0.0), abs=0.01)
+    assert any("sides swapped" in note for note in run.notes) == (way < 0)
+
+
+@LEGACY
+def test_a_curve_bends_the_way_that_gazebos_plugin_turns(legacy: str, way: int, tmp_path: Path) -> None:
+    run = drive(tmp_path, "{linear: 0.2, angular: 0.5}", 3, model=plugged_burger(tmp_path, legacy))
+    x, y, _ = run.trace.base_position_xyz[-1]
+    # Of a circle of 0.4 m, 1.5 rad less what it takes to speed up.
+    assert x == pytest.approx(0.4, abs=0.03)
+    assert way * y == pytest.approx(0.37, abs=0.05)
 
 
 def test_the_tutorials_scenario_reaches_its_goal_when_the_ramp_says() -> None:

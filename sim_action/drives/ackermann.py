@@ -1,0 +1,198 @@
+"""Ackermann steering: two wheels are turned, each by its own angle, so that none slips on a curve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from statistics import fmean
+from typing import Annotated, ClassVar, Final, Self
+
+from pydantic import Field
+
+from sim_action.drives import Drive
+from sim_action.drives.ackermann_motion import AckermannMotion
+from sim_action.drives.heading import axle_problems, heading_of, rolling
+from sim_action.drives.plugins import StatedSteering, steering_by_plugin
+from sim_action.drives.sided import JointNames
+from sim_action.drives.steering import DrivenWheel, Kingpin
+from sim_action.drives.steering_joints import STRAIGHT, SteeringLimit, limit_of, upright, why_not_steering
+from sim_action.drives.wheel_problems import length_problems, why_no_wheel
+from sim_action.drives.wheels import Wheel, steering_joint, wheel, wheels_on_ground
+from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
+from sim_action.quantities import (
+    PositiveMetres,
+    PositiveMetresPerSecondSquared,
+    PositiveNewtonMetres,
+    PositiveRadians,
+    PositiveRadiansPerSecond,
+    Radians,
+)
+from sim_action.robot_model import RobotModel
+from sim_action.scene import SpecProblems
+
+# In m: steered wheels that are no further from the fixed axle steer nothing.
+_LEAST_WHEELBASE: Final = 1e-3
+
+
+class AckermannDrive(Drive):
+    """Steered wheels and driven wheels; each takes the angle and the speed that its own radius of the curve asks for.
+
+    It cannot turn on the spot: told to, it stands still, and the outcome has a note. Nor does it turn more sharply than
+    its steering can: it then keeps its speed and takes the tightest curve there is, with a note.
+    """
+
+    key: ClassVar[str] = "ackermann"
+
+    steering: Annotated[
+        JointNames, Field(max_length=2, description="joints that steer: left and right, or one in the middle")
+    ]
+    wheels: Annotated[JointNames, Field(description="joints of the driven wheels")]
+    radius: Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")] = None
+    wheelbase: Annotated[
+        PositiveMetres | None,
+        Field(description="from the axle that is not steered to the steering joints; left out: read from the model"),
+    ] = None
+    track: Annotated[
+        PositiveMetres | None,
+        Field(description="between the steering joints, and between driven wheels; left out: read from the model"),
+    ] = None
+    steering_limit: Annotated[
+        PositiveRadians | None,
+        Field(lt=math.pi / 2, description="of a steering joint; left out: the least of the model's, or else 45 deg"),
+    ] = None
+    steering_rate: Annotated[
+        PositiveRadiansPerSecond | None, Field(description="of a steering joint; left out: the model's")
+    ] = None
+    acceleration: Annotated[
+        PositiveMetresPerSecondSquared, Field(description="limit of the forward speed's change")
+    ] = 1.0
+    torque: Annotated[
+        PositiveNewtonMetres | None, Field(description="limit of a wheel's motor; left out: the joint's own limit")
+    ] = None
+    heading: Annotated[
+        Radians | None,
+        Field(description="of forward, from the base's x axis to the left; left out: as the wheels in the model roll"),
+    ] = None
+
+    @classmethod
+    def recognise(cls, model: RobotModel) -> Self | None:
+        """What gz's plugin in the model says, or else two wheels that are steered within limits, and two that are not.
+
+        Those that are not are driven. Casters turn without limits.
+        """
+        stated = steering_by_plugin(model)
+        by_plugin = cls._of(stated) if stated else None
+        return by_plugin if by_plugin and not any(by_plugin.problems(model)) else cls._by_wheels(model)
+
+    @classmethod
+    def _of(cls, stated: StatedSteering) -> Self:
+        return cls(steering=stated.steering, wheels=stated.wheels, **stated.figures)
+
+    @classmethod
+    def _by_wheels(cls, model: RobotModel) -> Self | None:
+        wheels = {found.joint: steering_joint(model, found.joint) for found in wheels_on_ground(model)}
+        steering = tuple(dict.fromkeys(joint for joint in wheels.values() if joint is not None))
+        driven = tuple(name for name, joint in wheels.items() if joint is None)
+        is_car = len(steering) == len(driven) == 2 and len(wheels) == 4
+        if not is_car or all(joint.lower is None and joint.upper is None for joint in steering):
+            return None
+        return cls(steering=tuple(joint.name for joint in steering), wheels=driven)
+
+    def problems(self, model: RobotModel) -> SpecProblems:
+        """Joints that the model has not or that do not steer, wheels that do not roll, figures it does not tell."""
+        unknown = list(self._unknown_joints(model))
+        yield from unknown
+        if unknown:
+            return
+        yield from length_problems(self, "radius", "wheelbase", "track")
+        heading = self._forward(model)
+        wheels = [wheel(model, name) for name in self.wheels]
+        for found in wheels:
+            yield from axle_problems(found, heading)
+        if untold := [found.joint for found in wheels if self.radius is None and found.radius is None]:
+            yield (), f"the model does not tell the radius of the wheel at '{untold[0]}'; give 'radius'"
+        if self.wheelbase is None and not self._fixed_wheels(model):
+            yield (), "every wheel of the model is steered; give 'wheelbase'"
+        elif any(abs(pin.ahead) < _LEAST_WHEELBASE for pin in self._kingpins(model)):
+            yield ("steering",), "these joints are above the axle that is not steered; give 'wheelbase'"
+
+    def open(self, model: RobotModel, rate: float) -> AckermannMotion:
+        """See Drive.open."""
+        limit = self._limit(model)
+        return AckermannMotion(
+            kingpins=self._kingpins(model),
+            wheels=self._driven(model),
+            steering_limit=limit.angle,
+            most_steering=limit.rate / rate,
+            most_speed=self.acceleration / rate,
+            torque=self.torque,
+        )
+
+    def describe(self, model: RobotModel) -> str:
+        """See Drive.describe."""
+        pins, driven = self._kingpins(model), self._driven(model)
+        track = f", track {abs(pins[0].left - pins[1].left):.4g} m" if len(pins) > 1 else ""
+        figures = (
+            f"ackermann: steering {', '.join(self.steering)} {self._limit(model).text}; driven "
+            f"{', '.join(self.wheels)}; {radius_text([abs(found.gear) for found in driven])}, "
+            f"wheelbase {abs(fmean(pin.ahead for pin in pins)):.4g} m{track}, "
+            f"acceleration {self.acceleration:.4g} m/s^2{torque_text(self.torque, model, self.wheels)}"
+            f"{heading_text(self._forward(model))}"
+        )
+        stated = steering_by_plugin(model)
+        return remarked(figures, stated.remarks if stated and self == self._of(stated) else ())
+
+    def _unknown_joints(self, model: RobotModel) -> SpecProblems:
+        for index, name in enumerate(self.steering):
+            if (trouble := model.why_not_driven(name) or why_not_steering(model, name)) is not None:
+                yield ("steering", index), trouble
+        for index, name in enumerate(self.wheels):
+            if name in self.steering:
+                yield ("wheels", index), f"joint '{name}' steers; it cannot turn a wheel as well"
+            elif (trouble := why_no_wheel(model, name)) is not None:
+                yield ("wheels", index), trouble
+
+    def _limit(self, model: RobotModel) -> SteeringLimit:
+        joints = [model.joints_by_name[name] for name in self.steering]
+        return limit_of(joints, self.steering_limit, self.steering_rate)
+
+    def _forward(self, model: RobotModel) -> float:
+        return heading_of([wheel(model, name) for name in self.wheels]) if self.heading is None else self.heading
+
+    def _fixed_wheels(self, model: RobotModel) -> list[Wheel]:
+        """Those on the axle that is not steered: driven ones, or else any on the ground."""
+        driven = [wheel(model, name) for name in self.wheels]
+        for wheels in (driven, wheels_on_ground(model)):
+            if fixed := [found for found in wheels if steering_joint(model, found.joint) is None]:
+                return fixed
+        return []
+
+    def _kingpins(self, model: RobotModel) -> tuple[Kingpin, ...]:
+        return tuple(self._each_kingpin(model))
+
+    def _each_kingpin(self, model: RobotModel) -> Iterator[Kingpin]:
+        heading = self._forward(model)
+        axle = fmean(rolling(found, heading).ahead for found in self._fixed_wheels(model) or [STRAIGHT])
+        for name in self.steering:
+            place = rolling(wheel(model, name), heading)
+            ahead = place.ahead - axle
+            if self.wheelbase is not None:
+                ahead = math.copysign(self.wheelbase, ahead)
+            yield Kingpin(name, ahead, self._lateral(place.left), upright(model, name))
+
+    def _driven(self, model: RobotModel) -> tuple[DrivenWheel, ...]:
+        heading = self._forward(model)
+        pins = {pin.joint: pin for pin in self._kingpins(model)}
+        return tuple(self._driven_wheel(model, wheel(model, name), heading, pins) for name in self.wheels)
+
+    def _driven_wheel(self, model: RobotModel, found: Wheel, heading: float, pins: dict[str, Kingpin]) -> DrivenWheel:
+        place, above = rolling(found, heading), steering_joint(model, found.joint)
+        radius = self.radius or found.radius
+        assert radius is not None, "problems() reports a radius that nobody tells"
+        pin = pins.get(above.name) if above else None
+        return DrivenWheel(found.joint, place.turns * radius, self._lateral(place.left), pin)
+
+    def _lateral(self, left: float) -> float:
+        """Where something on a side is, in m, by the track that is stated."""
+        is_amid = self.track is None or abs(left) < _LEAST_WHEELBASE
+        return left if is_amid or self.track is None else math.copysign(self.track / 2, left)

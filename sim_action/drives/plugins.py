@@ -1,0 +1,131 @@
+"""What Gazebo's plugins for drives say in a model: which joints turn wheels and steer them, and figures.
+
+Names are those of gazebo_ros_pkgs (ROS 1 and 2) and of gz-sim's DiffDrive and AckermannSteering.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from sim_action.robot_model import Plugin, RobotModel
+
+DIFF_PLUGINS: Final = ("gazebo_ros_diff_drive", "gz-sim-diff-drive-system", "ignition-gazebo-diff-drive-system")
+SKID_PLUGINS: Final = ("gazebo_ros_skid_steer_drive", *DIFF_PLUGINS)
+"""Those of diff drives take several wheels a side."""
+ACKERMANN_PLUGINS: Final = ("gz-sim-ackermann-steering-system", "ignition-gazebo-ackermann-steering-system")
+
+_LEFT: Final = ("leftJoint", "left_joint", "leftFrontJoint", "leftRearJoint")
+_RIGHT: Final = ("rightJoint", "right_joint", "rightFrontJoint", "rightRearJoint")
+_STEERING: Final = ("left_steering_joint", "right_steering_joint")
+_SWAPPED: Final = (
+    "sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>, so that rightJoint is left"
+)
+# Wheels that reach their speed at once slip.
+_NO_LIMIT: Final = "the plugin limits no acceleration of wheels, here it is 1 m/s^2"
+_NO_LIMIT_AHEAD: Final = "the plugin limits no acceleration, here it is 1 m/s^2"
+# Tag -> the figure of a drive, and what it is in units of the tag.
+_FIGURES: Final = {
+    "wheelDiameter": ("radius", 0.5),
+    "wheel_diameter": ("radius", 0.5),
+    "wheel_radius": ("radius", 1.0),
+    "wheelSeparation": ("separation", 1.0),
+    "wheel_separation": ("separation", 1.0),
+    "wheelAcceleration": ("acceleration", 1.0),
+    "max_wheel_acceleration": ("acceleration", 1.0),
+    "wheelTorque": ("torque", 1.0),
+    "max_wheel_torque": ("torque", 1.0),
+    "torque": ("torque", 1.0),
+}
+_STEERING_FIGURES: Final = {
+    "wheel_radius": ("radius", 1.0),
+    "wheel_base": ("wheelbase", 1.0),
+    "steering_limit": ("steering_limit", 1.0),
+    "max_acceleration": ("acceleration", 1.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class StatedSides:
+    """What a plugin says: joints, figures by the keys of the drive, and what has to be told of how it is taken."""
+
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+    figures: dict[str, float]
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class StatedSteering:
+    """What a plugin says: joints that steer, joints of wheels, figures and remarks as those of sides."""
+
+    steering: tuple[str, ...]
+    wheels: tuple[str, ...]
+    figures: dict[str, float]
+    remarks: tuple[str, ...] = ()
+
+
+def sides_by_plugin(model: RobotModel, plugins: Sequence[str]) -> StatedSides | None:
+    """What the first of these plugins says whose joints the model has."""
+    for plugin in model.plugins:
+        left, right = _joints(plugin, _LEFT), _joints(plugin, _RIGHT)
+        if plugin.name in plugins and left and right and _drivable(model, (*left, *right)):
+            return _meant(plugin, left, right)
+    return None
+
+
+def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
+    """What the first plugin for Ackermann steering says whose joints the model has."""
+    for plugin in model.plugins:
+        steering, wheels = _joints(plugin, _STEERING), _joints(plugin, (*_LEFT, *_RIGHT))
+        if plugin.name in ACKERMANN_PLUGINS and steering and wheels and _drivable(model, (*steering, *wheels)):
+            figures = _figures(plugin, _STEERING_FIGURES)
+            return StatedSteering(steering, wheels, figures, _unlimited(figures, _NO_LIMIT_AHEAD))
+    return None
+
+
+def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> StatedSides:
+    figures = _figures(plugin, _FIGURES)
+    remarks = _unlimited(figures, _NO_LIMIT)
+    if _swaps_sides(plugin):
+        return StatedSides(right, left, figures, (_SWAPPED, *remarks))
+    return StatedSides(left, right, figures, remarks)
+
+
+def _swaps_sides(plugin: Plugin) -> bool:
+    """ROS 1 kept a mistake of its past for models that had made up for it: what is called left goes as the right."""
+    is_ros_1 = plugin.name == "gazebo_ros_diff_drive" and plugin.texts("leftJoint")
+    modes = [text.strip().lower() for text in plugin.texts("legacyMode")]
+    return bool(is_ros_1) and modes[:1] not in (["false"], ["0"])
+
+
+def _unlimited(figures: Mapping[str, float], remark: str) -> tuple[str, ...]:
+    return () if "acceleration" in figures else (remark,)
+
+
+def _drivable(model: RobotModel, names: Sequence[str]) -> bool:
+    return all(model.why_not_driven(name) is None for name in names)
+
+
+def _joints(plugin: Plugin, tags: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for tag in tags for name in plugin.texts(tag)))
+
+
+def _figures(plugin: Plugin, known: Mapping[str, tuple[str, float]]) -> dict[str, float]:
+    """Those that are numbers above zero; zero is how a plugin says that there is no limit."""
+    found = {}
+    for tag, text in plugin.parameters:
+        name, factor = known.get(tag, ("", 0.0))
+        if name and (value := _positive(text)) is not None:
+            found[name] = factor * value
+    return found
+
+
+def _positive(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if value > 0 and math.isfinite(value) else None

@@ -1,0 +1,64 @@
+"""Models of carts, made by hand: a box with wheels, straight or steered."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from sim_action.geometry import Pose, Vector3, quaternion_from_rpy
+from sim_action.robot_model import Joint, JointType, Link, RobotModel, Shape
+
+Part = tuple[tuple[Joint, ...], tuple[Link, ...]]
+
+RADIUS = 0.1
+# A cylinder's own axis is z; lying, it is y.
+LYING = Pose(orientation_xyzw=quaternion_from_rpy(math.pi / 2, 0.0, 0.0))
+
+
+def cart(*parts: Part, mass_ahead: float = 0.0) -> RobotModel:
+    """A cart of 10 kg whose wheels weigh nothing that counts."""
+    base = Link("base", 10.0, centre_of_mass_xyz=(mass_ahead, 0.0, 0.0))
+    links = (base, *(link for _, links in parts for link in links))
+    return RobotModel("cart", "", links, tuple(joint for joints, _ in parts for joint in joints), "")
+
+
+def wheel(
+    name: str,
+    x: float,
+    y: float,
+    *,
+    axis: Vector3 = (0.0, 1.0, 0.0),
+    radius: float | None = RADIUS,
+    parent: str = "base",
+    beside: float = 0.0,
+) -> Part:
+    """A wheel at a place in the frame of its parent, whose tyre is `beside` m further to the left."""
+    tyre = dataclasses.replace(LYING, position_xyz=(0.0, beside, 0.0))
+    half = radius or RADIUS
+    box = ((-half, -half, -0.02), (half, half, 0.02))
+    shape = Shape("cylinder" if radius else "mesh", tyre, radius, *box)
+    joint = Joint(name, "continuous", parent, f"{name}_link", Pose((x, y, half - RADIUS)), axis)
+    return (joint,), (Link(f"{name}_link", None, (shape,)),)
+
+
+def steered(
+    name: str,
+    x: float,
+    y: float,
+    *,
+    limit: float | None = 0.6,
+    rate: float | None = None,
+    axis: Vector3 = (0.0, 0.0, 1.0),
+    beside: float = 0.0,
+) -> Part:
+    """A wheel below a steering joint `name`_steer."""
+    kind: JointType = "continuous" if limit is None else "revolute"
+    lower, upper = (None, None) if limit is None else (-limit, limit)
+    hinge, place = f"{name}_hinge", Pose((x, y, 0.0))
+    steer = Joint(f"{name}_steer", kind, "base", hinge, place, axis, lower, upper, max_velocity=rate)
+    joints, links = wheel(name, 0.0, 0.0, parent=hinge, beside=beside)
+    return (steer, *joints), (Link(hinge, None), *links)
+
+
+FOUR = (wheel("a", 0.2, 0.3), wheel("b", -0.2, 0.3), wheel("c", 0.2, -0.3), wheel("d", -0.2, -0.3))
+"""Two wheels on the left, two on the right: wheelbase 0.4 m, separation 0.6 m."""

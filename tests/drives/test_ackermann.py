@@ -1,0 +1,300 @@
+"""Ackermann steering: recognition, problems, limits, and what it makes of a twist."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from sim_action.drives import recognise
+from sim_action.drives.ackermann import AckermannDrive
+from sim_action.drives.ackermann_motion import ON_THE_SPOT, TOO_TIGHT
+from sim_action.geometry import Twist, Vector3
+from sim_action.robot_model import Plugin, RobotModel
+from tests.drives.carts import RADIUS, cart, steered, wheel
+
+REAR = (wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2))
+FRONT = (steered("a", 0.5, 0.2), steered("b", 0.5, -0.2))
+CAR = cart(*REAR, *FRONT)
+DRIVE = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"))
+QUICK = DRIVE.model_copy(update={"acceleration": 1e6})
+DOWN: Vector3 = (0.0, 0.0, -1.0)
+
+
+def problems(drive: AckermannDrive, model: RobotModel = CAR) -> list[tuple[tuple[str | int, ...], str]]:
+    return list(drive.problems(model))
+
+
+def limited(lower: float | None, upper: float | None) -> RobotModel:
+    """The car with other limits, in rad, of one of its steering joints."""
+    changed = dataclasses.replace(CAR.joints_by_name["a_steer"], lower=lower, upper=upper)
+    return dataclasses.replace(CAR, joints=tuple(changed if joint.name == "a_steer" else joint for joint in CAR.joints))
+
+
+def test_two_steered_wheels_and_two_that_are_not_are_recognised() -> None:
+    assert recognise(CAR) == DRIVE
+    assert problems(DRIVE) == []
+
+
+def test_one_steering_joint_with_limits_is_enough() -> None:
+    """As with racecar of pybullet_data."""
+    assert recognise(cart(*REAR, FRONT[0], steered("b", 0.5, -0.2, limit=None))) == DRIVE
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        cart(*REAR, *(steered(name, 0.5, y, limit=None) for name, y in (("a", 0.2), ("b", -0.2)))),
+        cart(*REAR, FRONT[0]),
+        cart(*REAR, *(steered(name, 0.5, y, axis=(1.0, 0.0, 0.0)) for name, y in (("a", 0.2), ("b", -0.2)))),
+        cart(*FRONT, steered("c", 0.0, 0.2), steered("d", 0.0, -0.2)),
+    ],
+    ids=["casters", "three wheels", "hinges that lie", "all steered"],
+)
+def test_what_is_not_plain_is_not_recognised(model: RobotModel) -> None:
+    assert recognise(model) is None
+
+
+def test_what_gzs_plugin_says_is_taken() -> None:
+    parameters = {
+        "left_joint": "c",
+        "right_joint": "d",
+        "left_steering_joint": "a_steer",
+        "right_steering_joint": "b_steer",
+        "wheel_base": "0.52",
+        "kingpin_width": "0.4",
+        "wheel_radius": "0.11",
+        "steering_limit": "0.5",
+    }
+    plugins = (Plugin("gz-sim-ackermann-steering-system", tuple(parameters.items())),)
+    model = dataclasses.replace(CAR, plugins=plugins)
+    stated = DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.11, "steering_limit": 0.5})
+    assert recognise(model) == stated
+    assert stated.describe(model) == f"{stated.describe(CAR)}; the plugin limits no acceleration, here it is 1 m/s^2"
+    plugins = (Plugin(plugins[0].name, (*plugins[0].parameters[:4], ("wheel_radius", "1e-300"))),)
+    assert recognise(dataclasses.replace(CAR, plugins=plugins)) == DRIVE
+
+
+def test_a_curve_is_angles_and_speeds_that_fit() -> None:
+    speed, turn = 2.0, 1.0
+    (targets,) = QUICK.open(CAR, 100.0).targets(Twist.planar(speed, turn), 1)
+    middle = speed / turn
+    assert targets.position == {
+        "a_steer": pytest.approx(math.atan(0.5 / (middle - 0.2))),
+        "b_steer": pytest.approx(math.atan(0.5 / (middle + 0.2))),
+    }
+    assert targets.velocity == {
+        "c": pytest.approx(turn * (middle - 0.2) / RADIUS),
+        "d": pytest.approx(turn * (middle + 0.2) / RADIUS),
+    }
+
+
+def test_driven_wheels_that_are_steered_are_as_fast_as_their_own_radius() -> None:
+    drive = QUICK.model_copy(update={"wheels": ("a", "b", "c", "d")})
+    (targets,) = drive.open(CAR, 100.0).targets(Twist.planar(2.0, 1.0), 1)
+    assert targets.velocity["a"] == pytest.approx(math.hypot(0.5, 1.8) / RADIUS)
+    assert targets.velocity["b"] == pytest.approx(math.hypot(0.5, 2.2) / RADIUS)
+    assert list(targets.velocity) == ["a", "b", "c", "d"]
+
+
+def test_backwards_the_same_curve_has_the_same_angles() -> None:
+    (there,), (back,) = (QUICK.open(CAR, 100.0).targets(Twist.planar(way * 2.0, way * 1.0), 1) for way in (1, -1))
+    assert there.position == back.position
+    assert there.velocity == {name: pytest.approx(-speed) for name, speed in back.velocity.items()}
+
+
+def test_axes_that_point_the_other_way_turn_the_other_way() -> None:
+    model = cart(wheel("c", 0.0, 0.2, axis=(0.0, -1.0, 0.0)), REAR[1], steered("a", 0.5, 0.2, axis=DOWN), *FRONT[1:])
+    (plain,), (turned,) = (QUICK.open(car, 100.0).targets(Twist.planar(2.0, 1.0), 1) for car in (CAR, model))
+    assert turned.position["a_steer"] == pytest.approx(-plain.position["a_steer"])
+    assert turned.velocity["c"] == pytest.approx(-plain.velocity["c"])
+    assert turned.position["b_steer"] == pytest.approx(plain.position["b_steer"])
+
+
+def test_one_steering_joint_in_the_middle_is_a_tricycle() -> None:
+    model = cart(*REAR, steered("m", 0.5, 0.0))
+    drive = QUICK.model_copy(update={"steering": ("m_steer",)})
+    assert problems(drive, model) == []
+    (targets,) = drive.open(model, 100.0).targets(Twist.planar(2.0, 1.0), 1)
+    assert targets.position == {"m_steer": pytest.approx(math.atan(0.25))}
+
+
+def test_rear_wheels_that_steer_turn_the_other_way() -> None:
+    model = cart(*REAR, steered("a", -0.5, 0.2), steered("b", -0.5, -0.2))
+    (targets,) = QUICK.open(model, 100.0).targets(Twist.planar(2.0, 1.0), 1)
+    assert targets.position["a_steer"] == pytest.approx(-math.atan(0.5 / 1.8))
+
+
+def test_told_to_turn_on_the_spot_it_stands_still_and_says_so() -> None:
+    motion = DRIVE.open(CAR, 100.0)
+    (targets,) = motion.targets(Twist.planar(0.0, 1.0), 5)
+    assert set(targets.velocity.values()) == {0.0}
+    assert set(targets.position.values()) == {0.0}
+    assert motion.notes == (ON_THE_SPOT,)
+
+
+def test_who_stops_keeps_the_wheel_where_it_is() -> None:
+    motion = QUICK.open(CAR, 100.0)
+    (curve,) = motion.targets(Twist.planar(2.0, 1.0), 1)
+    (stopped,) = motion.targets(Twist(), 1)
+    assert stopped.position == curve.position
+    assert motion.notes == ()
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_too_tight_a_curve_is_the_tightest_there_is_and_says_so(way: int) -> None:
+    motion = QUICK.open(CAR, 100.0)
+    (targets,) = motion.targets(Twist.planar(0.1, way * 2.0), 1)
+    inner = "a_steer" if way > 0 else "b_steer"
+    assert targets.position[inner] == pytest.approx(way * 0.6)
+    assert motion.notes == (TOO_TIGHT,)
+
+
+def test_a_stated_limit_wins_over_the_models() -> None:
+    motion = QUICK.model_copy(update={"steering_limit": 0.3}).open(CAR, 100.0)
+    (targets,) = motion.targets(Twist.planar(0.1, 2.0), 1)
+    assert targets.position["a_steer"] == pytest.approx(0.3)
+
+
+def test_steering_takes_its_time_and_wheels_fit_the_curve_of_the_moment() -> None:
+    drive = QUICK.model_copy(update={"steering_rate": 1.0})
+    planned = drive.open(CAR, 10.0).targets(Twist.planar(2.0, 1.0), 9)
+    inner = math.atan(0.5 / 1.8)
+    assert [targets.position["a_steer"] for targets in planned] == pytest.approx([0.1, 0.2, inner, inner])
+    first = planned[0]
+    curvature = math.tan(0.1) / (0.5 + 0.2 * math.tan(0.1))
+    assert first.velocity["c"] * RADIUS == pytest.approx(2.0 * (1 - 0.2 * curvature))
+
+
+def test_the_models_rate_is_taken() -> None:
+    model = cart(*REAR, *(steered(name, 0.5, y, rate=2.0) for name, y in (("a", 0.2), ("b", -0.2))))
+    (targets,) = DRIVE.open(model, 10.0).targets(Twist.planar(2.0, 1.0), 1)
+    assert targets.position["a_steer"] == pytest.approx(0.2)
+
+
+@given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-3, 3), st.integers(1, 20)), min_size=1, max_size=5))
+def test_no_step_is_beyond_a_limit(twists: list[tuple[float, float, int]]) -> None:
+    drive = DRIVE.model_copy(update={"steering_rate": 2.0, "acceleration": 3.0})
+    motion = drive.open(CAR, 100.0)
+    angles = {"a_steer": 0.0, "b_steer": 0.0}
+    speed = 0.0
+    for linear, angular, steps in twists:
+        for targets in motion.targets(Twist.planar(linear, angular), steps):
+            for name, angle in targets.position.items():
+                assert abs(angle) <= 0.6 * (1 + 1e-9)
+                assert abs(angle - angles[name]) <= 0.02 * (1 + 1e-9)
+            # Rear wheels that are not steered: their mean is the middle's.
+            now = (targets.velocity["c"] + targets.velocity["d"]) * RADIUS / 2
+            assert abs(now - speed) <= 0.03 * (1 + 1e-6)
+            angles, speed = dict(targets.position), now
+
+
+@given(st.integers(1, 60), st.floats(-1, 1), st.floats(-3, 3))
+def test_a_twist_planned_at_once_is_the_twist_planned_step_by_step(steps: int, linear: float, angular: float) -> None:
+    twist, drive = Twist.planar(linear, angular), DRIVE.model_copy(update={"steering_rate": 2.0})
+    whole = drive.open(CAR, 60.0).targets(twist, steps)
+    single = drive.open(CAR, 60.0)
+    one_by_one = [single.targets(twist, 1)[0] for _ in range(steps)]
+    assert [*whole, *[whole[-1]] * (steps - len(whole))] == one_by_one
+
+
+def test_stated_figures_win_over_the_models() -> None:
+    drive = QUICK.model_copy(update={"wheelbase": 1.0, "track": 1.0, "radius": 0.2})
+    assert "wheel radius 0.2 m, wheelbase 1 m, track 1 m" in drive.describe(CAR)
+    (targets,) = drive.open(CAR, 100.0).targets(Twist.planar(2.0, 1.0), 1)
+    assert targets.position["a_steer"] == pytest.approx(math.atan(1.0 / 1.5))
+    assert targets.velocity["c"] == pytest.approx(1.5 / 0.2)
+
+
+@pytest.mark.parametrize(("torque", "max_effort"), [(None, {}), (2.0, {"c": 2.0, "d": 2.0})])
+def test_a_torque_limits_every_driven_wheel(torque: float | None, max_effort: dict[str, float]) -> None:
+    (targets,) = DRIVE.model_copy(update={"torque": torque}).open(CAR, 1.0).targets(Twist(), 1)
+    assert targets.max_effort == max_effort
+
+
+def test_what_it_moves_is_what_steers_and_what_is_driven() -> None:
+    assert DRIVE.open(CAR, 1.0).joints == {"a_steer", "b_steer", "c", "d"}
+
+
+def test_a_description_has_every_figure() -> None:
+    assert DRIVE.describe(CAR) == (
+        "ackermann: steering a_steer, b_steer (up to 34.38 deg); driven c, d; wheel radius 0.1 m, wheelbase 0.5 m, "
+        "track 0.4 m, acceleration 1 m/s^2"
+    )
+
+
+def test_a_limit_that_nobody_says_is_shown_as_assumed() -> None:
+    model = cart(*REAR, *(steered(name, 0.5, y, limit=None, rate=1.0) for name, y in (("a", 0.2), ("b", -0.2))))
+    assert "(up to 45 deg, assumed, 57.3 deg/s)" in DRIVE.describe(model)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(None, 0.3), (-0.3, None), (-0.3, 0.4)], ids=str)
+def test_a_limit_on_one_side_limits_both(lower: float | None, upper: float | None) -> None:
+    model = limited(lower, upper)
+    assert recognise(model) == DRIVE
+    assert "(up to 17.19 deg)" in DRIVE.describe(model)
+
+
+@pytest.mark.parametrize("key", ["radius", "track"])
+def test_lengths_that_no_car_has_are_problems(key: str) -> None:
+    assert problems(DRIVE.model_copy(update={key: 1e-9})) == [((key,), "must be at least 1e-06 m")]
+
+
+def test_every_joint_that_does_not_fit_is_a_problem_at_its_place() -> None:
+    drive = AckermannDrive(steering=("a", "x"), wheels=("d", "c", "y"))
+    found = problems(drive)
+    assert [path for path, _ in found] == [("steering", 0), ("steering", 1), ("wheels", 2)]
+    assert found[0][1] == "joint 'a' does not turn about an upright axis: it steers nothing"
+    ((path, message),) = problems(DRIVE.model_copy(update={"wheels": ("a_steer", "c")}))
+    assert path == ("wheels", 0)
+    assert message == "joint 'a_steer' steers; it cannot turn a wheel as well"
+
+
+@pytest.mark.parametrize(
+    ("model", "trouble"),
+    [
+        (cart(REAR[0], wheel("d", 0.0, -0.2, radius=None), *FRONT), "does not tell the radius of the wheel at 'd'"),
+        (cart(*REAR, steered("a", 0.0, 0.2), FRONT[1]), "above the axle that is not steered; give 'wheelbase'"),
+        (cart(REAR[0], wheel("d", 0.0, -0.2, axis=DOWN), *FRONT), "'d' turns about an upright axis"),
+    ],
+    ids=["radius", "wheelbase", "axle"],
+)
+def test_what_the_model_does_not_tell_is_a_problem(model: RobotModel, trouble: str) -> None:
+    ((_, message),) = problems(DRIVE, model)
+    assert trouble in message
+
+
+def test_without_a_fixed_axle_a_wheelbase_is_needed() -> None:
+    model = cart(*FRONT, steered("c", 0.0, 0.2), steered("d", 0.0, -0.2))
+    ((_, message),) = problems(DRIVE, model)
+    assert message == "every wheel of the model is steered; give 'wheelbase'"
+    assert problems(DRIVE.model_copy(update={"wheelbase": 0.5}), model) == []
+
+
+def test_steering_that_cannot_be_straight_is_a_problem() -> None:
+    ((path, message),) = problems(DRIVE, limited(0.1, 0.5))
+    assert path == ("steering", 0)
+    assert message == "joint 'a_steer' cannot be straight and turn to both sides within its limits"
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        {"steering": []},
+        {"steering": ["a", "b", "c"]},
+        {"wheels": []},
+        {"steering_limit": "90 deg"},
+        {"steering_limit": 0},
+        {"steering_rate": 0},
+        {"wheelbase": 0},
+        {"wheel_base": 1},
+    ],
+)
+def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        AckermannDrive.model_validate({"steering": ("a",), "wheels": ("b",), **spec})

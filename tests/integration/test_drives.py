@@ -1,0 +1,255 @@
+"""Real robots drive a line, a circle and an eight by twists, in the real engine, against the analytic path.
+
+The analytic path is that of a point that moves as it is told, with wheels (or a car's speed) that ramp at the
+acceleration of the drive. `off`: how far from it the base is at the most, of the way's length. `yaw_off`: how much too
+far, or too little, it has turned in the end, of all its turning. All are as measured, and a little.
+
+What to expect: two wheels go where they are told. A car does but for the width of its wheels, which touch the ground at
+either of their edges: racecar's are 45 mm wide, on circles of 1 m. Skid steer goes straight as well as any, and turns
+as friction lets it: loads that change while it turns, and wheels that are wide (r2d2's are 10 cm, on 44), leave some
+per cent to one side.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pytest
+
+from bench.robots import BURGER, ROBOTS, KnownRobot
+from sim_action.loading import build_scene, load_scenario
+from sim_action.permissions import Permissions
+from sim_action.simulation import SimulationRun, simulate
+from sim_action.trace import FloatArray, Trace
+
+RATE: Final = 240
+Segment = dict[str, float]
+
+KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
+HUSKYS: Final = {side: [f"front_{side}_wheel", f"rear_{side}_wheel"] for side in ("left", "right")}
+R2D2S: Final = {side: [f"{side}_front_wheel_joint", f"{side}_back_wheel_joint"] for side in ("left", "right")}
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A robot, how fast it drives, and how well.
+
+    Attributes:
+        speed, turn: m/s and rad/s of the circle.
+        separation: m, in effect; None for a car, which is told a curve.
+        heading: rad, of forward in the base frame.
+        drive: where it is not the one that is recognised.
+        off: of the way's length, by shape.
+        yaw_off: of all turning, by shape; rad for a line.
+    """
+
+    name: str
+    speed: float
+    turn: float
+    off: Mapping[str, float]
+    yaw_off: Mapping[str, float]
+    separation: float | None = None
+    heading: float = 0.0
+    acceleration: float = 1.0
+    drive: Mapping[str, object] = field(default_factory=dict)
+
+
+ROBOTS_DRIVEN: Final = (
+    Driven(
+        "burger",
+        0.2,
+        0.5,
+        separation=0.16,
+        off={"line": 0.001, "circle": 0.0015, "eight": 0.0015},
+        yaw_off={"line": 0.002, "circle": 0.001, "eight": 0.001},
+    ),
+    Driven(
+        "husky",
+        0.5,
+        0.5,
+        # 0.5708 m between its wheels, and a slip of 1.467: three fifths of its weight are on the rear ones.
+        separation=0.5708 * 1.467,
+        off={"line": 0.001, "circle": 0.07, "eight": 0.06},
+        yaw_off={"line": 0.001, "circle": 0.03, "eight": 0.02},
+    ),
+    Driven(
+        "r2d2",
+        0.3,
+        0.3,
+        separation=0.44 * 1.364,
+        heading=math.pi / 2,
+        # Its wheels have the inertia of flywheels (1 kg m^2): at 1 m/s^2 they would lift its front off the ground.
+        acceleration=0.2,
+        drive={"drive": {"skid": {**R2D2S, "acceleration": 0.2}}},
+        off={"line": 0.001, "circle": 0.15, "eight": 0.16},
+        yaw_off={"line": 0.001, "circle": 0.08, "eight": 0.06},
+    ),
+    Driven(
+        "racecar",
+        0.5,
+        0.5,
+        off={"line": 0.001, "circle": 0.02, "eight": 0.03},
+        yaw_off={"line": 0.001, "circle": 0.02, "eight": 0.02},
+    ),
+)
+
+every_robot = pytest.mark.parametrize(
+    "robot",
+    [
+        pytest.param(robot, marks=() if robot.name == "burger" else pytest.mark.pybullet, id=robot.name)
+        for robot in ROBOTS_DRIVEN
+    ],
+)
+
+
+def segments(shape: str, robot: Driven) -> list[Segment]:
+    """The shape as twists; a circle takes as long as whole ticks of the command let it."""
+    around = round(2 * math.pi / robot.turn, 1)
+    if shape == "line":
+        return [{"linear": robot.speed, "for": 6.0}]
+    circle = {"linear": robot.speed, "for": around}
+    turns = {"circle": (1,), "eight": (1, -1)}[shape]
+    return [{**circle, "angular": way * robot.turn} for way in turns]
+
+
+def run(folder: Path, known: KnownRobot, twist: list[Segment], **parts: Any) -> SimulationRun:
+    """Drives, and then stands for 5 s."""
+    seconds = sum(segment["for"] for segment in twist) + 5
+    scenario = {
+        "name": "drives",
+        "robot": {"model": known.path, **known.keys, **parts.pop("robot", {})},
+        "commands": {"rate": "10 Hz", "twist": twist},
+        "expect": [{"upright": {"max_tilt": "10 deg"}}],
+        "time_limit": seconds,
+        "trace": {"rate": RATE},
+        **parts,
+    }
+    path = folder / "drives.sim.yml"
+    path.write_text(json.dumps(scenario))
+    loaded = load_scenario(path, Permissions(outside=True))
+    done = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert all(verdict.passed for verdict in done.verdicts)
+    return done
+
+
+def told(twist: list[Segment], key: str, steps: int) -> FloatArray:
+    """What is commanded in each step; 0 after the last segment."""
+    each = [np.full(round(segment["for"] * RATE), segment.get(key, 0.0)) for segment in twist]
+    whole = np.concatenate(each)
+    return np.concatenate((whole, np.zeros(steps - len(whole))))
+
+
+def ramped(wanted: FloatArray, acceleration: float) -> FloatArray:
+    """Speeds that follow what is wanted, and change no faster than they may."""
+    speed, speeds = 0.0, []
+    for goal in wanted:
+        speed += float(np.clip(goal - speed, -acceleration / RATE, acceleration / RATE))
+        speeds.append(speed)
+    return np.array(speeds)
+
+
+def motion(robot: Driven, twist: list[Segment], steps: int) -> tuple[FloatArray, FloatArray]:
+    """Forward speed in m/s and turning rate in rad/s in each step."""
+    linear, angular = told(twist, "linear", steps), told(twist, "angular", steps)
+    if robot.separation is None:
+        # A car goes on along its curve while it slows down.
+        curvature = np.concatenate([np.full(round(s["for"] * RATE), s.get("angular", 0) / s["linear"]) for s in twist])
+        curvature = np.concatenate((curvature, np.full(steps - len(curvature), curvature[-1])))
+        speed = ramped(linear, robot.acceleration)
+        return speed, speed * curvature
+    half = robot.separation / 2
+    left, right = (ramped(linear + side * half * angular, robot.acceleration) for side in (-1, 1))
+    return (left + right) / 2, (right - left) / (2 * half)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How a run compares: in m, m, rad and rad."""
+
+    length: float
+    furthest: float
+    turning: float
+    yaw_error: float
+
+
+def compared(trace: Trace, robot: Driven, twist: list[Segment]) -> Compared:
+    speed, turn = motion(robot, twist, len(trace) - 1)
+    yaw = trace.yaw[0] + np.concatenate(([0.0], np.cumsum(turn))) / RATE
+    towards = (yaw[1:] + yaw[:-1]) / 2 + robot.heading
+    steps = np.column_stack((speed * np.cos(towards), speed * np.sin(towards))) / RATE
+    path = trace.base_position_xyz[0, :2] + np.concatenate((np.zeros((1, 2)), np.cumsum(steps, axis=0)))
+    off = np.linalg.norm(trace.base_position_xyz[:, :2] - path, axis=1)
+    turned = np.unwrap(trace.yaw)
+    return Compared(
+        length=float(np.abs(speed).sum() / RATE),
+        furthest=float(off.max()),
+        turning=float(np.abs(turn).sum() / RATE),
+        yaw_error=float(abs((turned[-1] - turned[0]) - (yaw[-1] - yaw[0]))),
+    )
+
+
+@every_robot
+@pytest.mark.parametrize("shape", ["line", "circle", "eight"])
+def test_it_drives_what_it_is_told(robot: Driven, shape: str, tmp_path: Path) -> None:
+    twist = segments(shape, robot)
+    done = run(tmp_path, KNOWN[robot.name], twist, robot=robot.drive)
+    found = compared(done.trace, robot, twist)
+    assert found.furthest <= robot.off[shape] * found.length
+    assert found.yaw_error <= robot.yaw_off[shape] * max(found.turning, 1.0)
+
+
+@pytest.mark.parametrize("name", ["burger", "husky", "r2d2", "racecar"])
+def test_its_drive_is_recognised_and_told_with_every_figure(name: str, tmp_path: Path) -> None:
+    done = run(tmp_path, KNOWN[name], [{"linear": 0.0, "for": 0.1}])
+    kinds = {"burger": "diff drive: ", "husky": "skid steer: ", "r2d2": "skid steer: ", "racecar": "ackermann: "}
+    figures = {"burger": "0.16 m", "husky": "x slip 1.467", "r2d2": "heading 90 deg", "racecar": "wheelbase 0.325 m"}
+    (note,) = (note for note in done.notes if note.startswith(f"recognised: {kinds[name]}"))
+    assert figures[name] in note
+
+
+def test_a_car_that_is_told_to_turn_on_the_spot_stands_still(tmp_path: Path) -> None:
+    done = run(tmp_path, KNOWN["racecar"], [{"angular": 1.0, "for": 2.0}])
+    assert done.travelled < 0.001
+    assert "a twist asked to turn on the spot, which Ackermann steering cannot: it stood still" in done.notes
+
+
+def test_a_car_takes_the_tightest_curve_it_can(tmp_path: Path) -> None:
+    """Its inner wheel is turned by 1 rad: 0.325 m / tan(1 rad) beside it, which is 0.1 m off the middle."""
+    done = run(tmp_path, KNOWN["racecar"], [{"linear": 0.2, "angular": 2.0, "for": 8.0}])
+    radius = 0.325 / math.tan(1.0) + 0.1
+    middle = slice(4 * RATE, 8 * RATE)
+    turned = float(np.ptp(np.unwrap(done.trace.yaw)[middle]))
+    assert turned == pytest.approx(4 * 0.2 / radius, rel=0.1)
+    assert "a twist asked for a tighter curve than the steering allows: it took the tightest there is" in done.notes
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 45, 70])
+def test_skid_steer_turns_alike_wherever_it_faces(degrees: int, tmp_path: Path) -> None:
+    twist = [{"linear": 0.5, "angular": 0.5, "for": 12.6}]
+    done = run(tmp_path, KNOWN["husky"], twist, robot={"pose": {"yaw": f"{degrees} deg"}})
+    husky = next(robot for robot in ROBOTS_DRIVEN if robot.name == "husky")
+    found = compared(done.trace, husky, twist)
+    assert found.furthest <= husky.off["circle"] * found.length
+    assert found.yaw_error <= husky.yaw_off["circle"] * found.turning
+
+
+def test_why_the_motors_of_skid_steer_have_rotors(tmp_path: Path) -> None:
+    """Without, PyBullet lets husky's light wheels slip lengthwise: it turns half as far. Should it not, they may go."""
+    twist = [{"linear": 0.5, "angular": 0.5, "for": 12.6}]
+    done = run(tmp_path, KNOWN["husky"], twist, robot={"drive": {"skid": {**HUSKYS, "rotor_inertia": 0}}})
+    assert float(np.ptp(np.unwrap(done.trace.yaw))) < 0.6 * 0.5 * 12.6
+
+
+def test_a_slip_that_is_stated_is_what_counts(tmp_path: Path) -> None:
+    twist = [{"angular": 0.5, "for": 4.0}]
+    turned = [
+        float(np.ptp(np.unwrap(run(tmp_path, KNOWN["husky"], twist, robot={"drive": {"skid": skid}}).trace.yaw)))
+        for skid in ({**HUSKYS, "slip": 1.2}, {**HUSKYS, "slip": 1.8})
+    ]
+    assert turned[1] / turned[0] == pytest.approx(1.8 / 1.2, rel=0.05)
