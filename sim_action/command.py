@@ -6,7 +6,26 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from sim_action.geometry import Twist
+from sim_action.geometry import Twist, Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class BasePush:
+    """How a base is pushed over the ground by what is not modelled, such as rollers: to a velocity, by a limited force.
+
+    Attributes:
+        linear_xy: m/s, of the base link's origin, along the base's own x and y.
+        angular_z: rad/s.
+        point_xyz: m, base frame: where the force acts.
+        max_force: N, level.
+        max_torque: N m, about the upright.
+    """
+
+    linear_xy: tuple[float, float]
+    angular_z: float
+    point_xyz: Vector3
+    max_force: float
+    max_torque: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,12 +37,14 @@ class JointTargets:
         velocity: joint name -> rad/s (or m/s), held by a velocity servo.
         effort: joint name -> N m (or N), applied as it is.
         max_effort: joint name -> N m (or N) that the servo of that joint may use; left out: the model's own limit.
+        base: how the base is pushed; None: as before. For drives, not for scripts.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
     velocity: Mapping[str, float] = field(default_factory=dict)
     effort: Mapping[str, float] = field(default_factory=dict)
     max_effort: Mapping[str, float] = field(default_factory=dict)
+    base: BasePush | None = None
 
     def names(self) -> Iterator[str]:
         """Every joint that is given a target."""
@@ -33,7 +54,7 @@ class JointTargets:
 
     def updated_by(self, later: JointTargets) -> JointTargets:
         """These targets, but for the joints that `later` names."""
-        if not any(self.names()):
+        if not any(self.names()) and self.base is None:
             return later
         renamed = set(later.names())
 
@@ -45,6 +66,7 @@ class JointTargets:
             velocity={**kept(self.velocity), **later.velocity},
             effort={**kept(self.effort), **later.effort},
             max_effort={**kept(self.max_effort), **later.max_effort},
+            base=later.base or self.base,
         )
 
 
@@ -55,5 +77,13 @@ def is_finite(command: Command) -> bool:
     """Whether every number of the command is one that a motor can be given."""
     if isinstance(command, Twist):
         return all(map(math.isfinite, (*command.linear_xyz, *command.angular_xyz)))
+    if command.base is not None and not is_finite_push(command.base):
+        return False
     groups = (command.position, command.velocity, command.effort, command.max_effort)
     return all(math.isfinite(value) for group in groups for value in group.values())
+
+
+def is_finite_push(push: BasePush) -> bool:
+    """Whether every number of it is finite."""
+    numbers = (*push.linear_xy, push.angular_z, *push.point_xyz, push.max_force, push.max_torque)
+    return all(map(math.isfinite, numbers))

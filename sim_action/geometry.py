@@ -41,9 +41,9 @@ class Twist:
     angular_xyz: Vector3 = ZERO
 
     @classmethod
-    def planar(cls, linear: float = 0.0, angular: float = 0.0) -> Self:
-        """Forward speed (m/s) and turning rate to the left (rad/s): what steers a wheeled robot."""
-        return cls((float(linear), 0.0, 0.0), (0.0, 0.0, float(angular)))
+    def planar(cls, linear: float = 0.0, angular: float = 0.0, *, lateral: float = 0.0) -> Self:
+        """Forward speed (m/s), turning rate to the left (rad/s), speed to the left (m/s): what steers robots."""
+        return cls((float(linear), float(lateral), 0.0), (0.0, 0.0, float(angular)))
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:

@@ -98,6 +98,7 @@ NonNegativeRadiansPerSecond = Annotated[float, Ge(0), Quantity((units.ANGULAR_SP
 PositiveRadiansPerSecond = Annotated[float, Gt(0), Quantity((units.ANGULAR_SPEED,))]
 PositiveMetresPerSecondSquared = Annotated[float, Gt(0), Quantity((units.ACCELERATION,))]
 PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
+PositiveNewtons = Annotated[float, Gt(0), Quantity((units.FORCE,))]
 NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTIA,))]
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
 PositiveRatio = Annotated[float, Gt(0), Quantity((units.RATIO,))]

@@ -65,7 +65,7 @@ class SimulationRun:
 def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> SimulationRun:
     """Runs a scenario to its end. Raises RunError where there can be no verdict."""
     drive = _drive_of(scenario, scene)
-    scene = replace(scene, rotors=drive.rotors(scene.model)) if drive else scene
+    scene = drive.prepared(scene) if drive else scene
     contacts = any(expected.assertion.watches_contacts for expected in scenario.expect)
     backend = BACKENDS.load(chosen(scenario.backend))(scene, contacts=contacts)
     try:

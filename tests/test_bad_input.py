@@ -181,7 +181,7 @@ def test_a_link_that_leads_outside_and_the_option_that_lifts_it(tmp_path: Path) 
         ),
         ("{diff: {left: wheel_left_joint, right: []}}", "4:18: robot.drive.diff.left: expected a list, found 'wheel"),
         ("{diff: {left: [a]}}", "4:11: robot.drive.diff.right: the key 'right' is missing"),
-        ("diff", "4:3: robot.drive: expected a map with one drive (diff, skid, ackermann), found 'diff'"),
+        ("diff", "4:3: robot.drive: expected a map with one drive (diff, mecanum, skid, ackermann), found 'diff'"),
     ],
 )
 def test_a_drive_that_does_not_fit_the_model(drive: str, problem: str, tmp_path: Path) -> None:

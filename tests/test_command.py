@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from sim_action.command import Command, JointTargets, is_finite
+from sim_action.command import BasePush, Command, JointTargets, is_finite
 from sim_action.geometry import Twist
 
 
@@ -27,6 +27,14 @@ def test_joints_that_are_not_named_keep_their_target() -> None:
     assert JointTargets().updated_by(earlier) == earlier
 
 
+def test_a_push_of_the_base_stays_until_another() -> None:
+    one, other = (BasePush((speed, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0) for speed in (1.0, 2.0))
+    pushed = JointTargets(base=one)
+    assert pushed.updated_by(JointTargets(effort={"a": 3})) == JointTargets(effort={"a": 3}, base=one)
+    assert pushed.updated_by(JointTargets(base=other)).base == other
+    assert JointTargets(effort={"a": 3}).updated_by(pushed).base == one
+
+
 def test_updating_leaves_both_as_they_were() -> None:
     earlier, later = JointTargets(position={"a": 1}), JointTargets(position={"a": 2})
     assert earlier.updated_by(later).position == {"a": 2}
@@ -38,6 +46,9 @@ def test_updating_leaves_both_as_they_were() -> None:
     [
         (Twist.planar(1, 2), True),
         (Twist.planar(math.nan), False),
+        (JointTargets(base=BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0)), True),
+        (JointTargets(base=BasePush((1.0, math.nan), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0)), False),
+        (JointTargets(base=BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), math.inf, 1.0)), False),
         (Twist((0, 0, 0), (0, math.inf, 0)), False),
         (JointTargets(), True),
         (JointTargets(position={"a": 1.0}), True),

@@ -98,6 +98,7 @@ def test_composing_with_no_pose_changes_nothing() -> None:
 
 def test_a_planar_twist_goes_forward_and_turns_left() -> None:
     assert Twist.planar(1, 2) == Twist((1.0, 0.0, 0.0), (0.0, 0.0, 2.0))
+    assert Twist.planar(1, 2, lateral=3) == Twist((1.0, 3.0, 0.0), (0.0, 0.0, 2.0))
     assert Twist.planar() == Twist()
 
 

@@ -39,6 +39,7 @@ class Backend(Protocol):
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """Steps the scene once for each of the targets, which are given to the motors first; None leaves them.
 
+        A base that is to be pushed (`JointTargets.base`) is pushed anew at every step, until it is told otherwise.
         `first_step` numbers the state before the first step: sim time is a state's number over `physics.rate`.
         """
 

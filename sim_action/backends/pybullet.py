@@ -16,6 +16,8 @@ import pybullet
 
 from sim_action import geometry
 from sim_action.backends import UNLIMITED_EFFORT
+from sim_action.backends.push import wrench
+from sim_action.backends.pybullet_push import apply, pushed
 from sim_action.backends.pybullet_scene import (
     BASE,
     add_gear,
@@ -27,7 +29,7 @@ from sim_action.backends.pybullet_scene import (
     place,
     set_surfaces,
 )
-from sim_action.command import JointTargets
+from sim_action.command import BasePush, JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist
 from sim_action.observation import Contact, JointState, Observation, Overlap
@@ -59,6 +61,7 @@ class PyBulletBackend:
         self._read_joints(scene)
         self._place_robot(scene)
         self._held_efforts: dict[int, float] = {}
+        self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
         self._touches: list[Contact] = []
 
@@ -69,6 +72,10 @@ class PyBulletBackend:
                 self._apply(wanted)
             if self._held_efforts:
                 self._push(self._held_efforts)
+            if self._base_push is not None:
+                here = self.observe(step, contacts=False)
+                found = wrench(self._base_push, self._pushed, here.pose, here.twist, 1 / self._rate)
+                apply(self._client, self._robot, found)
             pybullet.stepSimulation(self._client)
             self._rows.append(self._row(step))
             if self._watches_contacts:
@@ -132,6 +139,7 @@ class PyBulletBackend:
             add_rotor(self._client, self._robot, self._index[name], axis, inertia)
         _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
         self._com_in_link = Pose(com_position, com_orientation)
+        self._pushed = pushed(self._client, self._robot)
 
     def _place_robot(self, scene: Scene) -> None:
         positions = scene.joint_positions
@@ -149,6 +157,7 @@ class PyBulletBackend:
         place(self._client, self._robot, self._ground, scene.placement, self._com_in_link)
 
     def _apply(self, targets: JointTargets) -> None:
+        self._base_push = targets.base or self._base_push
         limits = {name: targets.max_effort.get(name, self._max_effort[name]) for name in targets.names()}
         for name in limits:
             self._held_efforts.pop(self._index[name], None)

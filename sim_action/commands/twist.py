@@ -18,6 +18,7 @@ class TwistSegment(FrozenModel):
     """One twist for some time."""
 
     linear: Annotated[MetresPerSecond, Field(description="forward speed of the base")] = 0.0
+    lateral: Annotated[MetresPerSecond, Field(description="speed to the left; only mecanum wheels can")] = 0.0
     angular: Annotated[RadiansPerSecond, Field(description="turning rate, to the left")] = 0.0
     duration: Annotated[
         PositiveSeconds | None, Field(alias="for", description="left out, in the last segment: until the end")
@@ -26,7 +27,7 @@ class TwistSegment(FrozenModel):
     @property
     def twist(self) -> Twist:
         """The command of this segment."""
-        return Twist.planar(self.linear, self.angular)
+        return Twist.planar(self.linear, self.angular, lateral=self.lateral)
 
 
 class TwistCommands(CommandSource):

@@ -11,7 +11,7 @@ from sim_action.geometry import Twist
 from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
-from sim_action.scene import SpecProblems
+from sim_action.scene import Scene, SpecProblems
 
 
 class DriveMotion(Protocol):
@@ -52,15 +52,16 @@ class Drive(FrozenModel):
     def describe(self, model: RobotModel) -> str:
         """One line for people, with every figure that was read from the model."""
 
-    def rotors(self, model: RobotModel) -> dict[str, float]:
-        """Joint -> inertia of its motor in kg m^2, as the joint feels it, beside what the model says."""
-        return {}
+    def prepared(self, scene: Scene) -> Scene:
+        """The scene with what the drive is known to have and the model does not tell."""
+        return scene
 
 
 DRIVES: Final = Table[type[Drive]](
     "drive",
     {
         "diff": "sim_action.drives.diff:DiffDrive",
+        "mecanum": "sim_action.drives.mecanum:MecanumDrive",
         "skid": "sim_action.drives.skid:SkidSteer",
         "ackermann": "sim_action.drives.ackermann:AckermannDrive",
     },
@@ -73,9 +74,12 @@ NOT_PLANAR: Final = (
 
 def is_planar(twist: Twist) -> bool:
     """Whether a twist is forward speed and turning rate alone."""
-    _, *linear = twist.linear_xyz
-    *angular, _ = twist.angular_xyz
-    return not any((*linear, *angular))
+    return is_level(twist) and twist.linear_xyz[1] == 0
+
+
+def is_level(twist: Twist) -> bool:
+    """Whether a twist is a velocity over the ground and turning rate alone."""
+    return not any((twist.linear_xyz[2], *twist.angular_xyz[:2]))
 
 
 def recognise(model: RobotModel) -> Drive | None:

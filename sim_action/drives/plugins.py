@@ -1,6 +1,6 @@
 """What Gazebo's plugins for drives say in a model: which joints turn wheels and steer them, and figures.
 
-Names are those of gazebo_ros_pkgs (ROS 1 and 2) and of gz-sim's DiffDrive and AckermannSteering.
+Names are those of gazebo_ros_pkgs (ROS 1 and 2) and of gz-sim's DiffDrive, AckermannSteering and MecanumDrive.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ DIFF_PLUGINS: Final = ("gazebo_ros_diff_drive", "gz-sim-diff-drive-system", "ign
 SKID_PLUGINS: Final = ("gazebo_ros_skid_steer_drive", *DIFF_PLUGINS)
 """Those of diff drives take several wheels a side."""
 ACKERMANN_PLUGINS: Final = ("gz-sim-ackermann-steering-system", "ignition-gazebo-ackermann-steering-system")
+MECANUM_PLUGINS: Final = ("gz-sim-mecanum-drive-system", "ignition-gazebo-mecanum-drive-system")
 
 _LEFT: Final = ("leftJoint", "left_joint", "leftFrontJoint", "leftRearJoint")
 _RIGHT: Final = ("rightJoint", "right_joint", "rightFrontJoint", "rightRearJoint")
+_CORNERS: Final = ("front_left_joint", "front_right_joint", "back_left_joint", "back_right_joint")
 _STEERING: Final = ("left_steering_joint", "right_steering_joint")
 _SWAPPED: Final = (
     "sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>, so that rightJoint is left"
@@ -45,6 +47,7 @@ _STEERING_FIGURES: Final = {
     "steering_limit": ("steering_limit", 1.0),
     "max_acceleration": ("acceleration", 1.0),
 }
+_MECANUM_FIGURES: Final = {"wheel_radius": ("radius", 1.0), "max_acceleration": ("acceleration", 1.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +86,16 @@ def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
         if plugin.name in ACKERMANN_PLUGINS and steering and wheels and _drivable(model, (*steering, *wheels)):
             figures = _figures(plugin, _STEERING_FIGURES)
             return StatedSteering(steering, wheels, figures, _unlimited(figures, _NO_LIMIT_AHEAD))
+    return None
+
+
+def corners_by_plugin(model: RobotModel) -> StatedSides | None:
+    """What the first plugin for mecanum wheels says whose joints the model has."""
+    for plugin in model.plugins:
+        corners = _joints(plugin, _CORNERS)
+        if plugin.name in MECANUM_PLUGINS and len(corners) == len(_CORNERS) and _drivable(model, corners):
+            figures = _figures(plugin, _MECANUM_FIGURES)
+            return StatedSides(corners[::2], corners[1::2], figures, _unlimited(figures, _NO_LIMIT_AHEAD))
     return None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
@@ -15,6 +16,7 @@ from sim_action.drives.slip import footings, slip_factor
 from sim_action.drives.wheels import centre_of_mass
 from sim_action.quantities import NonNegativeKilogramSquareMetres, PositiveRatio
 from sim_action.robot_model import RobotModel
+from sim_action.scene import Scene
 
 # Of the robot's mass: what a motor adds to it at the rim of its wheel, as small motors with many gears do.
 # PyBullet splits the friction of a tyre between lengthwise and sideways by how easily the wheel gives way to each.
@@ -70,8 +72,12 @@ class SkidSteer(SidedDrive):
         worked_out = "" if self.slip else " (worked out from where the wheels and the mass are)"
         return f" x slip {self.slip_factor(model):.4g}{worked_out}, rotors {self._rotor_text(model)}"
 
+    def prepared(self, scene: Scene) -> Scene:
+        """With the inertia of the motors. See Drive.prepared."""
+        return replace(scene, rotors=self.rotors(scene.model))
+
     def rotors(self, model: RobotModel) -> dict[str, float]:
-        """See Drive.rotors."""
+        """Joint -> inertia of its motor in kg m^2."""
         stated, radii = self.rotor_inertia, self.radii(model)
         if stated is not None:
             return dict.fromkeys(radii, stated)

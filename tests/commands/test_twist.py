@@ -39,6 +39,10 @@ def test_segments_follow_one_another_and_then_it_stops(time: float, twist: Twist
     assert at(commands, time) == twist
 
 
+def test_a_segment_may_go_sideways() -> None:
+    assert at(spec({"linear": 1.0, "lateral": "-20 cm/s"}), 0.0) == Twist.planar(1.0, lateral=-0.2)
+
+
 def test_an_open_segment_lasts_to_the_end() -> None:
     assert at(spec({"linear": 1.0, "for": 1}, {"linear": 0.5}), 1e6) == Twist.planar(0.5)
 

@@ -253,3 +253,33 @@ def test_a_slip_that_is_stated_is_what_counts(tmp_path: Path) -> None:
         for skid in ({**HUSKYS, "slip": 1.2}, {**HUSKYS, "slip": 1.8})
     ]
     assert turned[1] / turned[0] == pytest.approx(1.8 / 1.2, rel=0.05)
+
+
+ROVER: Final = KnownRobot("rover", str(Path(__file__).parents[2] / "examples/drives/rover.urdf"))
+CORNERS: Final = {side: [f"front_{side}_wheel_joint", f"rear_{side}_wheel_joint"] for side in ("left", "right")}
+
+
+@pytest.mark.parametrize(("degrees", "way"), [(0, (1.0, 0.0)), (90, (0.0, 1.0)), (150, (-math.sqrt(0.75), 0.5))])
+def test_mecanum_wheels_go_any_way_and_face_ahead(degrees: int, way: tuple[float, float], tmp_path: Path) -> None:
+    twist = [{"linear": 0.5 * way[0], "lateral": 0.5 * way[1], "for": 4.0}]
+    trace = run(tmp_path, ROVER, twist, robot={"drive": {"mecanum": CORNERS}}).trace
+    # It slows down for as long as it sped up.
+    gone = trace.base_position_xyz[-1, :2] - trace.base_position_xyz[0, :2]
+    assert gone == pytest.approx([2.0 * way[0], 2.0 * way[1]], abs=0.02)
+    assert abs(trace.yaw[-1]) < math.radians(2)
+    front_left = trace.joint_velocity[2 * RATE, trace.joint_names.index("front_left_wheel_joint")]
+    assert front_left == pytest.approx((0.5 * way[0] - 0.5 * way[1]) / 0.1, abs=0.01)
+
+
+def test_mecanum_wheels_turn_on_the_spot(tmp_path: Path) -> None:
+    trace = run(tmp_path, ROVER, [{"angular": 0.5, "for": 4.0}], robot={"drive": {"mecanum": CORNERS}}).trace
+    assert trace.yaw[-1] - trace.yaw[0] == pytest.approx(2.0, rel=0.02)
+    assert np.linalg.norm(trace.base_position_xyz[-1, :2] - trace.base_position_xyz[0, :2]) < 0.01
+
+
+def test_mecanum_wheels_push_no_harder_than_they_may(tmp_path: Path) -> None:
+    """10 kg and 5 N: 0.5 m/s after a second, and 0.25 m less than at once."""
+    spec = {"mecanum": {**CORNERS, "force": 5.0, "acceleration": 100.0}}
+    trace = run(tmp_path, ROVER, [{"lateral": 0.5, "for": 4.0}], robot={"drive": spec}).trace
+    assert trace.base_linear_xyz[RATE // 2, 1] == pytest.approx(0.25, rel=0.02)
+    assert trace.base_position_xyz[4 * RATE, 1] - trace.base_position_xyz[0, 1] == pytest.approx(1.75, rel=0.02)

@@ -54,19 +54,11 @@ PENDULUM = """
 
 @contextmanager
 def scene(
-    folder: Path,
-    urdf: str,
-    robot: Robot,
-    world: World | None = None,
-    rate: float = 240.0,
-    *,
-    contacts: bool = False,
-    rotors: dict[str, float] | None = None,
+    folder: Path, urdf: str, robot: Robot, world: World | None = None, rate: float = 240.0, *, contacts: bool = False
 ) -> Iterator[PyBulletBackend]:
     path = folder / "robot.urdf"
     path.write_text(urdf)
-    physics = Physics(rate=rate)
-    everything = Scene(robot, read_urdf(path), world or World(), physics, Workspace(folder, folder), rotors or {})
+    everything = Scene(robot, read_urdf(path), world or World(), Physics(rate=rate), Workspace(folder, folder))
     from sim_action.backends.pybullet import PyBulletBackend
 
     backend = PyBulletBackend(everything, contacts=contacts)
@@ -182,29 +174,6 @@ def test_an_effort_is_held_over_steps(tmp_path: Path) -> None:
     assert GRAVITY * (1 - math.cos(turning_point)) == pytest.approx(effort * turning_point, rel=0.01)
     assert trace.joint_position[:, 0].min() == pytest.approx(0, abs=0.01)
     assert trace.joint_effort[:, 0].tolist() == [effort] * 5_000
-
-
-# The wheel's axle is its link's z, which lies along y; its inertia stands in a frame of its own, where the axle is x.
-WHEEL = """
-<robot name="wheel">
-  <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
-  <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>
-    <origin rpy="-1.5707963267948966 0 0"/><axis xyz="0 0 1"/></joint>
-  <link name="wheel"><inertial><origin rpy="0 -1.5707963267948966 0"/><mass value="1"/>
-  <inertia ixx="0.1" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
-</robot>
-"""
-
-
-@pytest.mark.parametrize(("rotors", "inertia"), [({}, 0.1), ({"axle": 0.4}, 0.5)])
-def test_a_torque_turns_a_wheel_together_with_the_rotor_of_its_motor(
-    rotors: dict[str, float], inertia: float, tmp_path: Path
-) -> None:
-    robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=1.0))
-    with scene(tmp_path, WHEEL, robot, rotors=rotors) as backend:
-        trace = advance(backend, 0, 240, [JointTargets(effort={"axle": 2.0})])
-    assert trace.joint_velocity[-1, 0] == pytest.approx(2.0 / inertia, rel=1e-6)
 
 
 def test_position_and_velocity_targets_are_reached(tmp_path: Path) -> None:

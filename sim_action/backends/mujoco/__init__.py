@@ -17,6 +17,7 @@ import mujoco
 from sim_action.backends.mujoco.contacts import Contacts
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.backends.mujoco.motors import Motors
+from sim_action.backends.mujoco.push import Pusher
 from sim_action.backends.mujoco.states import States
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
@@ -55,6 +56,7 @@ class MuJoCoBackend:
         self._rate = scene.physics.rate
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene.model, compiled, self._rate)
+        self._pusher = Pusher(compiled, self._rate)
         self._states = States(compiled, self._rate, self._motors.efforts)
         self._contacts = Contacts(compiled)
         self._watches_contacts = contacts and len(compiled.bodies) > 1
@@ -99,9 +101,14 @@ class MuJoCoBackend:
         for row, wanted in zip(self._states.expect(first_step + 1, len(targets)), targets, strict=True):
             if wanted is not None:
                 self._motors.apply(wanted)
+                if wanted.base is not None:
+                    self._pusher.apply(wanted.base)
             if self._warned[_BAD_ACCELERATION] or self._warned[_BAD_VELOCITY]:
                 # There is nothing left to simulate, and what is left of the trace are no numbers.
                 return
+            if not self._pusher.is_idle:
+                here = self.observe(first_step, contacts=False)
+                self._pusher.step(here.pose, here.twist)
             self._motors.step()
             self._states.keep(row)
             if self._watches_contacts:

@@ -61,6 +61,8 @@ class Compiled:
         fixed = scene.bolted or scene.model.links_by_name[root].mass == 0
         spec = _empty(rate)
         robot = _add_robot(spec, scene, fixed=fixed)
+        for name, inertia in scene.rotors.items():
+            spec.joint(engine_name(name)).armature += inertia
         world = [_add_ground(spec, scene), *(_add_object(spec, body) for body in scene.world.objects)]
         soft = add_pairs(spec, rate, robot, world)
         model = spec.compile()

@@ -1,0 +1,146 @@
+"""Mecanum wheels: four, whose rollers let the robot go sideways as well."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from statistics import fmean
+from typing import Annotated, ClassVar, Final, Self
+
+from pydantic import Field
+
+from sim_action import units
+from sim_action.drives import Drive
+from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling
+from sim_action.drives.mecanum_motion import MecanumMotion, Roller
+from sim_action.drives.plugins import StatedSides, corners_by_plugin
+from sim_action.drives.wheel_problems import joint_problems, length_problems
+from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
+from sim_action.drives.wording import heading_text, radius_text, remarked
+from sim_action.geometry import Vector3
+from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtons, Radians
+from sim_action.robot_model import RobotModel
+from sim_action.scene import Scene, SpecProblems
+
+# m/s^2. Rollers at 45 deg hold 1 / sqrt(2) of the weight that is on them, with a friction of 1.
+_HOLD: Final = 9.80665 / math.sqrt(2)
+
+# Front left, rear left, front right, rear right.
+_CORNERS: Final = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
+
+Pair = Annotated[tuple[str, ...], Field(min_length=2, max_length=2)]
+
+
+class MecanumDrive(Drive):
+    """Four mecanum wheels, front and rear: forward, sideways and turning at once; kinematic, rollers are not modelled.
+
+    Wheels turn as their inverse kinematics says, and have no friction; the base is pushed to its velocity by a force
+    that is limited, and acts where the wheels touch the ground.
+    """
+
+    key: ClassVar[str] = "mecanum"
+
+    left: Annotated[Pair, Field(description="joints of the wheels on the left: front, rear")]
+    right: Annotated[Pair, Field(description="joints of the wheels on the right: front, rear")]
+    radius: Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")] = None
+    acceleration: Annotated[
+        PositiveMetresPerSecondSquared, Field(description="limit of the velocity's change, also where wheels are")
+    ] = 1.0
+    force: Annotated[
+        PositiveNewtons | None,
+        Field(description="that pushes the base at the most; left out: what its weight lets rollers hold, 0.7 of it"),
+    ] = None
+    heading: Annotated[
+        Radians | None,
+        Field(description="of forward, from the base's x axis to the left; left out: as the wheels in the model roll"),
+    ] = None
+
+    @classmethod
+    def recognise(cls, model: RobotModel) -> Self | None:
+        """What gz's plugin in the model says: without it, the wheels look like those of skid steer."""
+        stated = corners_by_plugin(model)
+        return cls._of(stated) if stated else None
+
+    @classmethod
+    def _of(cls, stated: StatedSides) -> Self:
+        return cls(left=stated.left, right=stated.right, **stated.figures)
+
+    def problems(self, model: RobotModel) -> SpecProblems:
+        """Joints that the model has not, wheels that do not roll or are not where they should be."""
+        unknown = [*joint_problems(model, "left", self.left), *joint_problems(model, "right", self.right)]
+        yield from unknown
+        if unknown:
+            return
+        yield from length_problems(self, "radius")
+        heading = self._forward(model)
+        for found in self._wheels(model):
+            yield from axle_problems(found, heading)
+            if self.radius is None and found.radius is None:
+                yield (), f"the model does not tell the radius of the wheel at '{found.joint}'; give 'radius'"
+        if self._corners(model) != _CORNERS:
+            yield (), "the wheels are not at the corners: left: [front, rear], right: [front, rear]; or give 'heading'"
+
+    def open(self, model: RobotModel, rate: float) -> MecanumMotion:
+        """See Drive.open."""
+        x, y, _ = centre_of_mass(model)
+        heading, tyres = self._forward(model), self._tyres(model)
+        lowest = min(found.position_xyz[2] - radius for found, radius in tyres)
+        placed = [(rolling(found, heading), radius) for found, radius in tyres]
+        ways = [ahead * left for ahead, left in _CORNERS]
+        point: Vector3 = (x, y, lowest)
+        return MecanumMotion(
+            [Roller(at, at.turns * radius, way) for (at, radius), way in zip(placed, ways, strict=True)],
+            heading=heading,
+            most_change=self.acceleration / rate,
+            force=self._force(model),
+            point_xyz=point,
+        )
+
+    def describe(self, model: RobotModel) -> str:
+        """See Drive.describe."""
+        front_left, rear_left, front_right, _ = self._placed(model)
+        wheelbase, separation = front_left.ahead - rear_left.ahead, front_left.left - front_right.left
+        assumed = "" if self.force else " (0.7 of its weight)"
+        figures = (
+            f"mecanum drive, kinematic: left {', '.join(self.left)}; right {', '.join(self.right)}; "
+            f"{radius_text([radius for _, radius in self._tyres(model)])}, wheelbase {wheelbase:.4g} m, "
+            f"separation {separation:.4g} m, acceleration {self.acceleration:.4g} m/s^2, wheels without friction, "
+            f"pushed by up to {units.display(self._force(model), 'N')}{assumed}{heading_text(self._forward(model))}"
+        )
+        stated = corners_by_plugin(model)
+        return remarked(figures, stated.remarks if stated and self == self._of(stated) else ())
+
+    def prepared(self, scene: Scene) -> Scene:
+        """With wheels that slide: their rollers roll. See Drive.prepared."""
+        joints = scene.model.joints_by_name
+        wheels = {joints[name].child for name in (*self.left, *self.right)}
+        links = tuple(
+            replace(link, surface=replace(link.surface, friction=0.0)) if link.name in wheels else link
+            for link in scene.model.links
+        )
+        return replace(scene, model=replace(scene.model, links=links))
+
+    def _wheels(self, model: RobotModel) -> list[Wheel]:
+        return [wheel(model, name) for name in (*self.left, *self.right)]
+
+    def _tyres(self, model: RobotModel) -> list[tuple[Wheel, float]]:
+        return [(found, radius) for found in self._wheels(model) if (radius := self.radius or found.radius)]
+
+    def _forward(self, model: RobotModel) -> float:
+        if self.heading is not None:
+            return self.heading
+        wheels = self._wheels(model)
+        return heading_of(wheels, wheels[:2], wheels[2:])
+
+    def _placed(self, model: RobotModel) -> list[Rolling]:
+        heading = self._forward(model)
+        return [rolling(found, heading) for found in self._wheels(model)]
+
+    def _corners(self, model: RobotModel) -> list[tuple[int, int]]:
+        """Where each wheel is, seen from the middle of them all: in front or not, on the left or not."""
+        placed = self._placed(model)
+        ahead, left = fmean(each.ahead for each in placed), fmean(each.left for each in placed)
+        return [(1 if each.ahead > ahead else -1, 1 if each.left > left else -1) for each in placed]
+
+    def _force(self, model: RobotModel) -> float:
+        return self.force or _HOLD * model.mass

@@ -1,0 +1,99 @@
+"""The live half of mecanum wheels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Final
+
+from sim_action.command import BasePush, JointTargets
+from sim_action.drives import is_level
+from sim_action.drives.heading import Rolling
+from sim_action.geometry import Twist, Vector3
+
+NOT_LEVEL: Final = "a twist asked for more than velocity over the ground and turning rate; the rest was left out"
+
+
+@dataclass(frozen=True, slots=True)
+class Roller:
+    """A wheel with rollers at 45 deg, which form an X seen from above.
+
+    Attributes:
+        gear: m that it would roll forward while its joint turns by 1 rad.
+        way: 1 if it is in front on the left, or in the rear on the right; -1 on the other diagonal.
+    """
+
+    place: Rolling
+    gear: float
+    way: int
+
+    def speed(self, ahead: float, left: float, turn: float) -> float:
+        """Of its joint in rad/s, for a velocity of the base in m/s and rad/s."""
+        here = (ahead - turn * self.place.left, left + turn * self.place.ahead)
+        # Its rollers give way along one diagonal: what is left is across.
+        return (here[0] - self.way * here[1]) / self.gear
+
+
+class MecanumMotion:
+    """Velocity over the ground and turning rate, ramping towards what the last twist asks for."""
+
+    def __init__(
+        self, wheels: Sequence[Roller], *, heading: float, most_change: float, force: float, point_xyz: Vector3
+    ) -> None:
+        """`most_change`: m/s a step, of the velocity, and of what turning is at the wheels."""
+        self._wheels = tuple(wheels)
+        self._heading = heading
+        self._most_change = most_change
+        self._force = force
+        self._point_xyz = point_xyz
+        self._arm = fmean(math.hypot(found.place.ahead, found.place.left) for found in wheels)
+        self._ahead = self._left = self._turn = 0.0
+        self._was_level = True
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """See DriveMotion.joints."""
+        return frozenset(found.place.joint for found in self._wheels)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See DriveMotion.notes."""
+        return () if self._was_level else (NOT_LEVEL,)
+
+    def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
+        """See DriveMotion.targets."""
+        self._was_level &= is_level(twist)
+        planned = []
+        for _ in range(steps):
+            before = (self._ahead, self._left, self._turn)
+            self._step(twist)
+            planned.append(self._joint_targets())
+            if before == (self._ahead, self._left, self._turn):
+                break
+        return planned
+
+    def _step(self, twist: Twist) -> None:
+        """All three change by the same part of their way, so that the curve stays the one that was asked for."""
+        ahead, left, _ = twist.linear_xyz
+        turn = twist.angular_xyz[2]
+        change = math.hypot(ahead - self._ahead, left - self._left) + self._arm * abs(turn - self._turn)
+        if change <= self._most_change:
+            self._ahead, self._left, self._turn = ahead, left, turn
+            return
+        part = self._most_change / change
+        self._ahead += part * (ahead - self._ahead)
+        self._left += part * (left - self._left)
+        self._turn += part * (turn - self._turn)
+
+    def _joint_targets(self) -> JointTargets:
+        cosine, sine = math.cos(self._heading), math.sin(self._heading)
+        along_x, along_y = (
+            cosine * self._ahead - sine * self._left,
+            sine * self._ahead + cosine * self._left,
+        )
+        return JointTargets(
+            velocity={found.place.joint: found.speed(self._ahead, self._left, self._turn) for found in self._wheels},
+            base=BasePush((along_x, along_y), self._turn, self._point_xyz, self._force, self._force * self._arm),
+        )
