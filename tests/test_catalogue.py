@@ -20,7 +20,7 @@ def test_fields_say_what_they_take_in_which_unit_and_by_default() -> None:
 
 def test_nested_keys_and_lists_are_spelled_out() -> None:
     twist = next(entry for entry in catalogue.commands() if entry.name == "twist")
-    assert twist.fields[0].takes == "list of {linear, angular, for}"
+    assert twist.fields[0].takes == "list of {linear, lateral, angular, for}"
 
 
 def test_models_are_those_that_can_be_named() -> None:

@@ -32,7 +32,8 @@ def _link(model: Any, body: int) -> Link:
     geoms = [geom for geom in range(first, first + count) if model.geom_contype[geom] or model.geom_conaffinity[geom]]
     friction = float(model.geom_friction[geoms[0], 0]) if geoms else 0.5
     shapes = tuple(_shape(model, geom) for geom in geoms)
-    return Link(model.body(body).name, float(model.body_mass[body]), shapes, Surface(friction))
+    x, y, z = map(float, model.body_ipos[body])
+    return Link(model.body(body).name, float(model.body_mass[body]), shapes, Surface(friction), (x, y, z))
 
 
 def _shape(model: Any, geom: int) -> Shape:

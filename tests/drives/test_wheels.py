@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.drives.wheels import wheel
+from sim_action.drives.wheels import centre_of_mass, wheel
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import RobotModel
 from tests.traces import burger
@@ -65,6 +65,17 @@ def test_a_wheel_is_where_the_joints_above_it_begin(tmp_path: Path) -> None:
     turned = math.pi / 2 + 1.0
     at = wheel(read_urdf(tmp_path / "swung.urdf"), "spin").position_xyz
     assert at == pytest.approx((2 + math.cos(turned), math.sin(turned), 0.5))
+
+
+def test_the_mass_is_where_the_links_have_theirs() -> None:
+    # Chassis, wheels, caster and laser; the wheels are at x = 0.
+    ahead = (0.826 * -0.032 + 0.005 * -0.081 + 0.114 * -0.032) / 1.002
+    x, y, _ = centre_of_mass(burger())
+    assert [x, y] == pytest.approx([ahead, 0.0])
+
+
+def test_what_states_no_mass_has_none(nested: RobotModel) -> None:
+    assert centre_of_mass(nested) == (0.0, 0.0, 0.0)
 
 
 def test_an_unknown_joint_is_a_key_error(nested: RobotModel) -> None:

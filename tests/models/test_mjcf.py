@@ -82,6 +82,8 @@ def test_a_free_robot_is_read_as_it_is_written(tmp_path: Path) -> None:
     model = read(tmp_path, ROVER)
     assert (model.name, model.root, model.urdf) == ("rover", "chassis", "")
     assert {link.name: link.mass for link in model.links} == {"chassis": 4.1, "left_wheel": 0.5, "right_wheel": 0.5}
+    middle = model.links_by_name["chassis"].centre_of_mass_xyz
+    assert middle == pytest.approx((-0.15 * 0.1 / 4.1, 0.0, -0.05 * 0.1 / 4.1))
     left, right = model.moving_joints
     assert (left.name, left.type, left.parent, left.child) == ("left", "continuous", "chassis", "left_wheel")
     assert (left.axis_xyz, left.origin.position_xyz) == ((0, 1, 0), (0.1, 0.15, 0))
