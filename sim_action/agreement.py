@@ -29,8 +29,10 @@ def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path
 
     `folder`: where the results are, from which traces are named.
     """
+    if len(outcomes) == 1:
+        return (_alone(outcomes[0]),) if loaded.scenario.agreement else outcomes
     judged = [outcome for outcome in outcomes if outcome.status != "error"]
-    if len(outcomes) == 1 or not judged:
+    if not judged:
         return outcomes
     last = judged[-1]
     others = [outcome for outcome in outcomes if outcome is not last]
@@ -41,6 +43,12 @@ def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path
     if any(expectation.failed for expectation in expectations):
         told = told.model_copy(update={"status": "failed"})
     return tuple(told if outcome is last else outcome for outcome in outcomes)
+
+
+def _alone(outcome: Outcome) -> Outcome:
+    """Of a scenario that asks for agreement, where the call has named one engine."""
+    note = "agreement was not judged: the call names one engine"
+    return outcome.model_copy(update={"notes": (*outcome.notes, note)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +132,7 @@ class _Comparison:
         measured, time = float(apart.difference[worst]), float(apart.time[worst])
         margin = None if apart.limit is None else apart.limit - measured
         message = f"at most {units.display(measured, apart.unit)} apart from {self._engine} in {apart.what}"
+        message += f" at {time:.2f} s"
         if apart.limit is not None:
             message += f", of {units.display(apart.limit, apart.unit)} allowed"
         return Verdict(margin is None or margin >= 0, measured, apart.limit, margin, apart.unit, time, message)

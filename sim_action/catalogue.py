@@ -95,7 +95,7 @@ def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:  # noqa: PLR09
         return " or ".join(_takes(part) for part in parts)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return f"{{{', '.join(entry.name for entry in fields(annotation))}}}"
-    return {str: "text", bool: "true or false", int: "whole number"}.get(annotation, str(annotation))
+    return {str: "text", bool: "true or false", int: "whole number", float: "number"}.get(annotation, str(annotation))
 
 
 def _kind(dimensions: tuple[units.Dimension, ...]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sim_action.backends import chosen, installed
+from sim_action.backends import INSTALLING, chosen, installed
 from sim_action.errors import InvalidScenario, UsageError
 from sim_action.scenario import LoadedScenario
 from sim_action.yaml_document import KeyPath
@@ -50,8 +50,9 @@ def _on_its_own(loaded: LoadedScenario, backend: str | None) -> LoadedScenario:
 def _several() -> tuple[str, ...]:
     engines = installed()
     if len(engines) < 2:
+        missing = "; ".join(how for engine, how in INSTALLING.items() if engine not in engines)
         only = f"there is only {engines[0]}" if engines else "there is none"
-        raise UsageError(f"it takes two engines to compare, and {only}: pip install 'sim-action[pybullet,mujoco]'")
+        raise UsageError(f"it takes two engines to compare, and {only} ({missing})")
     return engines
 
 

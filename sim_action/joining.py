@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import groupby, zip_longest
 from pathlib import Path, PurePosixPath
 from typing import NoReturn
 
@@ -49,16 +49,17 @@ def joined(files: Sequence[ResultsFile], listing: Listing | None) -> list[Entry]
 
 
 def _check_files(files: Iterable[ResultsFile]) -> None:
+    """A file has an outcome for each engine that it ran on, by name; all of them are in the same results."""
     seen: dict[str, Path] = {}
+    told = set[tuple[str, str]]()
     for file in files:
         for outcome in file.results.outcomes:
             name = _compared(outcome)
-            if name in seen:
-                both = f"both {seen[name]} and {file.path} have results of {outcome.file}"
-                twice = f"{file.path} has results of {outcome.file} twice"
-                _refuse(f"{twice if seen[name] == file.path else both}; nothing is counted twice")
-            if name:
-                seen[name] = file.path
+            if name and seen.setdefault(name, file.path) != file.path:
+                _refuse(f"both {seen[name]} and {file.path} have results of {outcome.file}; nothing is counted twice")
+            if name and (name, outcome.name) in told:
+                _refuse(f"{file.path} has results of {outcome.file} twice; nothing is counted twice")
+            told.add((name, outcome.name))
 
 
 def _compared(outcome: Outcome) -> str:
@@ -91,14 +92,19 @@ def _ordered(files: Sequence[ResultsFile], sharded: Sequence[tuple[Shard, Result
     if len(files) in (1, len(sharded)):
         # Dealt one by one, they are taken back one by one.
         hands = [file for _, file in sorted(sharded, key=lambda pair: pair[0].index)] or files
-        rounds = zip_longest(*map(_entries, hands))
-        return [entry for turn in rounds for entry in turn if entry is not None]
+        rounds = zip_longest(*map(_dealt, hands), fillvalue=())
+        return [entry for turn in rounds for hand in turn for entry in hand]
     entries = [entry for file in files for entry in _entries(file)]
     return sorted(entries, key=lambda entry: PurePosixPath(entry.outcome.file))
 
 
 def _entries(file: ResultsFile) -> list[Entry]:
     return [Entry(outcome, file.path) for outcome in file.results.outcomes]
+
+
+def _dealt(file: ResultsFile) -> list[list[Entry]]:
+    """What was dealt as one: all outcomes of a scenario file."""
+    return [list(entries) for _, entries in groupby(_entries(file), key=lambda entry: _compared(entry.outcome))]
 
 
 def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
@@ -140,7 +146,7 @@ def _missing_shards(sharded: Sequence[tuple[Shard, ResultsFile]], added: int) ->
 
 
 def _count(sharded: Iterable[tuple[Shard, ResultsFile]]) -> int:
-    return sum(len(file.results.outcomes) for _, file in sharded)
+    return sum(len(_dealt(file)) for _, file in sharded)
 
 
 def _refuse(message: str) -> NoReturn:

@@ -51,7 +51,8 @@ class Robot(FrozenModel):
     """The robot under test."""
 
     model: Annotated[
-        str, Field(min_length=1, description="the name of a built-in model, or the path of a URDF, xacro or SDF file")
+        str,
+        Field(min_length=1, description="the name of a built-in model, or the path of a URDF, xacro, SDF or MJCF file"),
     ]
     base: Annotated[
         Literal["free", "fixed"] | None,

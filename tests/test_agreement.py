@@ -60,6 +60,12 @@ def test_one_outcome_stays_as_it_is(tmp_path: Path) -> None:
     assert compared(loaded(tmp_path), (alone,), tmp_path) == (alone,)
 
 
+def test_agreement_that_was_asked_and_not_judged_is_noted(tmp_path: Path) -> None:
+    alone = ran(tmp_path, "pybullet", FIRST)
+    (noted,) = compared(loaded(tmp_path, ASKED), (alone,), tmp_path)
+    assert noted.notes == ("agreement was not judged: the call names one engine",)
+
+
 def test_what_agrees_is_told_with_the_largest_difference_and_when(tmp_path: Path) -> None:
     last, (verdicts, position, yaw) = held_against(tmp_path, NEAR, ASKED)
     assert last.status == "passed"
@@ -67,7 +73,7 @@ def test_what_agrees_is_told_with_the_largest_difference_and_when(tmp_path: Path
     assert position.verdict.measured == pytest.approx(0.01)
     assert position.verdict.margin == pytest.approx(0.02)
     assert position.verdict.time == 0.2
-    assert position.verdict.message == "at most 0.01 m apart from pybullet 1.0 in position, of 0.03 m allowed"
+    assert position.verdict.message == "at most 0.01 m apart from pybullet 1.0 in position at 0.20 s, of 0.03 m allowed"
     assert yaw.verdict.measured == pytest.approx(0.034907, abs=1e-6)
     assert yaw.location.line == 4
 
@@ -83,7 +89,7 @@ def test_what_nobody_asked_is_told_and_fails_nothing(tmp_path: Path) -> None:
     last, added = held_against(tmp_path, FAR)
     assert last.status == "passed"
     assert [(one.failed, one.warned, one.verdict.limit) for one in added] == [(False, False, None)] * 3
-    assert added[1].verdict.message == "at most 0.05 m apart from pybullet 1.0 in position"
+    assert added[1].verdict.message == "at most 0.05 m apart from pybullet 1.0 in position at 0.20 s"
 
 
 @pytest.mark.parametrize(("more", "severity"), [("", "warning"), (ASKED, "error")])

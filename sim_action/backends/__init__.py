@@ -73,6 +73,13 @@ BACKENDS: Final = Table[BackendFactory](
 """The name of an engine is that of its package."""
 
 
+INSTALLING: Final = {
+    "pybullet": "PyBullet has wheels for Python 3.11 on Linux x86-64 alone: pip install pybullet",
+    "mujoco": "pip install mujoco-core",
+}
+"""How to come by an engine."""
+
+
 def installed() -> tuple[str, ...]:
     """The engines that are there, the one that `auto` means first."""
     return tuple(engine for engine in BACKENDS if find_spec(engine) is not None)
@@ -87,5 +94,7 @@ def chosen(wanted: str) -> str:
             "(or pybullet, which has wheels for Linux x86-64 with Python 3.11 alone)"
         )
     if wanted != "auto" and wanted not in engines:
-        raise UsageError(f"the engine {wanted} is not installed here; there is {', '.join(engines)}")
+        raise UsageError(
+            f"the engine {wanted} is not installed here; there is {', '.join(engines)} ({INSTALLING[wanted]})"
+        )
     return engines[0] if wanted == "auto" else wanted

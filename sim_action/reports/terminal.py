@@ -119,8 +119,9 @@ class _Printer:
         verdict = expected.verdict
         look: Mood = "passed" if verdict.passed else "warned" if expected.warned else "failed"
         self._line("  ", (f"{self._symbols[look]} ", _STYLES[look]), (expected.name, ""), (f": {verdict.message}", ""))
-        if not verdict.passed or self._verbosity == "verbose":
-            self._line("      ", (measurements(verdict), "dim"))
+        measured = measurements(verdict)
+        if measured and (not verdict.passed or self._verbosity == "verbose"):
+            self._line("      ", (measured, "dim"))
         if not verdict.passed:
             self._line("      ", (str(expected.location), "cyan"))
 

@@ -87,3 +87,16 @@ def test_a_robot_that_only_mujoco_reads_runs_there(tmp_path: Path) -> None:
     refused = sim_action(tmp_path, "run", "--backend", "pybullet")
     assert refused.returncode == 2
     assert "box.sim.yml:2:9" in refused.stdout
+
+
+def test_results_of_two_engines_are_merged_also_from_shards(tmp_path: Path) -> None:
+    for name in "abc":
+        (tmp_path / f"{name}.sim.yml").write_text(DRIVES.replace("drives", name) + "time_limit: 5 s\n")
+    for shard in ("1/2", "2/2"):
+        sim_action(tmp_path, "run", "--backend", "all", "--shard", shard, "--output-dir", f"part-{shard[0]}")
+    merged = sim_action(tmp_path, "merge", "part-1", "part-2", "--scenarios", ".")
+    assert merged.returncode == 0, merged.stdout + merged.stderr
+    outcomes = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
+    assert [outcome["name"] for outcome in outcomes] == [f"{name} [{engine}]" for name in "abc" for engine in ENGINES]
+    twice = sim_action(tmp_path, "merge", "part-1", "part-1/results.json", "part-2")
+    assert twice.returncode == 0

@@ -124,3 +124,12 @@ def test_a_motor_without_a_limit_turns_what_is_heavy(engine: str, tmp_path: Path
         trace = run(backend, 0.5, JointTargets(velocity={"j": 1.0}))
     # With 1,000 N m, it would take 20 s.
     assert trace.joint_velocity[-1, 0] == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_servo_that_is_told_to_go_beyond_a_limit_rests_there(engine: str, tmp_path: Path) -> None:
+    with machine(
+        engine, tmp_path, joint("revolute", '<limit lower="-0.5" upper="0.5" effort="20" velocity="5"/>')
+    ) as it:
+        trace = run(it, 2.0, JointTargets(position={"j": 2.0}))
+    assert trace.joint_position[-1, 0] == pytest.approx(0.5, abs=2e-3)
+    assert trace.joint_effort[-1, 0] == pytest.approx(0.0, abs=0.1)

@@ -33,6 +33,8 @@ class Motors:
         self._qpos = compiled.positions
         self._index = {joint.name: number for number, joint in enumerate(joints)}
         self._friction = self._model.dof_frictionloss[self._dofs].copy()
+        self._lower = np.array([-np.inf if joint.lower is None else joint.lower for joint in joints])
+        self._upper = np.array([np.inf if joint.upper is None else joint.upper for joint in joints])
         self._max_effort = np.array([joint.max_effort or UNLIMITED_EFFORT for joint in joints])
         self._max_velocity = np.array([joint.max_velocity or np.inf for joint in joints])
         self._gain = _SERVO_SHARE * rate
@@ -102,7 +104,9 @@ class Motors:
 
     def _aim(self) -> None:
         self._bias = self._damping * self._target[self._motors]
-        self._goals = self._target[self._motors[self._servos]]
+        servos = self._motors[self._servos]
+        # At a limit, a servo has nothing to push against: the engine's own is soft.
+        self._goals = np.clip(self._target[servos], self._lower[servos], self._upper[servos])
         self._still = not len(self._servos) and not self._bias.any()
 
     def _servo(self) -> None:
