@@ -134,6 +134,7 @@ class _Loader:
         self._problems.note_all((), scenario_checks.rate_problems(scenario, self._parts.command_paths))
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
+        self._problems.note_all((), scenario_checks.engine_problems(scenario))
         try:
             if (scenario.robot.is_xacro or scenario.robot.is_mjcf) and not self._evaluate:
                 self._check_text(scenario.robot)

@@ -51,6 +51,12 @@ def rate_problems(scenario: Scenario, command_paths: Sequence[KeyPath]) -> SpecP
             yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; near: {near}"
 
 
+def engine_problems(scenario: Scenario) -> SpecProblems:
+    """One engine that is named, and an agreement that takes all of them."""
+    if scenario.agreement is not None and scenario.backend != "auto":
+        yield ("backend",), "leave it out beside 'agreement', which runs the scenario on every engine"
+
+
 def name_problems(scenario: Scenario) -> SpecProblems:
     """Bodies that could not be told apart."""
     names = [GROUND, *(body.name for body in scenario.world.objects)]

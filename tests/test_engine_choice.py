@@ -168,3 +168,8 @@ def test_what_is_installed_has_wheels_there(system: str, machine: str, python: s
     needed = map(Requirement, tomllib.loads(file.read_text())["project"]["dependencies"])
     here = {"sys_platform": system, "platform_machine": machine, "python_version": python}
     assert [each.name for each in needed if each.marker and each.marker.evaluate(here)] == engines
+
+
+def test_an_agreement_and_one_engine_exclude_each_other(tmp_path: Path) -> None:
+    with pytest.raises(InvalidScenario, match=r"5:1: backend: leave it out beside 'agreement'"):
+        loaded(tmp_path, "agreement: {yaw: 1}\nbackend: mujoco")
