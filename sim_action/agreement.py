@@ -74,8 +74,12 @@ class _Comparison:
     def expectations(self) -> Iterator[ExpectationOutcome]:
         """Whether they judged alike, and how far apart they were."""
         yield self._expectation("the same verdicts", self._verdicts())
-        for apart in self._apart():
-            yield self._expectation(f"the same {apart.what}", self._verdict(apart))
+        apart = tuple(self._apart())
+        for difference in apart:
+            yield self._expectation(f"the same {difference.what}", self._verdict(difference))
+        if not apart and self._asked and self.other.status != "error":
+            message = f"there is no moment at which both have a position: nothing to compare with {self._engine}"
+            yield self._expectation("the same position", Verdict(False, None, None, None, "", None, message))
 
     @property
     def _asked(self) -> Agreement | None:
@@ -114,6 +118,9 @@ class _Comparison:
         if not ours or not theirs:
             return
         ours, theirs = at_the_same_times(ours, theirs)
+        # A script can write what it likes into its trace.
+        if not len(ours) or not np.isfinite((ours.state[:, 1:8], theirs.state[:, 1:8])).all():
+            return
         position = np.sqrt(np.square(ours.base_position_xyz - theirs.base_position_xyz).sum(axis=1))
         limits = (None, None) if self._asked is None else (self._asked.position, self._asked.yaw)
         yield _Apart("position", "m", limits[0], ours.time, position)
@@ -139,7 +146,7 @@ class _Comparison:
 
 
 def at_the_same_times(first: Trace, second: Trace) -> tuple[Trace, Trace]:
-    """The moments that both have, at least the first: both begin at 0, and one goes on where the other has ended."""
+    """The moments that both have: both begin at 0, and one goes on where the other has ended."""
     indices = np.searchsorted(second.time, first.time - _SAME_TIME)
     inside = np.minimum(indices, len(second) - 1)
     same = np.abs(second.time[inside] - first.time) <= _SAME_TIME

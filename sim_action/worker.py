@@ -154,11 +154,19 @@ def _stored_run(job: Job, progress: _Progress) -> SimulationRun:
     """The run, with its trace where it belongs. Raises what ends a run without a verdict."""
     # To say that there was no memory takes some, when a script may have taken the last of it. Nothing is written there:
     # addresses cost nothing, and to fill them with zeros would take 20 ms.
-    with mmap.mmap(-1, _RESERVE):
+    with _reserved():
         run = _simulated(_checked(job.loaded), progress)
         job.trace.parent.mkdir(parents=True, exist_ok=True)
         run.trace.save(job.trace)
     return run
+
+
+def _reserved() -> mmap.mmap:
+    """Raises MemoryError."""
+    try:
+        return mmap.mmap(-1, _RESERVE)
+    except OSError as error:
+        raise MemoryError from error
 
 
 def _invalid(job: Job, error: InvalidScenario) -> Outcome:

@@ -142,3 +142,17 @@ def test_a_robot_that_stops_earlier_in_one_engine_is_compared_until_then(tmp_pat
     _, (_, position, _) = held_against(tmp_path, replace(NEAR, state=NEAR.state[:2]))
     assert position.verdict.measured == pytest.approx(0.005)
     assert position.verdict.time == 0.1
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [replace(NEAR, state=NEAR.state + 1000.0), replace(NEAR, state=NEAR.state * float("nan")), FIRST.rows(slice(0))],
+    ids=["other times", "no numbers", "empty"],
+)
+@pytest.mark.parametrize(("more", "status"), [("", "passed"), (ASKED, "failed")])
+def test_a_trace_that_cannot_be_compared_agrees_with_none(
+    more: str, status: str, forged: Trace, tmp_path: Path
+) -> None:
+    last, added = held_against(tmp_path, forged, more)
+    assert last.status == status
+    assert [one.failed for one in added] == [False, *([True] if more else [])]

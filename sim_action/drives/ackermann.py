@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from sim_action.drives import Drive
 from sim_action.drives.ackermann_motion import AckermannMotion
@@ -85,8 +85,12 @@ class AckermannDrive(Drive):
         return by_plugin if by_plugin and not any(by_plugin.problems(model)) else cls._by_wheels(model)
 
     @classmethod
-    def _of(cls, stated: StatedSteering) -> Self:
-        return cls(steering=stated.steering, wheels=stated.wheels, **stated.figures)
+    def _of(cls, stated: StatedSteering) -> Self | None:
+        """None if a plugin says what no car has, such as three steered wheels."""
+        try:
+            return cls(steering=stated.steering, wheels=stated.wheels, **stated.figures)
+        except ValidationError:
+            return None
 
     @classmethod
     def _by_wheels(cls, model: RobotModel) -> Self | None:

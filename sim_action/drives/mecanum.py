@@ -72,6 +72,8 @@ class MecanumDrive(Drive):
         if unknown:
             return
         yield from length_problems(self, "radius")
+        if model.mjcf:
+            yield (), "wheels of MJCF keep the friction of their geoms, and mecanum wheels slide; use a model in URDF"
         heading = self._forward(model)
         for found in self._wheels(model):
             yield from axle_problems(found, heading)

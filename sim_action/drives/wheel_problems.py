@@ -13,6 +13,8 @@ from sim_action.scene import SpecProblems
 LEAST_LENGTH: Final = 1e-6
 """In m. Wheels of less would be asked to turn at speeds that are no numbers."""
 
+_MOST_LENGTH: Final = 1e3
+
 # In rad, from one limit to the other: exporters write such as 1e9 for what turns for ever.
 _FOR_EVER: Final = 1e5
 
@@ -40,5 +42,8 @@ def joint_problems(model: RobotModel, key: str, names: Sequence[str]) -> SpecPro
 def length_problems(drive: Drive, *keys: str) -> SpecProblems:
     """Lengths of a drive that are stated, and that nothing has."""
     for key in keys:
-        if 0 < (getattr(drive, key) or 0) < LEAST_LENGTH:
+        length = getattr(drive, key) or 0
+        if 0 < length < LEAST_LENGTH:
             yield (key,), f"must be at least {LEAST_LENGTH:g} m"
+        elif length > _MOST_LENGTH:
+            yield (key,), f"must be at most {_MOST_LENGTH:g} m"

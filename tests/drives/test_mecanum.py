@@ -166,3 +166,8 @@ def test_what_does_not_fit_the_model_is_a_problem(drive: MecanumDrive, model: Ro
 def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         MecanumDrive.model_validate({"left": ("a", "b"), "right": ("c", "d"), **spec})
+
+
+def test_a_model_whose_friction_the_engine_reads_itself_is_refused() -> None:
+    native = dataclasses.replace(CART, mjcf="<mujoco/>")
+    assert "keep the friction of their geoms" in next(iter(DRIVE.problems(native)))[1]
