@@ -57,7 +57,7 @@ def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _
     except subprocess.TimeoutExpired:
         message = f"{robot.model}: not evaluated after {seconds:g} s: does something in it go on without end?"
         raise ModelError(message) from None
-    if not ended.stdout:
+    if ended.returncode or not ended.stdout:
         code = ended.returncode
         raise ModelError(f"{robot.model}: the process that evaluated it ended with exit code {code} and no answer")
     return _Answer.model_validate_json(ended.stdout)

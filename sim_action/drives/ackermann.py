@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 from sim_action.drives import Drive
 from sim_action.drives.ackermann_motion import AckermannMotion
 from sim_action.drives.heading import axle_problems, heading_of, rolling
+from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
 from sim_action.drives.plugins import StatedSteering, steering_by_plugin
 from sim_action.drives.sided import JointNames
 from sim_action.drives.steering import DrivenWheel, Kingpin
@@ -22,10 +23,8 @@ from sim_action.drives.wording import heading_text, radius_text, remarked, torqu
 from sim_action.quantities import (
     PositiveMetres,
     PositiveMetresPerSecondSquared,
-    PositiveNewtonMetres,
     PositiveRadians,
     PositiveRadiansPerSecond,
-    Radians,
 )
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems
@@ -47,7 +46,7 @@ class AckermannDrive(Drive):
         JointNames, Field(max_length=2, description="joints that steer: left and right, or one in the middle")
     ]
     wheels: Annotated[JointNames, Field(description="joints of the driven wheels")]
-    radius: Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")] = None
+    radius: WheelRadius = None
     wheelbase: Annotated[
         PositiveMetres | None,
         Field(description="from the axle that is not steered to the steering joints; left out: read from the model"),
@@ -66,13 +65,8 @@ class AckermannDrive(Drive):
     acceleration: Annotated[
         PositiveMetresPerSecondSquared, Field(description="limit of the forward speed's change")
     ] = 1.0
-    torque: Annotated[
-        PositiveNewtonMetres | None, Field(description="limit of a wheel's motor; left out: the joint's own limit")
-    ] = None
-    heading: Annotated[
-        Radians | None,
-        Field(description="of forward, from the base's x axis to the left; left out: as the wheels in the model roll"),
-    ] = None
+    torque: MotorTorque = None
+    heading: Heading = None
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:

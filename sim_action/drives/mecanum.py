@@ -12,13 +12,14 @@ from pydantic import Field
 from sim_action import units
 from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling
+from sim_action.drives.keys import Heading, WheelRadius
 from sim_action.drives.mecanum_motion import MecanumMotion, Roller
 from sim_action.drives.plugins import StatedSides, corners_by_plugin
 from sim_action.drives.wheel_problems import joint_problems, length_problems
 from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked
 from sim_action.geometry import Vector3
-from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtons, Radians
+from sim_action.quantities import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 
@@ -42,7 +43,7 @@ class MecanumDrive(Drive):
 
     left: Annotated[Pair, Field(description="joints of the wheels on the left: front, rear")]
     right: Annotated[Pair, Field(description="joints of the wheels on the right: front, rear")]
-    radius: Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")] = None
+    radius: WheelRadius = None
     acceleration: Annotated[
         PositiveMetresPerSecondSquared, Field(description="limit of the velocity's change, also where wheels are")
     ] = 1.0
@@ -50,10 +51,7 @@ class MecanumDrive(Drive):
         PositiveNewtons | None,
         Field(description="that pushes the base at the most; left out: what its weight lets rollers hold, 0.7 of it"),
     ] = None
-    heading: Annotated[
-        Radians | None,
-        Field(description="of forward, from the base's x axis to the left; left out: as the wheels in the model roll"),
-    ] = None
+    heading: Heading = None
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:

@@ -10,12 +10,13 @@ from pydantic import Field
 
 from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling, turned_forward
+from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
 from sim_action.drives.plugins import StatedSides, sides_by_plugin
 from sim_action.drives.sided_motion import SidedMotion
 from sim_action.drives.wheel_problems import LEAST_LENGTH, joint_problems, length_problems
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
-from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared, PositiveNewtonMetres, Radians
+from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems
 
@@ -35,18 +36,13 @@ class SidedDrive(Drive):
 
     left: Annotated[JointNames, Field(description="joints of the wheels on the left")]
     right: Annotated[JointNames, Field(description="joints of the wheels on the right")]
-    radius: Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")] = None
+    radius: WheelRadius = None
     separation: Annotated[
         PositiveMetres | None, Field(description="between left and right wheels; left out: read from the model")
     ] = None
     acceleration: Annotated[PositiveMetresPerSecondSquared, Field(description="limit at the rim of a wheel")] = 1.0
-    torque: Annotated[
-        PositiveNewtonMetres | None, Field(description="limit of a wheel's motor; left out: the joint's own limit")
-    ] = None
-    heading: Annotated[
-        Radians | None,
-        Field(description="of forward, from the base's x axis to the left; left out: as the wheels in the model roll"),
-    ] = None
+    torque: MotorTorque = None
+    heading: Heading = None
 
     @classmethod
     def by_plugin(cls, model: RobotModel) -> Self | None:

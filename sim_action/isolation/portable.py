@@ -60,7 +60,12 @@ class PortableChild(Child):
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
             )
-        return cls(job, process)
+        try:
+            return cls(job, process)
+        except OSError:
+            process.kill()
+            process.wait()
+            raise
 
     def poll(self) -> int | None:
         """The exit status if the child is gone (negative: the signal that ended it), else None.
