@@ -67,6 +67,7 @@ SUBCOMMANDS: Final = {
         options={
             **_REPORTS,
             "backend": "--backend",
+            "seed": "--seed",
             "jobs": "--jobs",
             "shard": "--shard",
             "allow-scripts": "--allow-scripts",

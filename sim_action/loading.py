@@ -72,7 +72,7 @@ def build_scene(loaded: LoadedScenario) -> Scene:
 
 
 def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace) -> Scene:
-    return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace)
+    return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace, scenario.seed)
 
 
 def _read_text(path: Path) -> str:

@@ -87,6 +87,7 @@ class Outcome(FrozenModel):
         wall_time: s that the process took, loading included.
         real_time_factor: sim time over wall time of the simulation loop alone.
         travelled: m between the robot's first and last place on the ground plane.
+        seed: of what was drawn at random.
         digest: SHA-256 over the state at every physics step.
         notes: what was assumed or noticed.
         diagnostics: what the engine said.
@@ -104,6 +105,7 @@ class Outcome(FrozenModel):
     wall_time: NotNegative = 0.0
     real_time_factor: NotNegative | None = None
     travelled: NotNegative | None = None
+    seed: int | None = None
     digest: str | None = None
     engine: str | None = None
     notes: tuple[str, ...] = ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -26,15 +26,16 @@ from sim_action.sharding import Shard
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What the command line asks for; `empty`: what was named but holds no scenario; `shard`, `backend`: as typed."""
+    """What the command line asks for; `empty`: what was named but holds no scenario; from `shard` on: as typed."""
 
     files: list[Path]
     empty: list[str]
-    shard: str | None
-    jobs: int
-    backend: str | None
-    permissions: Permissions
     reports: ReportRequest
+    permissions: Permissions
+    jobs: int
+    shard: str | None
+    backend: str | None
+    seed: int | None
 
 
 def run(request: RunRequest, interruption: Interruption) -> ExitCode:
@@ -65,7 +66,7 @@ def _outcomes(request: RunRequest, files: list[Path], folder: Path, interruption
     runs: dict[Path, tuple[LoadedScenario, ...]] = {}
     for path, loaded in valid.items():
         try:
-            runs[path] = runs_of(loaded, request.backend)
+            runs[path] = runs_of(_seeded(loaded, request.seed), request.backend)
         except InvalidScenario as error:
             invalid[path] = error
     every = [run for several in runs.values() for run in several]
@@ -76,3 +77,8 @@ def _outcomes(request: RunRequest, files: list[Path], folder: Path, interruption
         path: compared(valid[path], tuple(islice(ran, len(several))), folder) for path, several in runs.items()
     }
     return [outcome for path in files for outcome in outcomes[path]]
+
+
+def _seeded(loaded: LoadedScenario, seed: int | None) -> LoadedScenario:
+    """The scenario with the seed that was typed; None: with its own."""
+    return loaded if seed is None else replace(loaded, scenario=loaded.scenario.model_copy(update={"seed": seed}))

@@ -124,6 +124,9 @@ class Scenario(FrozenModel):
     agreement: Annotated[
         Agreement | None, Field(description="runs it on both engines, and judges how far they are apart")
     ] = None
+    seed: Annotated[
+        int, Field(ge=0, le=2**63 - 1, description="of everything that is drawn at random; the same seed, the same run")
+    ] = 0
     trace: TraceSettings = TraceSettings()
 
     @property

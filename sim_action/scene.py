@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from sim_action import units
 from sim_action.robot_model import WORLD, RobotModel
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Placement, Robot, World
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 # Where in a scenario a problem is (the keys that lead there), and what it is.
 SpecProblem = tuple[tuple[str | int, ...], str]
@@ -20,6 +25,7 @@ class Scene:
     """Everything that is simulated, with names resolved and files read.
 
     Attributes:
+        seed: of the scenario; `generator` makes what is drawn from it.
         rotors: joint -> inertia of its motor in kg m^2, as the joint feels it through the gears; left out: none.
     """
 
@@ -28,6 +34,7 @@ class Scene:
     world: World
     physics: Physics
     workspace: Workspace
+    seed: int = 0
     rotors: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -53,3 +60,9 @@ class Scene:
             if name in joints
         }
         return self.model.positions(stated)
+
+    def generator(self, purpose: str) -> Generator:
+        """Random numbers for one purpose: what others draw, and how many others there are, changes none of them."""
+        import numpy as np
+
+        return np.random.default_rng((self.seed, zlib.crc32(purpose.encode())))

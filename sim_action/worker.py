@@ -248,6 +248,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         sim_time=run.sim_time,
         real_time_factor=run.sim_time / run.wall_time,
         travelled=run.travelled,
+        seed=scenario.seed,
         digest=run.digest,
         engine=run.engine,
         notes=run.notes,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -85,3 +86,12 @@ def test_limits_that_are_the_wrong_way_round_move_nothing(tmp_path: Path) -> Non
 def test_followers_begin_where_their_leader_wants_them(tmp_path: Path) -> None:
     there = scene(tmp_path, GOOD.replace("</robot>", f"{FOLLOWER}</robot>"), joints={"shoulder": 1.0})
     assert there.joint_positions == {"shoulder": 1.0, "bend": -1.5, "curl": -1.5}
+
+
+def test_what_is_drawn_at_random_depends_on_seed_and_purpose_alone(tmp_path: Path) -> None:
+    first, second = (replace(scene(tmp_path), seed=seed) for seed in (1, 2))
+    drawn = first.generator("scan").random(3).tolist()
+    first.generator("imu").random(7)
+    assert first.generator("scan").random(3).tolist() == drawn
+    assert first.generator("imu").random(3).tolist() != drawn
+    assert second.generator("scan").random(3).tolist() != drawn

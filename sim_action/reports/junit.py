@@ -79,6 +79,7 @@ class _Document:
             "sim_time_s": outcome.sim_time,
             "real_time_factor": None if factor is None else f"{factor:.4g}",
             "travelled_m": outcome.travelled,
+            "seed": outcome.seed,
             "digest": outcome.digest,
         }
 

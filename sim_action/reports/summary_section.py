@@ -95,6 +95,8 @@ def _run_details(outcome: Outcome) -> str:
 def _remarks(outcome: Outcome) -> Iterator[str]:
     if outcome.engine:
         yield f"engine: {markdown_text(outcome.engine)}"
+    if outcome.seed:
+        yield f"seed: {outcome.seed}"
     if outcome.digest:
         yield f"digest: {code(outcome.digest[:_DIGEST_DIGITS])}"
     if outcome.trace:

@@ -137,6 +137,7 @@ class _Printer:
             "end": outcome.end,
             "speed": factor(outcome.real_time_factor),
             "engine": outcome.engine,
+            "seed": outcome.seed,
             "digest": outcome.digest,
             "trace": stored_trace(outcome, self._options.folder),
         }

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     help="Engine that all run on, whatever they say; all: each on both, and compared.",
 )
 @click.option(
+    "--seed", type=click.IntRange(0, 2**63 - 1), metavar="N", help="Of everything drawn at random, whatever they say."
+)
+@click.option(
     "--jobs", "-j", type=click.IntRange(min=1, max=256), metavar="N", help="At the same time.  [default: the cores]"
 )
 @click.option(
@@ -43,6 +46,7 @@ def run(
     *,
     shard: str | None,
     backend: str | None,
+    seed: int | None,
     jobs: int | None,
     allow_scripts: AllowScripts,
     allow_outside: bool,
@@ -66,6 +70,7 @@ def run(
             empty=empty,
             shard=shard,
             backend=backend,
+            seed=seed,
             jobs=jobs or _cores(),
             permissions=Permissions(allow_outside, scripts_refused(allow_scripts, os.environ)),
             reports=report_request(reports),

@@ -18,6 +18,7 @@ INPUTS = {
     "junit-path": "",
     "junit-strict": "false",
     "backend": "",
+    "seed": "",
     "jobs": "",
     "shard": "2/3",
     "summary": "true",

@@ -36,7 +36,17 @@ HOSTILE = [
     "spaces  in it, and \u00fcn\u00efc\u00f6d\u00e9 \U0001f916",
     "<script>alert(1)</script>&amp;",
 ]
-CHOICES = ["junit-strict", "jobs", "shard", "summary", "annotations", "fail-on-failure", "cache", "allow-scripts"]
+CHOICES = [
+    "junit-strict",
+    "seed",
+    "jobs",
+    "shard",
+    "summary",
+    "annotations",
+    "fail-on-failure",
+    "cache",
+    "allow-scripts",
+]
 HOSTILE_CHOICES = [
     "$(touch pwned)",
     "'; touch pwned #",

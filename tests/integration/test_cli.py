@@ -177,6 +177,18 @@ def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     assert "<testcase" in (tmp_path / "x/y.xml").read_text()
 
 
+def test_the_seed_that_was_typed_counts_for_all_and_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    (tmp_path / "b.sim.yml").write_text(VALID.format(name="b") + "seed: 7\n")
+    told = []
+    for flags in ([], ["--seed", "3"]):
+        assert sim_action(tmp_path, "run", *flags).returncode == 0
+        told.append(
+            [outcome["seed"] for outcome in json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]]
+        )
+    assert told == [[0, 7], [3, 3]]
+
+
 @pytest.mark.parametrize("closed", ["stdout", "stderr"])
 def test_reading_only_the_beginning_of_the_output_loses_no_report(tmp_path: Path, closed: str) -> None:
     (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
