@@ -159,6 +159,7 @@ class _Loader:
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))
         self._problems.note_all((), scenario_checks.follower_problems(scene))
+        self._problems.note_all((), scenario_checks.source_problems(scenario, scene.model, self._parts.command_paths))
         # A drive that was written and refused is missing from the scenario: that is not a second problem.
         if not states_drive:
             self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene.model))

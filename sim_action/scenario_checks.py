@@ -129,6 +129,27 @@ def wheel_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
         yield ("robot",), message
 
 
+def source_problems(scenario: Scenario, model: RobotModel, command_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Sources that would move the same joint at the same time, as far as is known before they run."""
+    wheels = _wheels(scenario, model)
+    owners: dict[str, KeyPath] = {}
+    for path, source in zip(command_paths, scenario.commands, strict=True):
+        moved = source.joints(model) | (wheels if source.needs_drive else frozenset())
+        for joint in sorted(moved):
+            if (owner := owners.setdefault(joint, path)) is not path:
+                message = f"joint '{joint}' is moved by {owner[0]}[{owner[1]}] already"
+                yield path, f"{message}; sources that act at the same time move different joints"
+                break
+
+
+def _wheels(scenario: Scenario, model: RobotModel) -> frozenset[str]:
+    """The joints that twists turn; none where that is not plain, which is told elsewhere."""
+    drive = scenario.robot.drive or recognise(model)
+    if drive is None or any(drive.problems(model)):
+        return frozenset()
+    return drive.open(model, scenario.physics.rate).joints
+
+
 def _beyond_limits(joint: Joint, position: float) -> list[str]:
     """Says so if a joint cannot be at a position; limits that are the wrong way round limit nothing."""
     lower = -float("inf") if joint.lower is None else joint.lower

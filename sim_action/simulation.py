@@ -1,17 +1,16 @@
-"""The loop: ticks of the command sources, physics steps in between, and a panel of monitors that sees every step."""
+"""The loop: what the controls plan, physics steps that carry it out, and a panel of monitors that sees every step."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from sim_action.backends import BACKENDS, Backend, chosen
-from sim_action.command import Command, JointTargets
-from sim_action.commands import Controller, OpenLoop
+from sim_action.controls import Controls, padded
 from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.errors import RunError
 from sim_action.geometry import Twist
@@ -79,14 +78,6 @@ def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
     return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
 
 
-@dataclass(frozen=True, slots=True)
-class _Ticker:
-    """A controller and how many physics steps lie between its ticks."""
-
-    controller: Controller
-    period: int
-
-
 class _Loop:
     """One run; the step count is its clock."""
 
@@ -98,16 +89,12 @@ class _Loop:
         self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = list(map(str, scene.model.findings))
         self._motion = self._open_drive(drive)
-        self._twist: Twist | None = None
         self._last_step = scenario.steps(scenario.time_limit)
         self._stride = max(1, round(scenario.physics.rate / scenario.trace_rate))
         self._step = 0
 
     def run(self, progress: Progress) -> SimulationRun:
-        tickers = [
-            _Ticker(source.open(self._scene), self._scenario.steps_between_ticks(source.rate))
-            for source in self._scenario.commands
-        ]
+        controls = Controls(self._scenario, self._scene, self._motion)
         self._settle()
         start = self._backend.observe(0, contacts=False)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
@@ -116,7 +103,7 @@ class _Loop:
         kept, digest = [Trace.of_observation(start)], Digest()
         started = time.perf_counter()
         while panel.end is None:
-            trace, failure = self._advance(tickers)
+            trace, failure = self._advance(controls)
             if len(trace):
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
@@ -153,7 +140,7 @@ class _Loop:
         speed = 0.0
         while remaining > 0:
             steps = min(period, remaining)
-            self._backend.advance(-remaining, _padded(brake, steps))
+            self._backend.advance(-remaining, padded(brake, steps))
             remaining -= steps
             trace, failure = self._watchdog.watch(self._backend.collect())
             if failure is not None:
@@ -164,56 +151,23 @@ class _Loop:
         if limit:
             self._notes.append(f"not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0")
 
-    def _advance(self, tickers: list[_Ticker]) -> tuple[Trace, RunError | None]:
+    def _advance(self, controls: Controls) -> tuple[Trace, RunError | None]:
         """The moments of the next period, and what ended it early; the run may have been over before that."""
         end = min(self._last_step, self._step + max(1, self._scenario.steps(_PERIOD)))
         failure: RunError | None = None
         try:
             while self._step < end:
-                self._tick(tickers, end)
+                planned = controls.plan(self._step, end, self._look)
+                self._backend.advance(self._step, planned)
+                self._step += len(planned)
         except RunError as error:
             failure = error
         trace, unstable = self._watchdog.watch(self._backend.collect())
         return trace, unstable or failure
 
-    def _tick(self, tickers: list[_Ticker], end: int) -> None:
-        """Asks the controllers whose tick is now, and goes on to the next tick, or to `end`."""
-        asked = self._ask([ticker.controller for ticker in tickers if self._step % ticker.period == 0])
-        steps = min([end - self._step, *(ticker.period - self._step % ticker.period for ticker in tickers)])
-        planned = self._motion.targets(self._twist, steps) if self._motion and self._twist else []
-        if asked is not None:
-            planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
-        self._backend.advance(self._step, _padded(planned, steps))
-        self._step += steps
-
-    def _ask(self, controllers: list[Controller]) -> JointTargets | None:
-        """Takes the commands of this tick; returns the joint targets among them."""
-        targets: JointTargets | None = None
-        for command in self._commands(controllers):
-            if isinstance(command, JointTargets):
-                targets = targets.updated_by(command) if targets else command
-                if self._motion and not self._motion.joints.isdisjoint(command.names()):
-                    # Whoever turns the wheels by hand takes them over from the drive.
-                    self._twist = None
-            elif command is not None:
-                self._twist = self._drivable(command)
-        return targets
-
-    def _commands(self, controllers: list[Controller]) -> Iterator[Command | None]:
-        observation: Observation | None = None
-        for controller in controllers:
-            if isinstance(controller, OpenLoop):
-                yield controller.command(self._step / self._scenario.physics.rate)
-            else:
-                observation = observation or self._backend.observe(self._step, contacts=True)
-                yield controller.command(observation)
-
-    def _drivable(self, twist: Twist) -> Twist:
-        if self._motion is None:
-            raise RunError(
-                "a controller gave a twist, but which joints are wheels is not known; name them: robot.drive"
-            )
-        return twist
+    def _look(self) -> Observation:
+        """What controllers get to see now."""
+        return self._backend.observe(self._step, contacts=True)
 
     def _decimated(self, trace: Trace, *, keep_last: bool) -> Trace:
         """Every stride-th step, counted from t = 0."""
@@ -221,11 +175,6 @@ class _Loop:
         kept = trace.rows(slice(-first_step % self._stride, None, self._stride))
         ended_between = keep_last and (first_step + len(trace) - 1) % self._stride
         return Trace.concatenate((kept, replace(trace.rows(slice(-1, None)), contacts=()))) if ended_between else kept
-
-
-def _padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:
-    """One entry a step: the last target holds."""
-    return [*targets, *[None] * (steps - len(targets))]
 
 
 def _fastest(trace: Trace) -> float:

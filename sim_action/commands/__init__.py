@@ -13,6 +13,7 @@ from sim_action.command import Command
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, PositiveHertz
 from sim_action.registry import Table
+from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import Workspace
 
@@ -49,6 +50,10 @@ class CommandSource(FrozenModel):
     def problems(self, workspace: Workspace) -> SpecProblems:
         """What is wrong with the files it names; nothing of the user's is run."""
         yield from ()
+
+    def joints(self, model: RobotModel) -> frozenset[str]:
+        """What it is known to move before it runs; wheels that a drive turns for it are not among them."""
+        return frozenset()
 
     @abstractmethod
     def open(self, scene: Scene) -> Controller:

@@ -1,0 +1,117 @@
+"""Who drives: the controllers of all command sources, each asked at its ticks, each for joints that no other moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from sim_action.command import Command, JointTargets
+from sim_action.commands import ClosedLoop, Controller, OpenLoop
+from sim_action.drives import DriveMotion
+from sim_action.errors import ScriptError
+from sim_action.geometry import Twist
+from sim_action.observation import Observation
+from sim_action.scenario import Scenario
+from sim_action.scene import Scene
+
+Look = Callable[[], Observation]
+"""What the robot is like now; looked at only if somebody asks."""
+
+NO_WHEELS: Final = "a controller gave a twist, but which joints are wheels is not known; name them: robot.drive"
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """One source of commands while it runs.
+
+    Attributes:
+        index: its place below `commands:`.
+        period: physics steps from one tick to the next.
+        moved: the joints that it has moved so far.
+    """
+
+    index: int
+    controller: Controller
+    period: int
+    moved: set[str] = field(default_factory=set)
+
+
+class Controls:
+    """The live half of `Scenario.commands` and of the drive that turns their twists into joint targets."""
+
+    def __init__(self, scenario: Scenario, scene: Scene, motion: DriveMotion | None) -> None:
+        self._rate = scenario.physics.rate
+        self._motion = motion
+        self._twist: Twist | None = None
+        self._owners: dict[str, _Source] = {}
+        self._sources = [
+            _Source(index, source.open(scene), scenario.steps_between_ticks(source.rate))
+            for index, source in enumerate(scenario.commands)
+        ]
+
+    @property
+    def are_watching(self) -> bool:
+        """Whether any of them looks at the robot."""
+        return any(isinstance(source.controller, ClosedLoop) for source in self._sources)
+
+    def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
+        """Targets for the steps from here to the next tick, or to step `end`; None: as before. Raises ScriptError."""
+        asked = self._ask(step, look)
+        steps = min([end - step, *(source.period - step % source.period for source in self._sources)])
+        planned: list[JointTargets] = []
+        if self._motion and self._twist:
+            planned = self._motion.targets(self._twist, steps)
+        if asked is not None:
+            planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
+        return padded(planned, steps)
+
+    def _ask(self, step: int, look: Look) -> JointTargets | None:
+        """Takes the commands of this tick; returns the joint targets among them."""
+        targets: JointTargets | None = None
+        for source, command in self._commands(step, look):
+            if isinstance(command, JointTargets):
+                self._claim(source, set(command.names()))
+                targets = targets.updated_by(command) if targets else command
+                if self._motion and not self._motion.joints.isdisjoint(command.names()):
+                    # A source that turns the wheels by hand takes them over from the drive.
+                    self._twist = None
+            elif command is not None:
+                self._claim(source, self._wheels())
+                self._twist = command
+        return targets
+
+    def _commands(self, step: int, look: Look) -> Iterator[tuple[_Source, Command | None]]:
+        observation: Observation | None = None
+        for source in self._sources:
+            if step % source.period:
+                continue
+            if isinstance(source.controller, OpenLoop):
+                yield source, source.controller.command(step / self._rate)
+            else:
+                observation = observation or look()
+                yield source, source.controller.command(observation)
+
+    def _wheels(self) -> frozenset[str]:
+        if self._motion is None:
+            raise ScriptError(NO_WHEELS)
+        return self._motion.joints
+
+    def _claim(self, source: _Source, joints: set[str] | frozenset[str]) -> None:
+        """Makes the joints the source's own. Raises ScriptError if another moves one of them."""
+        if source.moved.issuperset(joints):
+            return
+        for joint in sorted(joints):
+            owner = self._owners.setdefault(joint, source)
+            if owner is not source:
+                first, second = sorted((owner.index, source.index))
+                raise ScriptError(
+                    f"commands[{first}] and commands[{second}] both move joint '{joint}'; "
+                    "sources that act at the same time move different joints"
+                )
+        source.moved.update(joints)
+
+
+def padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:
+    """One entry a step: the last target holds."""
+    return [*targets, *[None] * (steps - len(targets))]

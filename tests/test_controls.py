@@ -1,0 +1,118 @@
+"""Several sources at once: whose tick it is, and whose joints are whose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.command import JointTargets
+from sim_action.controls import Controls
+from sim_action.drives import recognise
+from sim_action.errors import ScriptError
+from sim_action.loading import build_scene
+from sim_action.observation import Observation
+from tests.scenarios import LEAST, load, told
+from tests.traces import START
+
+COMMANDS = "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
+SCRIPT = """\
+from sim_action import JointTargets, Twist
+
+def left(observation):
+    return JointTargets(velocity={"wheel_left_joint": 1.0})
+
+def right(observation):
+    return JointTargets(velocity={"wheel_right_joint": 2.0})
+
+def both_ways(observation):
+    return Twist.planar(1.0) if observation.time < 0.1 else JointTargets(velocity={"wheel_left_joint": 3.0})
+
+def nothing(observation):
+    return JointTargets()
+"""
+
+
+def scenario_of(*sources: str) -> str:
+    return LEAST.replace(COMMANDS, "".join(["commands:\n", *(f"  - {source}\n" for source in sources)]))
+
+
+def script(function: str) -> str:
+    return f"{{script: ctl.py, function: {function}, rate: 10}}"
+
+
+def controls(folder: Path, *sources: str) -> Controls:
+    (folder / "ctl.py").write_text(SCRIPT)
+    loaded = load(folder, scenario_of(*sources))
+    scene = build_scene(loaded)
+    drive = recognise(scene.model)
+    assert drive is not None
+    return Controls(loaded.scenario, scene, drive.open(scene.model, 240.0))
+
+
+def look() -> Observation:
+    return START
+
+
+def first(found: Controls) -> JointTargets:
+    (target, *_) = found.plan(0, 240, look)
+    assert target is not None
+    return target
+
+
+def test_the_next_tick_of_any_source_ends_a_plan(tmp_path: Path) -> None:
+    found = controls(tmp_path, "{twist: [{linear: 1}], rate: 20}", "{script: ctl.py, function: nothing, rate: 48}")
+    ends, step = [], 0
+    while step < 24:
+        step += len(found.plan(step, 24, look))
+        ends.append(step)
+    assert ends == [5, 10, 12, 15, 20, 24]
+    assert found.are_watching
+    assert not controls(tmp_path, "{twist: [{linear: 1}]}").are_watching
+
+
+def test_sources_that_move_different_joints_act_at_the_same_time(tmp_path: Path) -> None:
+    target = first(controls(tmp_path, script("left"), script("right")))
+    assert target.velocity == {"wheel_left_joint": 1.0, "wheel_right_joint": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("sources", "joint"),
+    [
+        ((script("left"), script("left")), "wheel_left_joint"),
+        (("{twist: [{linear: 1}]}", script("right")), "wheel_right_joint"),
+        ((script("left"), "{twist: [{linear: 1}]}"), "wheel_left_joint"),
+    ],
+)
+def test_two_sources_for_one_joint_are_an_error_that_names_it(
+    sources: tuple[str, ...], joint: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ScriptError) as raised:
+        first(controls(tmp_path, *sources))
+    assert str(raised.value) == (
+        f"commands[0] and commands[1] both move joint '{joint}'; "
+        "sources that act at the same time move different joints"
+    )
+
+
+def test_one_source_may_take_the_wheels_over_from_the_drive(tmp_path: Path) -> None:
+    found = controls(tmp_path, script("both_ways"))
+    assert set(first(found).velocity) == {"wheel_left_joint", "wheel_right_joint"}
+    (target, *others) = found.plan(24, 48, lambda: Observation(0.1, START.pose, START.twist, START.joints))
+    assert target == JointTargets(velocity={"wheel_left_joint": 3.0})
+    assert others == [None] * 23
+
+
+def test_what_is_known_before_is_told_on_its_line(tmp_path: Path) -> None:
+    (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", "{twist: [{linear: 2}]}"))
+    assert problem == (
+        "6:5: commands.1: joint 'wheel_left_joint' is moved by commands[0] already; "
+        "sources that act at the same time move different joints"
+    )
+
+
+def test_a_twist_takes_wheels_that_are_known(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(SCRIPT)
+    loaded = load(tmp_path, scenario_of(script("both_ways")))
+    with pytest.raises(ScriptError, match=r"which joints are wheels is not known; name them: robot\.drive"):
+        Controls(loaded.scenario, build_scene(loaded), None).plan(0, 240, look)
