@@ -17,6 +17,7 @@ from sim_action.errors import ExitCode
 from sim_action.models.findings import RULES
 from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import results_schema, scenario_schema, schema_text
+from sim_action.sensors.mounting import Mounting, SensorPose
 from sim_action.world import Body, Ground, Physics, Placement, Robot
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -62,6 +63,8 @@ def _scenario_keys() -> str:
         ("world.ground.", Ground),
         ("world.objects[].", Body),
         ("physics.", Physics),
+        ("sensors[].", Mounting),
+        ("sensors[].pose.", SensorPose),
         ("expect[].", ExpectationOptions),
         ("trace.", TraceSettings),
     )
@@ -69,7 +72,7 @@ def _scenario_keys() -> str:
         (f"`{prefix}{field.name}`", field.takes, field.default, field.description)
         for prefix, model in parts
         for field in catalogue.fields(model)
-        if field.name not in ("robot", "world", "physics", "commands", "expect", "trace", "pose")
+        if field.name not in ("robot", "world", "physics", "commands", "sensors", "expect", "trace", "pose")
     )
     return table(("key", "takes", "default", "meaning"), rows)
 
@@ -117,6 +120,7 @@ def _templates() -> str:
 BLOCKS: dict[str, Callable[[], str]] = {
     "assertions": lambda: _entries(catalogue.assertions(), "assertion"),
     "commands": lambda: _entries(catalogue.commands(), "command"),
+    "sensors": lambda: _entries(catalogue.sensors(), "sensor"),
     "drives": lambda: _entries(catalogue.drives(), "drive"),
     "models": lambda: table(("robot", "what it is"), ((f"`{e.name}`", e.summary) for e in catalogue.models())),
     "scenario-keys": _scenario_keys,

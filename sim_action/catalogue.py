@@ -16,6 +16,7 @@ from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
 from sim_action.models import BUILT_IN
 from sim_action.quantities import Quantity
+from sim_action.sensors import SENSORS
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,11 @@ def commands() -> tuple[Entry, ...]:
 def drives() -> tuple[Entry, ...]:
     """What can stand below `robot.drive:`."""
     return tuple(_entry(name, DRIVES.load(name)) for name in DRIVES)
+
+
+def sensors() -> tuple[Entry, ...]:
+    """What can stand below `sensors:`."""
+    return tuple(_entry(name, SENSORS.load(name)) for name in SENSORS)
 
 
 def models() -> tuple[Entry, ...]:

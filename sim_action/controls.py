@@ -15,8 +15,8 @@ from sim_action.observation import Observation
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
 
-Look = Callable[[], Observation]
-"""What the robot is like now; looked at only if somebody asks."""
+Look = Callable[[int], Observation]
+"""What the robot is like at a step, which is the present; looked at only if somebody asks."""
 
 NO_WHEELS: Final = "a controller gave a twist, but which joints are wheels is not known; name them: robot.drive"
 
@@ -89,7 +89,7 @@ class Controls:
             if isinstance(source.controller, OpenLoop):
                 yield source, source.controller.command(step / self._rate)
             else:
-                observation = observation or look()
+                observation = observation or look(step)
                 yield source, source.controller.command(observation)
 
     def _wheels(self) -> frozenset[str]:

@@ -130,8 +130,9 @@ class _Loader:
 
     def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
         """What a whole scenario must satisfy."""
-        self._problems.note_all((), scenario_checks.time_problems(scenario, self._parts.expect_paths))
-        self._problems.note_all((), scenario_checks.rate_problems(scenario, self._parts.command_paths))
+        parts = self._parts
+        self._problems.note_all((), scenario_checks.time_problems(scenario, parts.expect_paths))
+        self._problems.note_all((), scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths))
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         self._problems.note_all((), scenario_checks.engine_problems(scenario))
@@ -160,6 +161,7 @@ class _Loader:
         self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))
         self._problems.note_all((), scenario_checks.follower_problems(scene))
         self._problems.note_all((), scenario_checks.source_problems(scenario, scene.model, self._parts.command_paths))
+        self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
         # A drive that was written and refused is missing from the scenario: that is not a second problem.
         if not states_drive:
             self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene.model))

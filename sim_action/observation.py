@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from sim_action.geometry import Pose, Twist, Vector3
+from sim_action.readings import Reading
 
 
 class JointState(NamedTuple):
@@ -53,6 +54,7 @@ class Observation:
         twist: velocity of the base link's origin, world frame.
         joints: joint name -> state, for every joint that moves.
         contacts: what touches the robot now, the ground included.
+        sensors: name -> its latest reading, for every sensor of the scenario.
     """
 
     time: float
@@ -60,3 +62,4 @@ class Observation:
     twist: Twist
     joints: Mapping[str, JointState]
     contacts: tuple[Contact, ...] = ()
+    sensors: Mapping[str, Reading] = field(default_factory=dict)

@@ -24,6 +24,7 @@ from sim_action.quantities import (
     PositiveSeconds,
 )
 from sim_action.robot_model import RobotModel
+from sim_action.sensors.mounting import MountedSensor
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 from sim_action.yaml_document import Document
@@ -104,6 +105,7 @@ class Scenario(FrozenModel):
     world: World = World()
     physics: Physics = Physics()
     commands: Annotated[tuple[CommandSource, ...], Field(description="what drives the robot")] = ()
+    sensors: Annotated[tuple[MountedSensor, ...], Field(description="what controllers see it by")] = ()
     expect: Annotated[tuple[Expectation, ...], Field(min_length=1, description="what must come true")]
     duration: Annotated[
         PositiveSeconds | None, Field(description="sim time that the run lasts even if all goals are met")

@@ -13,6 +13,7 @@ from sim_action.models.findings import ALLOWABLE, RULES
 from sim_action.robot_model import WORLD, Joint, RobotModel
 from sim_action.scenario import Scenario, rate_divides
 from sim_action.scene import Scene, SpecProblems
+from sim_action.sensors.mounting import MountedSensor
 from sim_action.world import GROUND
 from sim_action.yaml_document import KeyPath
 
@@ -38,10 +39,13 @@ def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecPr
             yield (*path, "before"), f"too early: the first physics step that counts is at {first:.4g} s"
 
 
-def rate_problems(scenario: Scenario, command_paths: Sequence[KeyPath]) -> SpecProblems:
+def rate_problems(
+    scenario: Scenario, command_paths: Sequence[KeyPath], sensor_paths: Sequence[KeyPath]
+) -> SpecProblems:
     """Rates whose ticks would fall between physics steps."""
+    ticking = [source.rate for source in scenario.commands] + [sensor.rate for sensor in scenario.sensors]
     rates: list[tuple[KeyPath, float]] = [
-        ((*path, "rate"), source.rate) for path, source in zip(command_paths, scenario.commands, strict=True)
+        ((*path, "rate"), rate) for path, rate in zip((*command_paths, *sensor_paths), ticking, strict=True)
     ]
     if scenario.trace.rate is not None:
         rates.append((("trace", "rate"), scenario.trace.rate))
@@ -63,6 +67,20 @@ def name_problems(scenario: Scenario) -> SpecProblems:
     for index, name in enumerate(names):
         if name in names[:index]:
             yield ("world", "objects", index - 1, "name"), f"a second body named '{name}'; names are unique"
+
+
+def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Sequence[KeyPath]) -> SpecProblems:
+    """Links that are not there, names that are taken, and what each sensor finds amiss."""
+    names: set[str] = set()
+    for path, mounted in zip(paths, sensors, strict=True):
+        if mounted.name in names:
+            yield path, f"a second sensor named '{mounted.name}'; give each a 'name' of its own"
+        names.add(mounted.name)
+        if mounted.link is not None and mounted.link not in scene.model.links_by_name:
+            hint = did_you_mean(mounted.link, scene.model.links_by_name)
+            yield (*path, "link"), f"the robot has no link '{mounted.link}'{hint}"
+        for below, message in mounted.sensor.problems(scene):
+            yield (*path, mounted.sensor.key, *below), message
 
 
 def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:

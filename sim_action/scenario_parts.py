@@ -1,4 +1,4 @@
-"""The parts of a scenario whose class depends on a key: drive, commands, expectations. Plain values -> specs."""
+"""Parts whose class depends on a key (drive, commands, sensors, expectations): plain values -> specs."""
 
 from __future__ import annotations
 
@@ -17,24 +17,28 @@ from sim_action.permissions import Permissions
 from sim_action.problem_list import ProblemList
 from sim_action.registry import Table
 from sim_action.scenario import Expectation, ExpectationOptions
+from sim_action.sensors import SENSORS
+from sim_action.sensors.mounting import MountedSensor, Mounting
 from sim_action.spec_errors import spec_errors
 from sim_action.workspace import Workspace
 from sim_action.yaml_document import Document, KeyPath
 
 Model = TypeVar("Model", bound=BaseModel)
+Options = TypeVar("Options", bound=BaseModel)
 
 
 class PartReader:
     """Reads the parts of one document, and notes what is wrong with them.
 
     Attributes:
-        command_paths, expect_paths: the keys that lead to each command and expectation that was read.
+        command_paths, sensor_paths, expect_paths: the keys that lead to each of those that were read.
     """
 
     def __init__(
         self, document: Document, workspace: Workspace, permissions: Permissions, problems: ProblemList
     ) -> None:
         self.command_paths: list[KeyPath] = []
+        self.sensor_paths: list[KeyPath] = []
         self.expect_paths: list[KeyPath] = []
         self._document = document
         self._workspace = workspace
@@ -42,10 +46,12 @@ class PartReader:
         self._problems = problems
 
     def with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """The document's data, with drive, commands and expectations made into objects."""
+        """The document's data, with drive, commands, sensors and expectations made into objects."""
         parts = dict(data)
         if "commands" in data:
             parts["commands"] = self._commands(data["commands"])
+        if isinstance(data.get("sensors"), tuple):
+            parts["sensors"] = self._sensors(data["sensors"])
         if isinstance(data.get("expect"), tuple):
             parts["expect"] = self._expectations(data["expect"])
         robot = data.get("robot")
@@ -76,22 +82,40 @@ class PartReader:
         self.expect_paths = [path for path, expectation in found if expectation is not None]
         return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
 
-    def _expectation(self, data: Any, path: KeyPath) -> Expectation | None:
+    def _sensors(self, data: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
+        found = [(("sensors", index), self._sensor(entry, ("sensors", index))) for index, entry in enumerate(data)]
+        self.sensor_paths = [path for path, sensor in found if sensor is not None]
+        return tuple(sensor for _, sensor in found if sensor is not None)
+
+    def _sensor(self, data: Any, path: KeyPath) -> MountedSensor | None:
+        found = self._with_options(SENSORS, Mounting, data, path)
+        if found is None:
+            return None
+        sensor, on = found
+        return MountedSensor(sensor, on.name or sensor.key, on.link, on.pose.pose, on.rate, on.trace)
+
+    def _with_options(
+        self, table: Table[type[Model]], beside: type[Options], data: Any, path: KeyPath
+    ) -> tuple[Model, Options] | None:
+        """A spec below its key, or the bare key where it needs none, and the options that stand beside it."""
         data = {data: None} if isinstance(data, str) else data
-        key = self._family_key(ASSERTIONS, data, path, beside=ExpectationOptions)
+        key = self._family_key(table, data, path, beside=beside)
         if key is None:
             return None
-        spec = {} if data[key] is None else data[key]
-        assertion = self.validated(ASSERTIONS.load(key), spec, (*path, key))
-        beside = {name: value for name, value in data.items() if name != key}
-        options = self.validated(ExpectationOptions, beside, path)
-        if assertion is None or options is None:
+        spec = self.validated(table.load(key), {} if data[key] is None else data[key], (*path, key))
+        options = self.validated(beside, {name: value for name, value in data.items() if name != key}, path)
+        return None if spec is None or options is None else (spec, options)
+
+    def _expectation(self, data: Any, path: KeyPath) -> Expectation | None:
+        found = self._with_options(ASSERTIONS, ExpectationOptions, data, path)
+        if found is None:
             return None
+        assertion, options = found
         if options.before is not None and options.before <= options.after:
             self._problems.note((*path, "before"), f"must be later than 'after' ({options.after:g} s)")
         return Expectation(
             assertion=assertion,
-            location=self._document.location((*path, key)),
+            location=self._document.location((*path, assertion.key)),
             name=options.name or assertion.title,
             after=options.after,
             before=float("inf") if options.before is None else options.before,

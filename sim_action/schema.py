@@ -14,7 +14,10 @@ from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
 from sim_action.outcome import Results
+from sim_action.registry import Table
 from sim_action.scenario import ExpectationOptions, Scenario
+from sim_action.sensors import SENSORS
+from sim_action.sensors.mounting import Mounting
 
 Schema = dict[str, Any]
 
@@ -41,8 +44,8 @@ def results_schema() -> Schema:
 
 def scenario_schema() -> Schema:
     """The schema of one scenario file."""
-    families = [table.load(name) for table in (ASSERTIONS, COMMANDS, DRIVES) for name in table]
-    models: list[type[BaseModel]] = [Scenario, ExpectationOptions, *families]
+    families = [table.load(name) for table in (ASSERTIONS, COMMANDS, DRIVES, SENSORS) for name in table]
+    models: list[type[BaseModel]] = [Scenario, ExpectationOptions, Mounting, *families]
     _, schema = models_json_schema(
         [(model, "validation") for model in models], ref_template="#/$defs/{model}", schema_generator=_Untitled
     )
@@ -50,10 +53,11 @@ def scenario_schema() -> Schema:
     for definition in definitions.values():
         definition.pop("title", None)
     scenario = definitions.pop(Scenario.__name__)
-    options = definitions.pop(ExpectationOptions.__name__)["properties"]
     scenario["properties"]["expect"]["items"] = {"$ref": "#/$defs/Expectation"}
+    scenario["properties"]["sensors"]["items"] = {"$ref": "#/$defs/Sensor"}
     scenario["properties"]["commands"] = _commands(scenario["properties"]["commands"]["description"])
-    definitions["Expectation"] = _expectation(options)
+    definitions["Expectation"] = _one_of(ASSERTIONS, definitions.pop(ExpectationOptions.__name__)["properties"])
+    definitions["Sensor"] = _one_of(SENSORS, definitions.pop(Mounting.__name__)["properties"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "sim-action scenario"}
@@ -79,10 +83,10 @@ def _drive_keys() -> Schema:
     return {name: _ref(DRIVES.load(name)) for name in DRIVES}
 
 
-def _expectation(options: Schema) -> Schema:
-    """A name alone, where an assertion needs nothing more; else a map of its name and what may stand beside it."""
-    alone = [name for name in ASSERTIONS if _needs_nothing(ASSERTIONS.load(name))]
-    specs: Schema = {name: _ref(ASSERTIONS.load(name)) for name in ASSERTIONS}
+def _one_of(table: Table[Any], options: Schema) -> Schema:
+    """A name alone, where it needs nothing more; else a map of the name and what may stand beside it."""
+    alone = [name for name in table if _needs_nothing(table.load(name))]
+    specs: Schema = {name: _ref(table.load(name)) for name in table}
     for name in alone:
         specs[name] = {"anyOf": [specs[name], {"type": "null"}]}
     return {"anyOf": [{"enum": alone}, _choice(specs, options)]}

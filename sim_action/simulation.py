@@ -14,10 +14,10 @@ from sim_action.controls import Controls, padded
 from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.errors import RunError
 from sim_action.geometry import Twist
-from sim_action.observation import Observation
 from sim_action.panel import End, Panel
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
+from sim_action.sensing import Sensing
 from sim_action.start import moved_while_settling, refuse_bad_start
 from sim_action.trace import Digest, Trace
 from sim_action.verdict import Verdict
@@ -89,12 +89,13 @@ class _Loop:
         self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = list(map(str, scene.model.findings))
         self._motion = self._open_drive(drive)
+        self._controls = Controls(scenario, scene, self._motion)
+        self._sensing = Sensing(scenario, scene, backend, heard=self._controls.are_watching)
         self._last_step = scenario.steps(scenario.time_limit)
         self._stride = max(1, round(scenario.physics.rate / scenario.trace_rate))
         self._step = 0
 
     def run(self, progress: Progress) -> SimulationRun:
-        controls = Controls(self._scenario, self._scene, self._motion)
         self._settle()
         start = self._backend.observe(0, contacts=False)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
@@ -103,7 +104,7 @@ class _Loop:
         kept, digest = [Trace.of_observation(start)], Digest()
         started = time.perf_counter()
         while panel.end is None:
-            trace, failure = self._advance(controls)
+            trace, failure = self._advance()
             if len(trace):
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
@@ -151,30 +152,30 @@ class _Loop:
         if limit:
             self._notes.append(f"not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0")
 
-    def _advance(self, controls: Controls) -> tuple[Trace, RunError | None]:
+    def _advance(self) -> tuple[Trace, RunError | None]:
         """The moments of the next period, and what ended it early; the run may have been over before that."""
         end = min(self._last_step, self._step + max(1, self._scenario.steps(_PERIOD)))
         failure: RunError | None = None
         try:
             while self._step < end:
-                planned = controls.plan(self._step, end, self._look)
+                self._sensing.read(self._step)
+                until = self._sensing.next_tick(self._step, end)
+                planned = self._controls.plan(self._step, until, self._sensing.look)
                 self._backend.advance(self._step, planned)
                 self._step += len(planned)
         except RunError as error:
             failure = error
-        trace, unstable = self._watchdog.watch(self._backend.collect())
+        told = replace(self._backend.collect(), sensors=self._sensing.collect())
+        trace, unstable = self._watchdog.watch(told)
         return trace, unstable or failure
-
-    def _look(self) -> Observation:
-        """What controllers get to see now."""
-        return self._backend.observe(self._step, contacts=True)
 
     def _decimated(self, trace: Trace, *, keep_last: bool) -> Trace:
         """Every stride-th step, counted from t = 0."""
         first_step = round(trace.time[0] * self._scenario.physics.rate)
         kept = trace.rows(slice(-first_step % self._stride, None, self._stride))
-        ended_between = keep_last and (first_step + len(trace) - 1) % self._stride
-        return Trace.concatenate((kept, replace(trace.rows(slice(-1, None)), contacts=()))) if ended_between else kept
+        if not keep_last or (first_step + len(trace) - 1) % self._stride == 0:
+            return kept
+        return Trace.concatenate((kept, replace(trace.rows(slice(-1, None)), contacts=(), sensors={})))
 
 
 def _fastest(trace: Trace) -> float:

@@ -6,8 +6,8 @@ The simulation loop hands monitors short traces at full rate; what is stored is 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Self
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sim_action.geometry import Vector3
 from sim_action.observation import Contact, Observation
+from sim_action.sensor_record import SensorRecord
 from sim_action.whole_files import whole_file
 
 FloatArray = NDArray[np.float64]
@@ -57,11 +58,13 @@ class Trace:
         joint_names: J names, the order of the joint columns.
         state: (T, 14 + 3 J), a row a moment; the properties below are its columns, in this order.
         contacts: of the robot with bodies other than the ground, from every step between the first and last moment.
+        sensors: name -> what it told until the last moment, for sensors that the trace keeps.
     """
 
     joint_names: tuple[str, ...]
     state: FloatArray
     contacts: tuple[Contact, ...] = ()
+    sensors: Mapping[str, SensorRecord] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.state)
@@ -91,7 +94,11 @@ class Trace:
     def concatenate(cls, traces: Sequence[Self]) -> Self:
         """Traces of the same robot, one after the other."""
         contacts = tuple(contact for trace in traces for contact in trace.contacts)
-        return cls(traces[0].joint_names, np.concatenate([trace.state for trace in traces]), contacts)
+        sensors = {
+            name: SensorRecord.concatenate([trace.sensors[name] for trace in traces if name in trace.sensors])
+            for name in dict.fromkeys(name for trace in traces for name in trace.sensors)
+        }
+        return cls(traces[0].joint_names, np.concatenate([trace.state for trace in traces]), contacts, sensors)
 
     @property
     def time(self) -> FloatArray:
@@ -140,20 +147,25 @@ class Trace:
     def first(self, count: int) -> Self:
         """The first moments, at least one, with the contacts up to the last of them."""
         end = self.time[count - 1]
-        return replace(self.rows(slice(count)), contacts=tuple(c for c in self.contacts if c.time <= end))
+        contacts = tuple(c for c in self.contacts if c.time <= end)
+        return replace(self.rows(slice(count)), contacts=contacts, sensors=self._sensors_between(-np.inf, end))
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Some of the moments, with all contacts."""
+        """Some of the moments, with all contacts and readings."""
         return replace(self, state=self.state[wanted])
 
     def between(self, start: float, end: float) -> Self:
-        """The moments and contacts with start <= time <= end."""
-        if len(self) and not self.contacts and start <= self.time[0] and self.time[-1] <= end:
+        """The moments, contacts and readings with start <= time <= end."""
+        if len(self) and not self.contacts and not self.sensors and start <= self.time[0] and self.time[-1] <= end:
             return self
         start, end = start - _TIME_EPSILON, end + _TIME_EPSILON
         first, last = np.searchsorted(self.time, (start, end))
         contacts = tuple(contact for contact in self.contacts if start <= contact.time <= end)
-        return replace(self.rows(slice(int(first), int(last))), contacts=contacts)
+        rows = self.rows(slice(int(first), int(last)))
+        return replace(rows, contacts=contacts, sensors=self._sensors_between(start, end))
+
+    def _sensors_between(self, start: float, end: float) -> Mapping[str, SensorRecord]:
+        return {name: record.between(start, end) for name, record in self.sensors.items()}
 
     @cached_property
     def speed(self) -> FloatArray:
@@ -205,7 +217,8 @@ class Trace:
             "contact_position_xyz": np.array([c.position_xyz for c in self.contacts], dtype=np.float64).reshape(-1, 3),
             "contact_force": np.array([c.force for c in self.contacts], dtype=np.float64),
         }
-        arrays: dict[str, Any] = {"joint_names": np.array(self.joint_names, dtype=np.str_), **columns, **contacts}
+        names = {"joint_names": np.array(self.joint_names, dtype=np.str_)}
+        arrays: dict[str, Any] = {**names, **columns, **contacts, **_sensor_arrays(self.sensors)}
         with whole_file(path) as file:
             np.savez(file, **arrays)
 
@@ -218,7 +231,8 @@ class Trace:
                 names = tuple(stored["joint_names"].tolist())
                 columns = {name: stored[name] for name in COLUMNS}
                 contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
-                return cls.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
+                trace = cls.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
+                return replace(trace, sensors=_sensor_records(stored))
         except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
             raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -261,3 +275,28 @@ def _refuse_too_large(stored: Any) -> None:
 def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:
     x, y, z = position_xyz
     return Contact(time, link, body, (x, y, z), force)
+
+
+def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:
+    """Numbered, as what people call their sensors is no name for a file."""
+    if not sensors:
+        return {}
+    arrays: dict[str, Any] = {
+        "sensor_names": np.array(list(sensors), dtype=np.str_),
+        "sensor_kinds": np.array([record.kind for record in sensors.values()], dtype=np.str_),
+    }
+    for index, record in enumerate(sensors.values()):
+        columns = {"time": record.time, **record.columns}
+        arrays |= {f"sensor_{index}_{name}": column for name, column in columns.items()}
+    return arrays
+
+
+def _sensor_records(stored: Any) -> dict[str, SensorRecord]:
+    if "sensor_names" not in stored:
+        return {}
+    records = {}
+    for index, (name, kind) in enumerate(zip(stored["sensor_names"], stored["sensor_kinds"], strict=True)):
+        start = f"sensor_{index}_"
+        columns = {array.removeprefix(start): stored[array] for array in stored if array.startswith(start)}
+        records[str(name)] = SensorRecord(str(kind), columns.pop("time"), columns)
+    return records

@@ -50,7 +50,7 @@ def controls(folder: Path, *sources: str) -> Controls:
     return Controls(loaded.scenario, scene, drive.open(scene.model, 240.0))
 
 
-def look() -> Observation:
+def look(step: int) -> Observation:
     return START
 
 
@@ -98,7 +98,7 @@ def test_two_sources_for_one_joint_are_an_error_that_names_it(
 def test_one_source_may_take_the_wheels_over_from_the_drive(tmp_path: Path) -> None:
     found = controls(tmp_path, script("both_ways"))
     assert set(first(found).velocity) == {"wheel_left_joint", "wheel_right_joint"}
-    (target, *others) = found.plan(24, 48, lambda: Observation(0.1, START.pose, START.twist, START.joints))
+    (target, *others) = found.plan(24, 48, lambda _: Observation(0.1, START.pose, START.twist, START.joints))
     assert target == JointTargets(velocity={"wheel_left_joint": 3.0})
     assert others == [None] * 23
 

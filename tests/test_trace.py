@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from sim_action.geometry import Pose, Twist
 from sim_action.observation import JointState, Observation
+from sim_action.sensor_record import SensorRecord
 from sim_action.trace import COLUMNS, Digest, Trace, TraceError
 from tests.traces import contact, trace
 
@@ -314,3 +315,30 @@ def test_a_trace_with_a_wrong_byte_is_a_trace_or_an_error(tmp_path_factory: Any,
     (folder / "trace.npz").write_bytes(content)
     with contextlib.suppress(TraceError):
         assert len(Trace.load(folder / "trace.npz")) == 4
+
+
+RECORD = SensorRecord("contact", np.array([0.0, 0.2, 0.4]), {"force": np.array([1.0, 2.0, 3.0])})
+
+
+def told(seen: Trace) -> list[float]:
+    return [] if not seen.sensors else seen.sensors["a/b"].columns["force"].tolist()
+
+
+def test_readings_are_cut_and_joined_with_the_moments() -> None:
+    seen = replace(SEEN, sensors={"a/b": RECORD})
+    assert told(seen.first(2)) == [1.0, 2.0]
+    assert told(seen.between(0.2, 0.3)) == [2.0]
+    assert told(Trace.concatenate((seen.between(0, 0.3), SEEN.rows(slice(0)), seen.between(0.31, 0.4)))) == [1, 2, 3]
+    assert told(Trace.concatenate((SEEN.rows(slice(1)), seen))) == [1, 2, 3]
+
+
+def test_readings_are_stored_whatever_the_sensors_name(tmp_path: Path) -> None:
+    frames = SensorRecord("camera", np.array([0.1]), {"rgb": np.full((1, 2, 2, 3), 7, dtype=np.uint8)})
+    replace(SEEN, sensors={"a/b": RECORD, "../eye": frames}).save(tmp_path / "t.npz")
+    loaded = Trace.load(tmp_path / "t.npz")
+    assert told(loaded) == [1.0, 2.0, 3.0]
+    assert loaded.sensors["a/b"].kind == "contact"
+    assert loaded.sensors["a/b"].time.tolist() == [0.0, 0.2, 0.4]
+    assert loaded.sensors["../eye"].columns["rgb"].dtype == np.uint8
+    SEEN.save(tmp_path / "t.npz")
+    assert Trace.load(tmp_path / "t.npz").sensors == {}

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from sim_action.command import JointTargets
 from sim_action.errors import UsageError
 from sim_action.observation import Observation, Overlap
+from sim_action.probe import Probe
 from sim_action.registry import Table
 from sim_action.scene import Scene
 
@@ -27,7 +28,7 @@ UNLIMITED_EFFORT: Final = 1e6
 """N m or N: what a motor may use whose model states no limit. Ten times what turns the wheels of a mining truck."""
 
 
-class Backend(Protocol):
+class Backend(Probe, Protocol):
     """One engine with one scene in it.
 
     Until told otherwise, a joint between limits is held where it began, as its servo would; a continuous joint rolls.

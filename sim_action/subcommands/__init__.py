@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.subcommands.init import init
 from sim_action.subcommands.inspect import inspect
-from sim_action.subcommands.listings import assertions, commands, models, schema
+from sim_action.subcommands.listings import assertions, commands, models, schema, sensors
 from sim_action.subcommands.matrix import matrix
 from sim_action.subcommands.merge import merge
 from sim_action.subcommands.run import run
@@ -28,5 +28,6 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     models,
     assertions,
     commands,
+    sensors,
     schema,
 )

@@ -1,4 +1,4 @@
-"""What sim-action knows, as lists and schemas: `models`, `assertions`, `commands`, `schema`."""
+"""What sim-action knows, as lists and schemas: `models`, `assertions`, `commands`, `sensors`, `schema`."""
 
 from __future__ import annotations
 
@@ -27,6 +27,14 @@ def commands() -> None:
     from sim_action import catalogue, catalogue_text
 
     click.echo(catalogue_text.listing((*catalogue.commands(), *catalogue.drives())))
+
+
+@click.command()
+def sensors() -> None:
+    """List what can stand below `sensors:`."""
+    from sim_action import catalogue, catalogue_text
+
+    click.echo(catalogue_text.listing(catalogue.sensors()))
 
 
 @click.command()

@@ -221,13 +221,18 @@ def test_closed_streams_change_no_verdict(tmp_path: Path, redirection: str) -> N
     assert json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"][0]["status"] == "passed"
 
 
-@pytest.mark.parametrize("command", ["models", "assertions", "commands", "schema"])
+@pytest.mark.parametrize("command", ["models", "assertions", "commands", "sensors", "schema"])
 def test_lists_are_printed(tmp_path: Path, command: str) -> None:
     ran = sim_action(tmp_path, command)
     assert ran.returncode == 0
-    assert {"models": "turtlebot3_burger", "assertions": "at_least", "commands": "rate", "schema": "$defs"}[
-        command
-    ] in ran.stdout
+    has = {
+        "models": "turtlebot3_burger",
+        "assertions": "at_least",
+        "commands": "rate",
+        "sensors": "contact",
+        "schema": "$defs",
+    }
+    assert has[command] in ran.stdout
 
 
 def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:

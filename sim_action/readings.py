@@ -1,0 +1,41 @@
+"""What sensors tell: one frozen type a kind, each with the sim time in s at which it was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+class Reading(Protocol):
+    """What all readings are."""
+
+    @property
+    def time(self) -> float:
+        """Sim time in s at which it was measured."""
+
+    def columns(self) -> Mapping[str, ArrayLike]:
+        """What changes from one reading to the next, under the names that a stored trace has it by."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactReading:
+    """Whether a link touches something.
+
+    Attributes:
+        touching: whether it does.
+        force: sum of the normal forces in N.
+        bodies: names of what it touches; the ground is "ground".
+    """
+
+    time: float
+    touching: bool
+    force: float
+    bodies: tuple[str, ...]
+
+    def columns(self) -> Mapping[str, Any]:
+        """See Reading.columns."""
+        return {"touching": float(self.touching), "force": self.force}

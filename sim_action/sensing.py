@@ -1,0 +1,82 @@
+"""What is seen of a run: sensors, each read at its own ticks, for controllers and for the trace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from sim_action.backends import Backend
+from sim_action.observation import Observation
+from sim_action.readings import Reading
+from sim_action.scenario import Scenario
+from sim_action.scene import Scene
+from sim_action.sensor_record import SensorRecord
+from sim_action.sensors import Measure, Mount, Sight
+from sim_action.sensors.mounting import MountedSensor
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    """A sensor while the run lasts.
+
+    Attributes:
+        period: physics steps from one reading to the next.
+        kept: readings that the trace still has to get.
+    """
+
+    mounted: MountedSensor
+    measure: Measure
+    period: int
+    kept: list[Reading] = field(default_factory=list)
+
+
+class Sensing:
+    """The live half of `Scenario.sensors`, and the eyes of controllers."""
+
+    def __init__(self, scenario: Scenario, scene: Scene, backend: Backend, *, heard: bool) -> None:
+        """`heard`: whether a controller listens; sensors that nobody listens to are not read."""
+        self._backend = backend
+        self._readings: dict[str, Reading] = {}
+        self._sensors = [
+            _Running(mounted, mounted.sensor.open(_mount(mounted, scene)), scenario.steps_between_ticks(mounted.rate))
+            for mounted in scenario.sensors
+            if heard or mounted.trace
+        ]
+        self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
+
+    def look(self, step: int) -> Observation:
+        """The present, with the latest reading of each sensor."""
+        observation = self._backend.observe(step, contacts=self._contacts)
+        return replace(observation, sensors=dict(self._readings)) if self._readings else observation
+
+    def next_tick(self, step: int, end: int) -> int:
+        """The first step after this one at which a sensor is read, or `end` if that is earlier."""
+        return min([end, *(step - step % running.period + running.period for running in self._sensors)])
+
+    def read(self, step: int) -> None:
+        """Takes the readings of this step, if any sensor has its tick."""
+        due = [running for running in self._sensors if step % running.period == 0]
+        if not due:
+            return
+        sight = Sight(self.look(step), self._backend)
+        for running in due:
+            reading = running.measure(sight)
+            self._readings[running.mounted.name] = reading
+            if running.mounted.trace:
+                running.kept.append(reading)
+
+    def collect(self) -> Mapping[str, SensorRecord]:
+        """What was read since the last call and is to be kept, by the sensors' names."""
+        records = {
+            running.mounted.name: SensorRecord.of_readings(running.mounted.sensor.key, running.kept)
+            for running in self._sensors
+            if running.kept
+        }
+        for running in self._sensors:
+            running.kept.clear()
+        return records
+
+
+def _mount(mounted: MountedSensor, scene: Scene) -> Mount:
+    link = scene.model.root if mounted.link is None else mounted.link
+    return Mount(scene, link, mounted.pose, mounted.rate, scene.generator(f"sensor {mounted.name}"))

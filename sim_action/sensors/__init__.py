@@ -1,0 +1,79 @@
+"""Sensors: what a controller gets to see of the robot and its surroundings, each at a rate of its own.
+
+A sensor is a frozen spec whose fields are the YAML keys; `open` gives the live half. It is read before the commands of
+the same moment are asked for, and only if somebody listens: a controller that looks, or a trace that keeps it.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from sim_action.geometry import Pose
+from sim_action.observation import Observation
+from sim_action.probe import Probe
+from sim_action.quantities import FrozenModel
+from sim_action.readings import Reading
+from sim_action.registry import Table
+from sim_action.scene import Scene, SpecProblems
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """The present, as sensors get to see it: the robot, and an engine that can be asked for more."""
+
+    robot: Observation
+    probe: Probe
+
+
+Measure = Callable[[Sight], Reading]
+"""The live half of a sensor: from the present to what the sensor says of it; may remember what was before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Where a sensor sits, and what it draws its noise from.
+
+    Attributes:
+        link: of the robot.
+        pose: of the sensor, in the frame of the link.
+        rate: Hz, at which it is read.
+        random: its own stream of random numbers.
+    """
+
+    scene: Scene
+    link: str
+    pose: Pose
+    rate: float
+    random: Generator
+
+
+class Sensor(FrozenModel):
+    """What all sensors are."""
+
+    key: ClassVar[str]
+    """Its name in YAML."""
+
+    watches_contacts: ClassVar[bool] = False
+    """Whether it reads `Observation.contacts`; they are computed only when asked for."""
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """What does not fit the scene."""
+        yield from ()
+
+    @abstractmethod
+    def open(self, mount: Mount) -> Measure:
+        """The live half."""
+
+
+SENSORS: Final = Table[type[Sensor]](
+    "sensor",
+    {
+        "contact": "sim_action.sensors.contact:ContactSensor",
+    },
+)
