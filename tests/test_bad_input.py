@@ -18,7 +18,7 @@ MODEL = "model: turtlebot3_burger"
 JOINTS = "(allowed: wheel_left_joint, wheel_right_joint)"
 KEYS = (
     "(allowed: agreement, backend, commands, duration, expect, memory_limit, name, output_limit, physics, robot, "
-    "time_limit, trace, version, wall_limit, world)"
+    "seed, sensors, time_limit, trace, version, wall_limit, world)"
 )
 
 
