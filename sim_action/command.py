@@ -34,7 +34,8 @@ class JointTargets:
 
     Attributes:
         position: joint name -> rad (or m for a prismatic joint), held by a position servo.
-        velocity: joint name -> rad/s (or m/s), held by a velocity servo.
+        velocity: joint name -> rad/s (or m/s), held by a velocity servo. Of a joint that has a position as well: how
+            fast that position is moving on, which its servo follows without falling behind.
         effort: joint name -> N m (or N), applied as it is.
         max_effort: joint name -> N m (or N) that the servo of that joint may use; left out: the model's own limit.
         base: how the base is pushed; None: as before. For drives, not for scripts.
@@ -47,9 +48,9 @@ class JointTargets:
     base: BasePush | None = None
 
     def names(self) -> Iterator[str]:
-        """Every joint that is given a target."""
+        """Every joint that is given a target, once."""
         yield from self.position
-        yield from self.velocity
+        yield from (name for name in self.velocity if name not in self.position)
         yield from self.effort
 
     def updated_by(self, later: JointTargets) -> JointTargets:

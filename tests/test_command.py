@@ -15,6 +15,12 @@ def test_the_names_of_targets_are_those_of_all_groups() -> None:
     assert list(targets.names()) == ["a", "b", "c"]
 
 
+def test_a_joint_with_a_position_and_its_speed_is_named_once_and_replaced_as_one() -> None:
+    moving = JointTargets(position={"a": 1}, velocity={"a": 2, "b": 3})
+    assert list(moving.names()) == ["a", "b"]
+    assert moving.updated_by(JointTargets(position={"a": 4})) == JointTargets(position={"a": 4}, velocity={"b": 3})
+
+
 def test_a_later_target_replaces_an_earlier_one_of_any_group() -> None:
     earlier = JointTargets(position={"a": 1}, velocity={"b": 2}, max_effort={"a": 5, "b": 6})
     later = JointTargets(effort={"a": 3}, max_effort={"c": 7})

@@ -161,18 +161,20 @@ class PyBulletBackend:
         limits = {name: targets.max_effort.get(name, self._max_effort[name]) for name in targets.names()}
         for name in limits:
             self._held_efforts.pop(self._index[name], None)
-        if targets.velocity:
-            self._motors(targets.velocity, [limits[name] for name in targets.velocity])
+        turned = {name: speed for name, speed in targets.velocity.items() if name not in targets.position}
+        if turned:
+            self._motors(turned, [limits[name] for name in turned])
         for name, position in targets.position.items():
-            self._servo(name, position, limits[name])
+            self._servo(name, position, limits[name], targets.velocity.get(name, 0.0))
         for name, effort in targets.effort.items():
             self._motor(name, pybullet.VELOCITY_CONTROL, force=self._friction[name])
             self._held_efforts[self._index[name]] = effort
 
-    def _servo(self, joint: str, position: float, max_effort: float) -> None:
+    def _servo(self, joint: str, position: float, max_effort: float, ahead: float = 0.0) -> None:
         fastest = self._max_velocity[joint]
-        speed = {"maxVelocity": fastest} if fastest > 0 else {}
-        self._motor(joint, pybullet.POSITION_CONTROL, targetPosition=position, force=max_effort, **speed)
+        target = {"targetPosition": position, "targetVelocity": ahead, "force": max_effort}
+        limit = {"maxVelocity": fastest} if fastest > 0 else {}
+        self._motor(joint, pybullet.POSITION_CONTROL, **target, **limit)
 
     def _motor(self, joint: str, mode: int, **target: float) -> None:
         pybullet.setJointMotorControl2(self._robot, self._index[joint], mode, physicsClientId=self._client, **target)

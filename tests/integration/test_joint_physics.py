@@ -133,3 +133,30 @@ def test_a_servo_that_is_told_to_go_beyond_a_limit_rests_there(engine: str, tmp_
         trace = run(it, 2.0, JointTargets(position={"j": 2.0}))
     assert trace.joint_position[-1, 0] == pytest.approx(0.5, abs=2e-3)
     assert trace.joint_effort[-1, 0] == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("told", "behind"), [({}, 10 / RATE), ({"j": 1.0}, 0.0)])
+def test_a_servo_that_knows_how_fast_its_target_moves_is_not_behind_it(
+    engine: str, told: dict[str, float], behind: float, tmp_path: Path
+) -> None:
+    """Else it is behind by ten steps' way: it takes back a tenth of what it is off in each."""
+    hinge = joint("revolute", '<limit lower="-9" upper="9" effort="500" velocity="5"/>')
+    ramp = [JointTargets(position={"j": step / RATE}, velocity=told) for step in range(240)]
+    with machine(engine, tmp_path, hinge) as backend:
+        trace = advance(backend, 0, 240, *ramp)
+    assert (trace.time - trace.joint_position[:, 0])[120:] == pytest.approx(behind + 0 * trace.time[120:], abs=1e-3)
+
+
+def test_a_servo_goes_no_faster_than_its_joint_can_whatever_it_is_told(engine: str, tmp_path: Path) -> None:
+    hinge = joint("revolute", '<limit lower="-9" upper="9" effort="500" velocity="2"/>')
+    with machine(engine, tmp_path, hinge) as backend:
+        trace = run(backend, 0.5, JointTargets(position={"j": 5.0}, velocity={"j": 3.0}))
+    assert trace.joint_velocity[60:, 0].max() == pytest.approx(2.0, rel=1e-2)
+
+
+def test_a_servo_forgets_how_fast_its_target_was(engine: str, tmp_path: Path) -> None:
+    hinge = joint("revolute", '<limit lower="-9" upper="9" effort="500" velocity="5"/>')
+    with machine(engine, tmp_path, hinge) as backend:
+        advance(backend, 0, 24, JointTargets(position={"j": 0.5}, velocity={"j": 1.0}))
+        trace = advance(backend, 24, 240, JointTargets(position={"j": 0.5}))
+    assert trace.joint_position[-1, 0] == pytest.approx(0.5, abs=1e-3)

@@ -40,7 +40,7 @@ class Motors:
         self._gain = _SERVO_SHARE * rate
         self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
         self._mode = np.full(len(joints), _FREE)
-        self._target = np.zeros(len(joints))
+        self._target, self._ahead = np.zeros(len(joints)), np.zeros(len(joints))
         for number, joint in enumerate(joints):
             if joint.type != "continuous" and joint.mimic is None:
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
@@ -56,6 +56,8 @@ class Motors:
                 number = self._index[name]
                 limit = targets.max_effort.get(name, self._max_effort[number])
                 self._set(number, mode, target, limit)
+        for name in targets.position:
+            self._ahead[self._index[name]] = targets.velocity.get(name, 0.0)
         for name, effort in targets.effort.items():
             number = self._index[name]
             self._set(number, _FREE, 0.0, self._friction[number])
@@ -107,8 +109,9 @@ class Motors:
         servos = self._motors[self._servos]
         # At a limit, a servo has nothing to push against: the engine's own is soft.
         self._goals = np.clip(self._target[servos], self._lower[servos], self._upper[servos])
+        self._goal_speeds = self._ahead[servos]
         self._still = not len(self._servos) and not self._bias.any()
 
     def _servo(self) -> None:
-        speed = self._gain * (self._goals - self._data.qpos[self._servo_qpos])
+        speed = self._gain * (self._goals - self._data.qpos[self._servo_qpos]) + self._goal_speeds
         self._bias[self._servos] = self._damping * np.clip(speed, -self._fastest, self._fastest)
