@@ -165,5 +165,7 @@ class _Loader:
         # A drive that was written and refused is missing from the scenario: that is not a second problem.
         if not states_drive:
             self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene.model))
+        for path, source in zip(self._parts.command_paths, scenario.commands, strict=True):
+            self._problems.note_all(path, source.model_problems(scene))
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))

@@ -103,6 +103,8 @@ NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTI
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
 PositiveRatio = Annotated[float, Gt(0), Quantity((units.RATIO,))]
 JointPosition = Annotated[float | str, Written((units.ANGLE, units.LENGTH))]
+JointVelocity = Annotated[float | str, Written((units.ANGULAR_SPEED, units.SPEED))]
+JointEffort = Annotated[float | str, Written((units.TORQUE, units.FORCE))]
 JointQuantity = Annotated[
     float | str,
     Written((units.ANGLE, units.LENGTH, units.ANGULAR_SPEED, units.SPEED, units.TORQUE, units.FORCE)),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
 from sim_action import units
 from sim_action.drives import recognise
+from sim_action.joint_limits import beyond_limits
 from sim_action.messages import FirstFew, did_you_mean
 from sim_action.models.findings import ALLOWABLE, RULES
-from sim_action.robot_model import WORLD, Joint, RobotModel
+from sim_action.robot_model import WORLD, RobotModel
 from sim_action.scenario import Scenario, rate_divides
 from sim_action.scene import Scene, SpecProblems
 from sim_action.sensors.mounting import MountedSensor
@@ -18,8 +18,6 @@ from sim_action.world import GROUND
 from sim_action.yaml_document import KeyPath
 
 _TIME_ROUNDING: Final = 1e-9
-# Models state limits such as 1.5707963, scenarios 90 deg; in rad, or m.
-_POSITION_ROUNDING: Final = 1e-6
 
 
 def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
@@ -100,8 +98,8 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
         except units.UnitError as error:
             yield path, str(error)
         else:
-            for message in _beyond_limits(joint, position):
-                yield path, message
+            if (beyond := beyond_limits(joint, position)) is not None:
+                yield path, beyond
     if robot.drive is not None:
         for below, message in robot.drive.problems(model):
             yield ("robot", "drive", robot.drive.key, *below), message
@@ -118,7 +116,8 @@ def follower_problems(scene: Scene) -> SpecProblems:
         leader = joint
         while leader.mimic is not None:
             leader = model.joints_by_name[leader.mimic.joint]
-        for message in _beyond_limits(joint, positions[joint.name]) if leader is not joint else []:
+        message = beyond_limits(joint, positions[joint.name]) if leader is not joint else None
+        if message is not None:
             path: KeyPath = ("robot", "joints", leader.name) if leader.name in stated else ("robot",)
             about = f"joint '{joint.name}', which follows '{leader.name}', would begin beyond its own limits"
             yield path, f"{about}: {message}"
@@ -166,19 +165,6 @@ def _wheels(scenario: Scenario, model: RobotModel) -> frozenset[str]:
     if drive is None or any(drive.problems(model)):
         return frozenset()
     return drive.open(model, scenario.physics.rate).joints
-
-
-def _beyond_limits(joint: Joint, position: float) -> list[str]:
-    """Says so if a joint cannot be at a position; limits that are the wrong way round limit nothing."""
-    lower = -float("inf") if joint.lower is None else joint.lower
-    upper = float("inf") if joint.upper is None else joint.upper
-    if lower > upper or lower - _POSITION_ROUNDING <= position <= upper + _POSITION_ROUNDING:
-        return []
-    unit = joint.dimension("position").si
-    at, passed = units.display_apart(position, lower if position < lower else upper, unit)
-    low, high = (passed, units.display(upper, unit)) if position < lower else (units.display(lower, unit), passed)
-    bounds = f"{low} or more" if math.isinf(upper) else f"{high} or less" if math.isinf(lower) else f"{low} to {high}"
-    return [f"{at} is outside the limits of the joint, {bounds}"]
 
 
 def _rates_near(physics_rate: float, rate: float) -> list[float]:

@@ -13,7 +13,7 @@ from tests.traces import HERE
 
 
 def test_the_table_holds_what_a_scenario_can_say() -> None:
-    assert list(COMMANDS) == ["twist", "script"]
+    assert list(COMMANDS) == ["twist", "joints", "script"]
 
 
 @pytest.mark.parametrize("spec", [TwistCommands(twist=(TwistSegment(linear=1.0),)), ScriptCommands(script="a.py")])

@@ -51,6 +51,10 @@ class CommandSource(FrozenModel):
         """What is wrong with the files it names; nothing of the user's is run."""
         yield from ()
 
+    def model_problems(self, scene: Scene) -> SpecProblems:
+        """What does not fit the robot: joints that it has not, what they cannot do."""
+        yield from ()
+
     def joints(self, model: RobotModel) -> frozenset[str]:
         """What it is known to move before it runs; wheels that a drive turns for it are not among them."""
         return frozenset()
@@ -64,6 +68,7 @@ COMMANDS: Final = Table[type[CommandSource]](
     "command",
     {
         "twist": "sim_action.commands.twist:TwistCommands",
+        "joints": "sim_action.commands.joints:JointCommands",
         "script": "sim_action.commands.script:ScriptCommands",
     },
 )

@@ -1,0 +1,282 @@
+"""Joint targets over time: what each tick gives, by hand, and what is told before anything runs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from sim_action.command import JointTargets
+from sim_action.commands import OpenLoop
+from sim_action.commands.joints import JointCommands
+from sim_action.models import load_model
+from sim_action.scene import Scene
+from sim_action.workspace import Workspace
+from sim_action.world import Physics, Robot, World
+from tests.scenarios import load, told
+
+EXAMPLES = Path(__file__).parents[2] / "examples/commands"
+HERE = Workspace(EXAMPLES, EXAMPLES)
+
+
+def scene(**joints: float) -> Scene:
+    robot = Robot(model="arm.urdf", base="fixed", joints={**joints})
+    return Scene(robot, load_model(robot, HERE), World(), Physics(), HERE)
+
+
+def spec(*points: dict[str, Any], **others: Any) -> JointCommands:
+    return JointCommands.model_validate({"joints": points, **others})
+
+
+def told_at(commands: JointCommands, times: Iterable[float], where: Scene) -> list[JointTargets | None]:
+    controller = commands.open(where)
+    assert isinstance(controller, OpenLoop)
+    found = [controller.command(time) for time in times]
+    return [command for command in found if command is None or isinstance(command, JointTargets)]
+
+
+def at(commands: JointCommands, time: float, where: Scene | None = None) -> JointTargets | None:
+    (found,) = told_at(commands, [time], where or scene())
+    return found
+
+
+def near(**values: float) -> Any:
+    return pytest.approx(values, abs=1e-7)
+
+
+def test_at_the_rate_of_the_physics_a_tick_gives_what_is_right_at_its_time() -> None:
+    commands = spec({"at": 1, "position": {"elbow": 0.4}}, {"at": 2, "position": {"elbow": 1.0}}, rate=240)
+    assert at(commands, 0.5) == JointTargets(position=near(elbow=0.2), velocity=near(elbow=0.4))
+    assert at(commands, 1.25) == JointTargets(position=near(elbow=0.55), velocity=near(elbow=0.6))
+    assert at(commands, 2.0) == JointTargets(position=near(elbow=1.0), velocity=near(elbow=0.0))
+
+
+def test_a_slower_tick_gives_what_is_right_for_the_time_until_the_next() -> None:
+    """Of its 24 steps, the first begins at the tick and the last a step before the next: 11.5 steps are the middle."""
+    commands = spec({"at": 1, "position": {"elbow": 1.0}, "velocity": {"shoulder": 1.0}}, rate=10)
+    assert at(commands, 0.5) == JointTargets(
+        position=near(elbow=0.5 + 11.5 / 240), velocity=near(elbow=1.0, shoulder=0.55)
+    )
+
+
+def test_a_tick_in_which_a_joint_comes_to_a_halt_has_its_mean_speed() -> None:
+    commands = spec({"at": 0.95, "position": {"elbow": 0.95}}, rate=10)
+    halting = at(commands, 0.9)
+    assert halting is not None
+    assert halting.velocity == near(elbow=0.5)
+
+
+def test_minimum_jerk_is_half_way_at_half_time_with_1875_of_the_mean_speed() -> None:
+    commands = spec({"at": 2, "position": {"elbow": 1.0}}, interpolation="minimum_jerk", rate=240)
+    found = at(commands, 1.0)
+    assert found is not None
+    assert found.position == near(elbow=0.5)
+    assert found.velocity["elbow"] == pytest.approx(1.875 / 2, rel=0.01)
+
+
+def test_a_position_begins_where_the_joint_does_and_others_at_0() -> None:
+    point = {"at": 2, "position": {"elbow": 1}, "velocity": {"turntable": 2}, "effort": {"shoulder": 4}}
+    found = at(spec(point, rate=240), 1.0, scene(elbow=-1.0))
+    middle = 1 + 1 / 480
+    assert found == JointTargets(
+        position=near(elbow=0.0), velocity=near(elbow=1.0, turntable=middle), effort=near(shoulder=2 * middle)
+    )
+
+
+def test_a_point_at_0_is_where_it_begins() -> None:
+    commands = spec({"at": 0, "position": {"elbow": 0.5}}, {"at": 1, "position": {"elbow": 1.5}}, rate=240)
+    assert at(commands, 0.0, scene(elbow=-1.0)) == JointTargets(position=near(elbow=0.5), velocity=near(elbow=1.0))
+
+
+def test_a_point_does_not_concern_joints_that_it_does_not_name() -> None:
+    both = spec(
+        {"at": 1, "position": {"shoulder": 0.5}}, {"at": 2, "position": {"elbow": 1, "shoulder": 1.5}}, rate=240
+    )
+    assert at(both, 1.0) == JointTargets(position=near(elbow=0.5, shoulder=0.5), velocity=near(elbow=0.5, shoulder=1.0))
+
+
+@pytest.mark.parametrize(("time", "elbow"), [(0.0, 0.1), (0.975, 0.1), (1.0, 0.5), (1.1, 0.5), (2.0, 0.2)])
+def test_hold_steps_at_the_tick_that_falls_on_a_point(time: float, elbow: float) -> None:
+    commands = spec({"at": 1, "position": {"elbow": 0.5}}, {"at": 2, "position": {"elbow": 0.2}}, interpolation="hold")
+    assert at(commands, time, scene(elbow=0.1)) == JointTargets(position={"elbow": elbow})
+
+
+def test_hold_steps_whatever_the_rounding_of_a_tick() -> None:
+    points = [{"at": n / 10, "effort": {"elbow": float(n)}} for n in range(30)]
+    commands = spec(*points, interpolation="hold", rate=10)
+    assert [at(commands, n / 10) for n in range(30)] == [JointTargets(effort={"elbow": float(n)}) for n in range(30)]
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "minimum_jerk", "hold"])
+@given(end=st.floats(0.01, 5), rate=st.sampled_from([10.0, 40.0, 240.0]))
+def test_it_ends_at_rest_at_the_last_point_and_says_no_more(interpolation: str, end: float, rate: float) -> None:
+    point = {"at": end, "position": {"elbow": 1.0}, "effort": {"shoulder": 2.0}}
+    ticks = told_at(
+        spec(point, interpolation=interpolation, rate=rate), [tick / rate for tick in range(int(end * rate) + 5)], ARM
+    )
+    said = [found for found in ticks if found is not None]
+    assert said == ticks[: len(said)]
+    assert len(said) < len(ticks)
+    last = said[-1]
+    assert (last.position, last.effort) == (near(elbow=1.0), near(shoulder=2.0))
+    assert last.velocity == ({} if interpolation == "hold" else near(elbow=0.0))
+
+
+ARM = scene()
+
+
+def test_units_are_those_of_each_joint() -> None:
+    point = {"at": 0, "position": {"elbow": "90 deg"}, "effort": {"left_finger_joint": "500 mN"}}
+    found = at(spec(point, {"at": 1, "velocity": {"turntable": "60 rpm"}}, rate=240), 1.0)
+    assert found is not None
+    assert (found.position, found.effort) == (near(elbow=1.5707963267948966), near(left_finger_joint=0.5))
+    assert found.velocity == near(elbow=0.0, turntable=6.283185307179586)
+
+
+def test_it_knows_its_joints_and_needs_no_drive() -> None:
+    commands = spec({"at": 1, "position": {"a": 1}, "effort": {"b": 1}}, {"at": 2, "velocity": {"c": 1}})
+    assert commands.joints(scene().model) == {"a", "b", "c"}
+    assert not commands.needs_drive
+    assert not commands.runs_user_code
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        ({"joints": ()}, "at least 1 item"),
+        ({"joints": ({"at": 1},)}, "a point names at least one joint"),
+        ({"joints": ({"at": 1, "position": {}},)}, "a point names at least one joint"),
+        ({"joints": ({"position": {"a": 1}},)}, "Field required"),
+        ({"joints": ({"at": -1, "position": {"a": 1}},)}, "greater than or equal to 0"),
+        ({"joints": ({"at": 1, "position": {"a": "1 rad/s"}},)}, "'rad/s' is not a unit of angle or length"),
+        ({"joints": ({"at": 1, "velocity": {"a": "1 rad"}},)}, "'rad' is not a unit of angular speed or speed"),
+        ({"joints": ({"at": 1, "effort": {"a": "1 m"}},)}, "'m' is not a unit of torque or force"),
+        ({"joints": ({"at": 1, "position": {"a": 1}},), "interpolation": "cubic"}, "Input should be 'linear'"),
+        ({"points": ({"at": 1, "position": {"a": 1}},)}, "Field required"),
+    ],
+)
+def test_what_is_no_list_of_points_is_refused(data: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        JointCommands.model_validate(data)
+
+
+def scenario(folder: Path, points: str, others: str = "", robot: str = "") -> str:
+    """One whose points begin on line 4."""
+    shutil.copy(EXAMPLES / "arm.urdf", folder)
+    return (
+        f"name: arm\nrobot: {{model: arm.urdf, base: fixed{robot}}}\ncommands:\n  joints: {points}\n{others}"
+        "expect: [upright]\ntime_limit: 9 s\n"
+    )
+
+
+WRONG = {
+    "unknown": (
+        "[{at: 1, position: {elbwo: 1}}, {at: 2, position: {elbwo: 1}}]",
+        "0.position.elbwo: the model has no moving joint 'elbwo'; did you mean 'elbow'? (allowed: elbow, left_finger",
+    ),
+    "fixed": ("[{at: 1, effort: {wrist: 1}}]", "0.effort.wrist: the model has no moving joint 'wrist'"),
+    "follows": (
+        "[{at: 1, position: {right_finger_joint: 1 mm}}]",
+        "0.position.right_finger_joint: joint 'right_finger_joint' cannot be told where to go: it mimics 'left_",
+    ),
+    "beyond": (
+        "[{at: 9, position: {elbow: 2.5}}]",
+        "0.position.elbow: 143.2 deg is outside the limits of the joint, -137.5 deg to 137.5 deg",
+    ),
+    "unit of a joint that slides": (
+        "[{at: 1, position: {elbow: 1 cm}}]",
+        "0.position.elbow: 'cm' is not a unit of angle; use one of: rad, deg",
+    ),
+    "unit of a joint that turns": (
+        "[{at: 1, effort: {left_finger_joint: 1 N m}}]",
+        "0.effort.left_finger_joint: 'N m' is not a unit of force; use one of: N, mN, kN",
+    ),
+    "fast": (
+        "[{at: 1, velocity: {elbow: -4 rad/s}}]",
+        "0.velocity.elbow: 229.2 deg/s is more than the joint's velocity limit, 171.9 deg/s",
+    ),
+    "strong": (
+        "[{at: 1, effort: {elbow: 11 N m}}]",
+        "0.effort.elbow: 11 N m is more than the joint's effort limit, 10 N m",
+    ),
+    "short": (
+        "[{at: 1, position: {elbow: -1}}, {at: 1.5, position: {elbow: 1}}]",
+        "1.position.elbow: too little time from 1 s to here: 229.2 deg/s is more than the joint's velocity limit, 171.",
+    ),
+    "not in order": (
+        "[{at: 1, position: {elbow: 1}}, {at: 1, position: {elbow: -1}}]",
+        "1.at: must be later than the point before it, at 1 s",
+    ),
+    "two kinds": (
+        "[{at: 1, position: {elbow: 1}}, {at: 2, velocity: {elbow: 1}}, {at: 3, effort: {elbow: 1}}]",
+        "1.velocity.elbow: joint 'elbow' is given a position as well, at 1 s; a joint is moved by position, by",
+    ),
+}
+
+
+@pytest.mark.parametrize(("points", "problem"), WRONG.values(), ids=WRONG)
+def test_what_a_joint_cannot_do_is_told_on_its_line(points: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, scenario(tmp_path, points))
+    assert found.startswith("4:")
+    assert f" commands.joints.{problem}" in found
+
+
+def test_the_first_way_begins_where_the_joint_does(tmp_path: Path) -> None:
+    points = "[{at: 1, position: {elbow: 2}}]"
+    assert load(tmp_path, scenario(tmp_path, points))
+    (found,) = told(tmp_path, scenario(tmp_path, points, robot=", joints: {elbow: -2}"))
+    assert "too little time from 0 s to here" in found
+
+
+def test_minimum_jerk_needs_more_time_and_a_step_none(tmp_path: Path) -> None:
+    points = "[{at: 1, position: {elbow: 2}}]"
+    assert load(tmp_path, scenario(tmp_path, points, "  interpolation: linear\n"))
+    (found,) = told(tmp_path, scenario(tmp_path, points, "  interpolation: minimum_jerk\n"))
+    assert "214.9 deg/s is more than the joint's velocity limit, 171.9 deg/s; it takes 1.25 s" in found
+    points = "[{at: 0.01, position: {elbow: 2}}]"
+    assert load(tmp_path, scenario(tmp_path, points, "  interpolation: hold\n"))
+
+
+def test_the_time_that_is_advised_is_enough(tmp_path: Path) -> None:
+    for end, problems in ((1.25, 0), (1.24, 1)):
+        text = scenario(tmp_path, f"[{{at: {end}, position: {{elbow: 2}}}}]", "  interpolation: minimum_jerk\n")
+        assert len(told(tmp_path, text) if problems else []) == problems
+        assert problems or load(tmp_path, text)
+
+
+def test_a_joint_may_begin_with_a_step(tmp_path: Path) -> None:
+    assert load(tmp_path, scenario(tmp_path, "[{at: 0, position: {elbow: 2}}]"))
+
+
+def test_where_the_robot_begins_is_told_once(tmp_path: Path) -> None:
+    text = scenario(tmp_path, "[{at: 1, position: {elbow: 2}}]", robot=", joints: {elbow: 1 m}")
+    (found,) = told(tmp_path, text)
+    assert "robot.joints.elbow" in found
+
+
+def test_of_very_many_unknown_joints_the_first_are_told(tmp_path: Path) -> None:
+    names = ", ".join(f"no{number}: 1" for number in range(1000))
+    assert len(told(tmp_path, scenario(tmp_path, f"[{{at: 1, position: {{{names}}}}}]"))) == 10
+
+
+def test_two_sources_for_one_joint_are_told(tmp_path: Path) -> None:
+    shutil.copy(EXAMPLES / "arm.urdf", tmp_path)
+    (found,) = told(
+        tmp_path,
+        """\
+name: arm
+robot: {model: arm.urdf, base: fixed}
+commands:
+  - joints: [{at: 1, position: {elbow: 1}}]
+  - joints: [{at: 1, velocity: {elbow: 1, shoulder: 1}}]
+expect: [upright]
+time_limit: 9 s
+""",
+    )
+    assert found.startswith("5:5: commands.1: joint 'elbow' is moved by commands[0] already")
