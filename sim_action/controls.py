@@ -43,6 +43,7 @@ class Controls:
     def __init__(self, scenario: Scenario, scene: Scene, motion: DriveMotion | None) -> None:
         self._rate = scenario.physics.rate
         self._motion = motion
+        self._held = [source.holding(scene) for source in scenario.commands]
         self._twist: Twist | None = None
         self._owners: dict[str, _Source] = {}
         self._sources = [
@@ -54,6 +55,14 @@ class Controls:
     def are_watching(self) -> bool:
         """Whether any of them looks at the robot."""
         return any(isinstance(source.controller, ClosedLoop) for source in self._sources)
+
+    @property
+    def at_rest(self) -> JointTargets:
+        """What holds the robot while it comes to rest before t = 0: its wheels are braked, its joints held."""
+        targets = self._motion.targets(Twist(), 1)[0] if self._motion else JointTargets()
+        for held in self._held:
+            targets = targets.updated_by(held)
+        return targets
 
     def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
         """Targets for the steps from here to the next tick, or to step `end`; None: as before. Raises ScriptError."""

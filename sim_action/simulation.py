@@ -13,7 +13,6 @@ from sim_action.backends import BACKENDS, Backend, chosen
 from sim_action.controls import Controls, padded
 from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.errors import RunError
-from sim_action.geometry import Twist
 from sim_action.panel import End, Panel
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
@@ -134,10 +133,10 @@ class _Loop:
         return drive.open(self._scene.model, self._scenario.physics.rate)
 
     def _settle(self) -> None:
-        """Lets the robot come to rest before t = 0, with its wheels braked."""
+        """Lets the robot come to rest before t = 0, with its wheels braked and its joints held."""
         limit = self._scenario.physics.settle
         remaining, period = self._scenario.steps(limit), self._scenario.steps(_SETTLE_PERIOD)
-        brake = self._motion.targets(Twist(), 1) if self._motion else []
+        brake = [self._controls.at_rest]
         speed = 0.0
         while remaining > 0:
             steps = min(period, remaining)

@@ -116,3 +116,21 @@ def test_a_twist_takes_wheels_that_are_known(tmp_path: Path) -> None:
     loaded = load(tmp_path, scenario_of(script("both_ways")))
     with pytest.raises(ScriptError, match=r"which joints are wheels is not known; name them: robot\.drive"):
         Controls(loaded.scenario, build_scene(loaded), None).plan(0, 240, look)
+
+
+@pytest.mark.parametrize(
+    ("sources", "velocity", "position"),
+    [
+        (["twist: [{linear: 1.0}]"], {"wheel_left_joint": 0.0, "wheel_right_joint": 0.0}, {}),
+        (
+            ["joints: [{at: 0, position: {wheel_left_joint: 1}}]"],
+            {"wheel_right_joint": 0.0},
+            {"wheel_left_joint": 0.0},
+        ),
+    ],
+)
+def test_before_t_0_wheels_are_braked_unless_a_source_holds_them(
+    sources: list[str], velocity: dict[str, float], position: dict[str, float], tmp_path: Path
+) -> None:
+    held = controls(tmp_path, *sources).at_rest
+    assert (held.velocity, held.position) == (velocity, position)

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.command import Command
+from sim_action.command import Command, JointTargets
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, PositiveHertz
 from sim_action.registry import Table
@@ -58,6 +58,10 @@ class CommandSource(FrozenModel):
     def joints(self, model: RobotModel) -> frozenset[str]:
         """What it is known to move before it runs; wheels that a drive turns for it are not among them."""
         return frozenset()
+
+    def holding(self, scene: Scene) -> JointTargets:
+        """What it holds still while the robot comes to rest before t = 0; what has limits is held anyway."""
+        return JointTargets()
 
     @abstractmethod
     def open(self, scene: Scene) -> Controller:

@@ -33,7 +33,8 @@ class JointCommands(CommandSource):
 
     Positions are held by a servo, which may use the effort and the velocity that the model allows; it is told how fast
     its target moves on, so that the joint does not fall behind. Velocities are held by a motor with the same effort.
-    An effort is applied as it is: nothing else holds such a joint, from 0 s on.
+    An effort is applied as it is: nothing else holds such a joint, from 0 s on. While the robot comes to rest before
+    0 s, joints with positions are held where they begin, and those with velocities are braked.
 
     Positions, speeds and efforts that are beyond the limits of the model are errors before anything is run. Each tick
     gives what is right for the time until the next: with a higher `rate`, curves are finer.
@@ -56,6 +57,14 @@ class JointCommands(CommandSource):
     def joints(self, model: RobotModel) -> frozenset[str]:
         """See CommandSource.joints."""
         return frozenset(knot.joint for knot in knots(self.points))
+
+    def holding(self, scene: Scene) -> JointTargets:
+        """See CommandSource.holding: positions where the joints begin, and speeds at 0."""
+        beginnings = scene.joint_positions
+        return JointTargets(
+            position={knot.joint: beginnings[knot.joint] for knot in knots(self.points) if knot.reading == "position"},
+            velocity={knot.joint: 0.0 for knot in knots(self.points) if knot.reading == "velocity"},
+        )
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open."""

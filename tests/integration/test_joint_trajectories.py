@@ -1,0 +1,198 @@
+"""Real arms follow joint trajectories in the real engine, against the analytic path; real legs stand by joint targets.
+
+`off` is how far any joint of the arm is from its path at any time, in degrees: as measured, and a little. With minimum
+jerk, what is off comes of the ticks: between them the target moves on at its mean speed, while the path is a curve. At
+the rate of the physics nothing of this is left. On straight lines it comes of their corners, where a joint would have
+to stop or to turn back at once: franka_panda's last joint has a motor of 12 N m for an inertia that takes more.
+
+Without knowing how fast their targets move, the same servos are behind by 3 to 5 deg.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pytest
+
+from bench.robots import ROBOTS
+from sim_action.loading import build_scene, load_scenario
+from sim_action.permissions import Permissions
+from sim_action.simulation import simulate
+from sim_action.trace import FloatArray, Trace
+from tests.integration.engines import on_every_engine
+
+pytestmark = pytest.mark.pybullet
+
+KNOWN: Final = {known.name: known for known in ROBOTS}
+PHYSICS_RATE: Final = 240
+
+
+def run(folder: Path, name: str, engine: str, commands: object, **robot: object) -> Trace:
+    """Five seconds, and one more, of a robot that does as it is told."""
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+    known = KNOWN[name]
+    scenario = {
+        "name": name,
+        "robot": {"model": known.path, **known.keys, **robot},
+        "commands": commands,
+        "expect": [{"travel": {"at_most": "2 cm"}}],
+        "backend": engine,
+        "time_limit": 6,
+        "trace": {"rate": PHYSICS_RATE},
+    }
+    path = folder / "s.sim.yml"
+    path.write_text(json.dumps(scenario))
+    loaded = load_scenario(path, Permissions(outside=True))
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None).trace
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm that goes through knots at 0, 2, 3.5 and 5 s: rad, of its seven joints in their order."""
+
+    name: str
+    joints: tuple[str, ...]
+    knots: tuple[tuple[float, ...], ...]
+
+
+TIMES: Final = (0.0, 2.0, 3.5, 5.0)
+ARMS: Final = (
+    Arm(
+        "kuka_iiwa",
+        tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8)),
+        (
+            (0.0, 0.3, 0.0, -0.5, 0.0, 0.4, 0.0),
+            (1.2, 0.8, -1.0, -1.4, 1.0, 0.9, 1.5),
+            (0.6, 0.2, -0.2, -1.8, 0.2, 1.2, 0.9),
+            (-0.4, 0.5, 0.5, -0.9, -0.7, 0.1, -0.3),
+        ),
+    ),
+    Arm(
+        "franka_panda",
+        tuple(f"panda_joint{number}" for number in range(1, 8)),
+        (
+            (0.0, -0.3, 0.0, -1.6, 0.0, 1.8, 0.5),
+            (1.0, 0.6, -0.8, -2.2, 0.9, 2.3, 1.7),
+            (0.4, 0.1, -0.2, -1.2, 0.3, 1.4, 0.9),
+            (-0.5, -0.4, 0.6, -1.9, -0.6, 1.9, 0.1),
+        ),
+    ),
+)
+# Arm, interpolation and rate of the ticks -> deg, in PyBullet and in MuJoCo: anywhere, and away from corners.
+OFF: Final = {
+    ("kuka_iiwa", "minimum_jerk", 240): {"pybullet": (0.005, 0.005), "mujoco": (0.1, 0.1)},
+    ("kuka_iiwa", "minimum_jerk", 40): {"pybullet": (0.15, 0.15), "mujoco": (0.15, 0.15)},
+    ("kuka_iiwa", "linear", 240): {"pybullet": (0.01, 0.005), "mujoco": (0.5, 0.005)},
+    ("kuka_iiwa", "linear", 40): {"pybullet": (0.1, 0.07), "mujoco": (0.5, 0.07)},
+    ("franka_panda", "minimum_jerk", 240): {"pybullet": (0.005, 0.005), "mujoco": (0.005, 0.005)},
+    ("franka_panda", "minimum_jerk", 40): {"pybullet": (0.5, 0.5), "mujoco": (0.5, 0.5)},
+    ("franka_panda", "linear", 240): {"pybullet": (4.5, 0.03), "mujoco": (4.5, 0.03)},
+    ("franka_panda", "linear", 40): {"pybullet": (3.6, 0.35), "mujoco": (3.6, 0.35)},
+}
+NEAR_A_CORNER: Final = 0.3  # s
+AT_REST: Final = 0.005  # deg, a second after the last knot
+
+
+def wanted(arm: Arm, interpolation: str, time: FloatArray) -> FloatArray:
+    """(T, 7) in rad: from knot to knot, by s or by 10 s^3 - 15 s^4 + 6 s^5."""
+    knots, times = np.array(arm.knots), np.array(TIMES)
+    index = np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2)
+    s = np.clip((time - times[index]) / (times[index + 1] - times[index]), 0, 1)
+    share = s if interpolation == "linear" else 10 * s**3 - 15 * s**4 + 6 * s**5
+    way: FloatArray = knots[index] + (knots[index + 1] - knots[index]) * share[:, None]
+    return way
+
+
+def followed(folder: Path, arm: Arm, engine: str, interpolation: str, rate: float) -> tuple[FloatArray, FloatArray]:
+    """When, in s, and how far off the path each joint was, in deg: (T,), (T, 7)."""
+    points = [
+        {"at": time, "position": dict(zip(arm.joints, knot, strict=True))}
+        for time, knot in zip(TIMES[1:], arm.knots[1:], strict=True)
+    ]
+    begins = {"joints": dict(zip(arm.joints, arm.knots[0], strict=True))}
+    commands = {"joints": points, "interpolation": interpolation, "rate": rate}
+    trace = run(folder, arm.name, engine, commands, **begins)
+    columns = [trace.joint_names.index(joint) for joint in arm.joints]
+    off = np.degrees(np.abs(trace.joint_position[:, columns] - wanted(arm, interpolation, trace.time)))
+    return trace.time, off
+
+
+@pytest.mark.parametrize("rate", [240, 40])
+@pytest.mark.parametrize("interpolation", ["minimum_jerk", "linear"])
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+@on_every_engine
+def test_arms_follow_joint_trajectories(engine: str, arm: Arm, interpolation: str, rate: int, tmp_path: Path) -> None:
+    time, off = followed(tmp_path, arm, engine, interpolation, rate)
+    from_a_corner = np.abs(time[:, None] - np.array(TIMES)).min(axis=1)
+    anywhere, away = OFF[arm.name, interpolation, rate][engine]
+    assert off.max() < anywhere
+    assert off[from_a_corner > NEAR_A_CORNER].max() < away
+    assert off[-1].max() < AT_REST
+
+
+@dataclass(frozen=True)
+class Legs:
+    """A robot on legs.
+
+    Attributes:
+        height: m, of its base if nothing gave way: that of its legs, and of the balls that its toes are.
+        up: deg, between the z axis of its base and the world's when it stands; y points up in laikago's file.
+        sunk: m, by which its weight brings it down, at the most.
+        tilted: deg, at the most.
+    """
+
+    name: str
+    height: float
+    up: float
+    sunk: float
+    tilted: float
+
+
+def a1s_height(bent: FloatArray | float) -> FloatArray:
+    """Above feet that are below its hips: two links of 0.2 m, bent by as much, and 2 cm of toe. m, of rad."""
+    height: FloatArray = 0.4 * np.cos(bent) + 0.02
+    return height
+
+
+LEGS: Final = (
+    Legs("a1", float(a1s_height(0.8)), 0.0, sunk=0.002, tilted=0.1),
+    Legs("laikago", 0.4583 + 0.03, 90.0, sunk=0.004, tilted=1.0),
+)
+
+
+@pytest.mark.parametrize("legs", LEGS, ids=lambda legs: legs.name)
+@on_every_engine
+def test_legs_stand_by_joint_targets(engine: str, legs: Legs, tmp_path: Path) -> None:
+    """laikago's joints have no limits: nothing but the targets holds them, and so it is before t = 0."""
+    positions = build_scene(KNOWN[legs.name].resting(tmp_path, 1.0)).joint_positions
+    commands = {"joints": [{"at": 0, "position": positions}]}
+    trace = run(tmp_path, legs.name, engine, commands, pose={"roll": math.radians(legs.up)})
+    assert trace.time[-1] == pytest.approx(6.0)
+    height = trace.base_position_xyz[:, 2]
+    assert np.ptp(height) < 0.0005
+    assert np.abs(height - legs.height).max() < legs.sunk
+    assert np.abs(np.degrees(trace.tilt) - legs.up).max() < legs.tilted
+
+
+@on_every_engine
+def test_a1_bends_its_knees_and_comes_up_again(engine: str, tmp_path: Path) -> None:
+    """By 13 cm; its height is that of its legs at every moment."""
+    bends = ((1.0, 0.8), (2.5, 1.2), (4.0, 0.8))
+    points = [
+        {"at": time, "position": {f"{leg}_{part}_joint": way * bend for leg in A1S_LEGS for part, way in A1S_KNEE}}
+        for time, bend in bends
+    ]
+    trace = run(tmp_path, "a1", engine, {"joints": points, "interpolation": "minimum_jerk"})
+    share = np.clip(np.minimum(trace.time - 1.0, 4.0 - trace.time) / 1.5, 0, 1)
+    bent = 0.8 + 0.4 * (10 * share**3 - 15 * share**4 + 6 * share**5)
+    assert np.abs(trace.base_position_xyz[:, 2] - a1s_height(bent)).max() < 0.005
+    assert np.degrees(trace.tilt).max() < 1.0
+
+
+A1S_LEGS: Final = ("FR", "FL", "RR", "RL")
+A1S_KNEE: Final = (("upper", 1.0), ("lower", -2.0))
