@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from sim_action.geometry import Pose, Twist
+
 
 class Probe(Protocol):
     """An engine, as sensors see it."""
+
+    def link_pose(self, link: str) -> Pose:
+        """Of a link's frame, which is not its centre of mass, in the world."""
+
+    def link_twist(self, link: str) -> Twist:
+        """Of the origin of a link's frame, in the world frame."""

@@ -17,6 +17,7 @@ import pybullet
 from sim_action import geometry
 from sim_action.backends import UNLIMITED_EFFORT
 from sim_action.backends.push import wrench
+from sim_action.backends.pybullet_links import link_pose, link_twist
 from sim_action.backends.pybullet_push import apply, pushed
 from sim_action.backends.pybullet_scene import (
     BASE,
@@ -105,6 +106,16 @@ class PyBulletBackend:
             contacts=tuple(self._contacts(step, ground=True)) if contacts else (),
         )
 
+    def link_pose(self, link: str) -> Pose:
+        """See Probe.link_pose."""
+        index = self._links[link]
+        return self.observe(0, contacts=False).pose if index == BASE else link_pose(self._client, self._robot, index)
+
+    def link_twist(self, link: str) -> Twist:
+        """See Probe.link_twist."""
+        index = self._links[link]
+        return self.observe(0, contacts=False).twist if index == BASE else link_twist(self._client, self._robot, index)
+
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""
         deepest: dict[tuple[str, str], float] = {}
@@ -123,6 +134,7 @@ class PyBulletBackend:
         count = pybullet.getNumJoints(self._robot, self._client)
         infos = [pybullet.getJointInfo(self._robot, index, self._client) for index in range(count)]
         self._link_names = {BASE: scene.model.root, **{info[0]: info[12].decode() for info in infos}}
+        self._links = {name: index for index, name in self._link_names.items()}
         by_name = {info[1].decode(): info for info in infos}
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._index = {name: by_name[name][0] for name in self._joint_names}

@@ -11,6 +11,7 @@ from sim_action.observation import Observation
 from sim_action.readings import ContactReading
 from sim_action.sensors import Mount, Sight
 from sim_action.sensors.contact import ContactSensor
+from tests.sensors.stubs import NO_PROBE
 from tests.traces import START, contact, scene
 
 TOUCHES = (contact(1.0, "wall", force=2.0), contact(1.0, "ball", force=3.0), contact(1.0, "ground", link="other"))
@@ -28,10 +29,3 @@ def test_it_adds_up_what_touches_its_link(seen: Observation, told: tuple[bool, f
     there = scene()
     measure = ContactSensor().open(Mount(there, "base_footprint", Pose(), 10.0, there.generator("x")))
     assert measure(Sight(replace(seen, time=1.0), NO_PROBE)) == ContactReading(1.0, *told)
-
-
-class _NoProbe:
-    """Contact sensors ask the engine for nothing."""
-
-
-NO_PROBE = _NoProbe()

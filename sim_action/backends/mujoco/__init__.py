@@ -15,6 +15,7 @@ from typing import Final
 import mujoco
 
 from sim_action.backends.mujoco.contacts import Contacts
+from sim_action.backends.mujoco.links import Links
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.backends.mujoco.motors import Motors
 from sim_action.backends.mujoco.push import Pusher
@@ -58,6 +59,7 @@ class MuJoCoBackend:
         self._motors = Motors(scene.model, compiled, self._rate)
         self._pusher = Pusher(compiled, self._rate)
         self._states = States(compiled, self._rate, self._motors.efforts)
+        self._links = Links(compiled)
         self._contacts = Contacts(compiled)
         self._watches_contacts = contacts and len(compiled.bodies) > 1
         # A live view of how often the engine has warned of what.
@@ -89,6 +91,14 @@ class MuJoCoBackend:
             joints=dict(zip(self._joint_names, states, strict=True)),
             contacts=tuple(self._contacts.of_step(time, ground=True)) if contacts else (),
         )
+
+    def link_pose(self, link: str) -> Pose:
+        """See Probe.link_pose."""
+        return self._links.pose(link)
+
+    def link_twist(self, link: str) -> Twist:
+        """See Probe.link_twist."""
+        return self._links.twist(link)
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""

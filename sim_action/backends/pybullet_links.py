@@ -1,0 +1,29 @@
+"""Where the links of a robot are in PyBullet, and how they move."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pybullet
+
+from sim_action import geometry
+from sim_action.geometry import Pose, Twist
+
+
+def link_pose(client: int, robot: int, link: int) -> Pose:
+    """Of a link's frame in the world; not for the base."""
+    return Pose(*_state(client, robot, link)[4:6])
+
+
+def link_twist(client: int, robot: int, link: int) -> Twist:
+    """Of the origin of a link's frame, world frame; not for the base."""
+    state = _state(client, robot, link)
+    (cx, cy, cz), (px, py, pz), (vx, vy, vz), angular = state[0], state[4], state[6], state[7]
+    # The engine has the velocity of the centre of mass.
+    ux, uy, uz = geometry.cross(angular, (px - cx, py - cy, pz - cz))
+    return Twist((vx + ux, vy + uy, vz + uz), angular)
+
+
+def _state(client: int, robot: int, link: int) -> Any:
+    # Without being worked out anew, it would be that of before the last step.
+    return pybullet.getLinkState(robot, link, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=client)

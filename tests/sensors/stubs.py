@@ -1,0 +1,21 @@
+"""What sensors are tested with that ask the engine for nothing, or for what a test says."""
+
+from __future__ import annotations
+
+from sim_action.geometry import Pose, Twist
+
+
+class OneLink:
+    """An engine in which every link is at the same place."""
+
+    def __init__(self, pose: Pose | None = None, twist: Twist | None = None) -> None:
+        self._pose, self._twist = pose or Pose(), twist or Twist()
+
+    def link_pose(self, link: str) -> Pose:
+        return self._pose
+
+    def link_twist(self, link: str) -> Twist:
+        return self._twist
+
+
+NO_PROBE = OneLink()
