@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from sim_action.geometry import Quaternion, Vector3
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
@@ -39,3 +41,27 @@ class ContactReading:
     def columns(self) -> Mapping[str, Any]:
         """See Reading.columns."""
         return {"touching": float(self.touching), "force": self.force}
+
+
+@dataclass(frozen=True, slots=True)
+class ImuReading:
+    """How a sensor turns and accelerates, and how it is turned.
+
+    Attributes:
+        orientation_xyzw: of the sensor in the world.
+        angular_velocity_xyz: rad/s, sensor frame.
+        linear_acceleration_xyz: m/s^2, sensor frame, the specific force: at rest, gravity upwards.
+    """
+
+    time: float
+    orientation_xyzw: Quaternion
+    angular_velocity_xyz: Vector3
+    linear_acceleration_xyz: Vector3
+
+    def columns(self) -> Mapping[str, Any]:
+        """See Reading.columns."""
+        return {
+            "orientation_xyzw": self.orientation_xyzw,
+            "angular_velocity_xyz": self.angular_velocity_xyz,
+            "linear_acceleration_xyz": self.linear_acceleration_xyz,
+        }

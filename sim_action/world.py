@@ -27,6 +27,9 @@ from sim_action.quantities import (
 
 GROUND = "ground"
 
+GRAVITY: Final = 9.80665
+"""m/s^2, standard gravity (CGPM 1901)."""
+
 FASTEST: Final = 10_000.0
 """m/s and rad/s at which engines are told to stop the base and every joint: bounds of speed go no further."""
 

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from sim_action.trace import Trace
 
 
-GRAVITY: Final = 9.80665
-"""m/s^2, standard gravity (CGPM 1901)."""
-
 UNLIMITED_EFFORT: Final = 1e6
 """N m or N: what a motor may use whose model states no limit. Ten times what turns the wheels of a mining truck."""
 

@@ -13,10 +13,7 @@ from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
 from sim_action.robot_model import Mimic, Surface
 from sim_action.scene import Scene
-from sim_action.world import FASTEST, Body, Ground, Placement
-
-GRAVITY: Final = 9.80665
-"""m/s^2, standard gravity (CGPM 1901)."""
+from sim_action.world import FASTEST, GRAVITY, Body, Ground, Placement
 
 BASE: Final = -1
 """The number of a body's base link."""

@@ -22,9 +22,10 @@ from sim_action.geometry import Vector3
 from sim_action.quantities import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
+from sim_action.world import GRAVITY
 
 # m/s^2. Rollers at 45 deg hold 1 / sqrt(2) of the weight that is on them, with a friction of 1.
-_HOLD: Final = 9.80665 / math.sqrt(2)
+_HOLD: Final = GRAVITY / math.sqrt(2)
 
 # Front left, rear left, front right, rear right.
 _CORNERS: Final = [(1, 1), (-1, 1), (1, -1), (-1, -1)]

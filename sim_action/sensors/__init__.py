@@ -75,5 +75,6 @@ SENSORS: Final = Table[type[Sensor]](
     "sensor",
     {
         "contact": "sim_action.sensors.contact:ContactSensor",
+        "imu": "sim_action.sensors.imu:Imu",
     },
 )

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.backends import GRAVITY
 from sim_action.command import JointTargets
 from sim_action.watchdog import Watchdog
-from sim_action.world import Body, Cylinder, Ground, Physics, Placement, Robot, Sphere, World
+from sim_action.world import GRAVITY, Body, Cylinder, Ground, Physics, Placement, Robot, Sphere, World
 from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
 from tests.mesh_files import obj, two_objects, wheel
 

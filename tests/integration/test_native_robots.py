@@ -7,14 +7,13 @@ from typing import Any
 
 import pytest
 
-from sim_action.backends import GRAVITY
 from sim_action.command import JointTargets
 from sim_action.loading import build_scene, load_scenario
 from sim_action.models import load_model
 from sim_action.scene import Scene
 from sim_action.simulation import simulate
 from sim_action.workspace import Workspace
-from sim_action.world import Body, Physics, Placement, Robot, World
+from sim_action.world import GRAVITY, Body, Physics, Placement, Robot, World
 from tests.integration.engines import advance, push, running
 from tests.models.test_mjcf import ARM, ROVER
 

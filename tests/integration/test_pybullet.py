@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sim_action.backends import GRAVITY
 from sim_action.command import JointTargets
 from sim_action.models.urdf import read_urdf
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.workspace import Workspace
-from sim_action.world import Body, Ground, Physics, Placement, Robot, Sphere, World
+from sim_action.world import GRAVITY, Body, Ground, Physics, Placement, Robot, Sphere, World
 
 if TYPE_CHECKING:
     from sim_action.backends.pybullet import PyBulletBackend

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bench.robots import DATA
-from sim_action.backends import BACKENDS, GRAVITY, Backend, chosen
+from sim_action.backends import BACKENDS, Backend, chosen
 from sim_action.command import JointTargets
 from sim_action.errors import ModelError, RefusedModel
 from sim_action.models import load_model
@@ -22,7 +22,7 @@ from sim_action.models.findings import ALLOWABLE
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene
 from sim_action.workspace import Workspace
-from sim_action.world import Physics, Placement, Robot, World
+from sim_action.world import GRAVITY, Physics, Placement, Robot, World
 from tests.integration.conftest import sim_action
 from tests.models.sdf_models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written

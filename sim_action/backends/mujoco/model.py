@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.backends import GRAVITY
 from sim_action.backends.mujoco.native_robot import add_native_robot
 from sim_action.backends.mujoco.robot import add_robot, engine_name
 from sim_action.backends.mujoco.shapes import GEOM, add_geom, lowest, object_shape, wxyz
@@ -18,7 +17,7 @@ from sim_action.backends.mujoco.touch import FRICTION_RATIO, Skin, add_pairs, so
 from sim_action.geometry import Pose
 from sim_action.robot_model import Surface
 from sim_action.scene import Scene
-from sim_action.world import GROUND, Body, Placement
+from sim_action.world import GRAVITY, GROUND, Body, Placement
 
 IMPEDANCE: Final = 0.9999
 """Of motors, limits and gears: as hard as the engine takes them. They yield by 1e-4 of what would move them."""

@@ -10,8 +10,8 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-from sim_action.backends import GRAVITY
 from sim_action.robot_model import Surface
+from sim_action.world import GRAVITY
 
 FRICTION_RATIO: Final = 100.0
 """How much less friction gives way than what presses bodies together, lest robots creep down slopes."""

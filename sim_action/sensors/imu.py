@@ -1,0 +1,102 @@
+"""Inertial measurement units: `imu`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from pydantic import Field
+
+from sim_action import geometry
+from sim_action.geometry import Pose, Quaternion, Vector3
+from sim_action.quantities import NonNegativeMetresPerSecondSquared, NonNegativeRadiansPerSecond
+from sim_action.readings import ImuReading
+from sim_action.sensors import Measure, Mount, Sensor, Sight
+from sim_action.world import GRAVITY
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+
+class Imu(Sensor):
+    """Tells how its link turns and accelerates, and which way is up: gyroscope, accelerometer and orientation.
+
+    A reading has `orientation_xyzw` (of the sensor in the world, the truth), `angular_velocity_xyz` (rad/s, of the
+    moment) and `linear_acceleration_xyz` (m/s^2), both in the sensor's own frame. The acceleration is what
+    accelerometers feel, with gravity: at rest 9.80665 upwards. It is the mean since the reading before, from how the
+    velocity of the sensor has changed; the first reading is one at rest. By the scenario's seed, noise is drawn for
+    each axis of each reading, and an offset, the bias, once for each axis of a run. The noise density that a data sheet
+    has, times the root of `rate`, is such a noise.
+    """
+
+    key: ClassVar[str] = "imu"
+
+    gyro_noise: Annotated[NonNegativeRadiansPerSecond, Field(description="standard deviation of a reading")] = 0.0
+    gyro_bias: Annotated[NonNegativeRadiansPerSecond, Field(description="standard deviation of the offset")] = 0.0
+    accelerometer_noise: Annotated[
+        NonNegativeMetresPerSecondSquared, Field(description="standard deviation of a reading")
+    ] = 0.0
+    accelerometer_bias: Annotated[
+        NonNegativeMetresPerSecondSquared, Field(description="standard deviation of the offset")
+    ] = 0.0
+
+    def open(self, mount: Mount) -> Measure:
+        """See Sensor.open."""
+        gyro_offset = _scatter(mount.random, geometry.ZERO, self.gyro_bias)
+        accelerometer_offset = _scatter(mount.random, geometry.ZERO, self.accelerometer_bias)
+        before: _State | None = None
+
+        def measure(sight: Sight) -> ImuReading:
+            nonlocal before
+            now = _State(mount, sight)
+            turning, felt = now.turning(), now.specific_force(before or now)
+            before = now
+            return ImuReading(
+                sight.robot.time,
+                now.pose.orientation_xyzw,
+                _scatter(mount.random, _sum(turning, gyro_offset), self.gyro_noise),
+                _scatter(mount.random, _sum(felt, accelerometer_offset), self.accelerometer_noise),
+            )
+
+        return measure
+
+
+class _State:
+    """How the sensor is placed and moves at a moment, in the world frame."""
+
+    def __init__(self, mount: Mount, sight: Sight) -> None:
+        link, twist = sight.probe.link_pose(mount.link), sight.probe.link_twist(mount.link)
+        arm = geometry.rotate(link.orientation_xyzw, mount.pose.position_xyz)
+        self.pose: Pose = geometry.compose(link, mount.pose)
+        self.angular_xyz = twist.angular_xyz
+        self.linear_xyz = _sum(twist.linear_xyz, geometry.cross(twist.angular_xyz, arm))
+        self.time = sight.robot.time
+
+    def turning(self) -> Vector3:
+        """Angular velocity in rad/s, sensor frame."""
+        return geometry.rotate(geometry.conjugate(self.pose.orientation_xyzw), self.angular_xyz)
+
+    def specific_force(self, before: _State) -> Vector3:
+        """The mean since `before` in m/s^2, sensor frame."""
+        period = (self.time - before.time) or 1.0
+        ax, ay, az = ((now - then) / period for now, then in zip(self.linear_xyz, before.linear_xyz, strict=True))
+        # A sensor that turns adds up in a frame that turns with it: in the mean, that of half the way.
+        midway = _midway(before.pose.orientation_xyzw, self.pose.orientation_xyzw)
+        return geometry.rotate(geometry.conjugate(midway), (ax, ay, az + GRAVITY))
+
+
+def _midway(first: Quaternion, second: Quaternion) -> Quaternion:
+    """The rotation half-way between two."""
+    sign = 1.0 if sum(one * other for one, other in zip(first, second, strict=True)) >= 0 else -1.0
+    x, y, z, w = (one + sign * other for one, other in zip(first, second, strict=True))
+    length = (x * x + y * y + z * z + w * w) ** 0.5
+    return (x / length, y / length, z / length, w / length)
+
+
+def _sum(first: Vector3, second: Vector3) -> Vector3:
+    (ax, ay, az), (bx, by, bz) = first, second
+    return (ax + bx, ay + by, az + bz)
+
+
+def _scatter(random: Generator, around: Vector3, deviation: float) -> Vector3:
+    dx, dy, dz = (deviation * random.standard_normal(3)).tolist()
+    return _sum(around, (dx, dy, dz))
