@@ -13,17 +13,33 @@ if TYPE_CHECKING:
     from sim_action.command import Command, JointTargets
     from sim_action.geometry import Pose, Twist
     from sim_action.observation import Contact, JointState, Observation
+    from sim_action.readings import ContactReading, ImuReading, OdometryReading
 
 __version__ = "0.1.0"
 
-__all__ = ["Command", "Contact", "JointState", "JointTargets", "Observation", "Pose", "Twist", "__version__"]
+__all__ = [
+    "Command",
+    "Contact",
+    "ContactReading",
+    "ImuReading",
+    "JointState",
+    "JointTargets",
+    "Observation",
+    "OdometryReading",
+    "Pose",
+    "Twist",
+    "__version__",
+]
 
 _HOMES = {
     "Command": "sim_action.command",
     "Contact": "sim_action.observation",
+    "ContactReading": "sim_action.readings",
+    "ImuReading": "sim_action.readings",
     "JointState": "sim_action.observation",
     "JointTargets": "sim_action.command",
     "Observation": "sim_action.observation",
+    "OdometryReading": "sim_action.readings",
     "Pose": "sim_action.geometry",
     "Twist": "sim_action.geometry",
 }

@@ -164,7 +164,8 @@ class _Loader:
         self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
         # A drive that was written and refused is missing from the scenario: that is not a second problem.
         if not states_drive:
-            self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene.model))
+            paths = self._parts.sensor_paths
+            self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene.model, paths))
         for path, source in zip(self._parts.command_paths, scenario.commands, strict=True):
             self._problems.note_all(path, source.model_problems(scene))
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):

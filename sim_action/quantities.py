@@ -101,6 +101,7 @@ NonNegativeMetresPerSecondSquared = Annotated[float, Ge(0), Quantity((units.ACCE
 PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
 PositiveNewtons = Annotated[float, Gt(0), Quantity((units.FORCE,))]
 NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTIA,))]
+Ratio = Annotated[float, Quantity((units.RATIO,))]
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
 PositiveRatio = Annotated[float, Gt(0), Quantity((units.RATIO,))]
 JointPosition = Annotated[float | str, Written((units.ANGLE, units.LENGTH))]

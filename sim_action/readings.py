@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from sim_action.geometry import Quaternion, Vector3
+from sim_action.geometry import Pose, Quaternion, Twist, Vector3
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -64,4 +64,27 @@ class ImuReading:
             "orientation_xyzw": self.orientation_xyzw,
             "angular_velocity_xyz": self.angular_velocity_xyz,
             "linear_acceleration_xyz": self.linear_acceleration_xyz,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryReading:
+    """Where a robot believes it is by its wheels.
+
+    Attributes:
+        pose: of the base link, world frame; where it begins, that is the truth.
+        twist: of the base link, in its own frame, in the mean since the reading before.
+    """
+
+    time: float
+    pose: Pose
+    twist: Twist
+
+    def columns(self) -> Mapping[str, Any]:
+        """See Reading.columns."""
+        return {
+            "position_xyz": self.pose.position_xyz,
+            "orientation_xyzw": self.pose.orientation_xyzw,
+            "linear_xyz": self.twist.linear_xyz,
+            "angular_xyz": self.twist.angular_xyz,
         }

@@ -7,6 +7,7 @@ from typing import Final
 
 from sim_action import units
 from sim_action.drives import recognise
+from sim_action.geometry import Pose
 from sim_action.joint_limits import beyond_limits
 from sim_action.messages import FirstFew, did_you_mean
 from sim_action.models.findings import ALLOWABLE, RULES
@@ -77,6 +78,9 @@ def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Seque
         if mounted.link is not None and mounted.link not in scene.model.links_by_name:
             hint = did_you_mean(mounted.link, scene.model.links_by_name)
             yield (*path, "link"), f"the robot has no link '{mounted.link}'{hint}"
+        if mounted.sensor.reads_wheels and (mounted.link is not None or mounted.pose != Pose()):
+            where = "pose" if mounted.link is None else "link"
+            yield (*path, where), f"'{mounted.sensor.key}' is of the base link by its wheels; leave '{where}' out"
         for below, message in mounted.sensor.problems(scene):
             yield (*path, mounted.sensor.key, *below), message
 
@@ -135,15 +139,21 @@ def rule_problems(scenario: Scenario) -> SpecProblems:
             yield path, f"'{name}' is no rule that can be let go{hint}"
 
 
-def wheel_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
-    """Twists for a robot without a drive, if its model does not tell which joints are wheels."""
-    if any(source.needs_drive for source in scenario.commands) and recognise(model) is None:
-        moving = [joint.name for joint in model.moving_joints]
-        message = (
-            f"it is not plain from '{model.name}' which joints are wheels; name them, such as "
-            f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}"
-        )
-        yield ("robot",), message
+def wheel_problems(scenario: Scenario, model: RobotModel, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Twists and wheel odometry for a robot without a drive, if its model does not tell which joints are wheels."""
+    drives = any(source.needs_drive for source in scenario.commands)
+    sensors = zip(sensor_paths, scenario.sensors, strict=True)
+    odometry = [(*path, mounted.sensor.key) for path, mounted in sensors if mounted.sensor.reads_wheels]
+    if (drives or odometry) and recognise(model) is None:
+        yield from ((path, _no_wheels(model)) for path in ([("robot",)] if drives else odometry))
+
+
+def _no_wheels(model: RobotModel) -> str:
+    moving = [joint.name for joint in model.moving_joints]
+    return (
+        f"it is not plain from '{model.name}' which joints are wheels; name them, such as "
+        f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}"
+    )
 
 
 def source_problems(scenario: Scenario, model: RobotModel, command_paths: Sequence[KeyPath]) -> SpecProblems:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from sim_action.backends import Backend
+from sim_action.drives import recognise
 from sim_action.observation import Observation
 from sim_action.readings import Reading
 from sim_action.scenario import Scenario
@@ -13,6 +14,7 @@ from sim_action.scene import Scene
 from sim_action.sensor_record import SensorRecord
 from sim_action.sensors import Measure, Mount, Sight
 from sim_action.sensors.mounting import MountedSensor
+from sim_action.wheel_motion import WheelMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +39,7 @@ class Sensing:
         """`heard`: whether a controller listens; sensors that nobody listens to are not read."""
         self._backend = backend
         self._readings: dict[str, Reading] = {}
-        self._sensors = [
-            _Running(mounted, mounted.sensor.open(_mount(mounted, scene)), scenario.steps_between_ticks(mounted.rate))
-            for mounted in scenario.sensors
-            if heard or mounted.trace
-        ]
+        self._sensors = [_open(mounted, scenario, scene) for mounted in scenario.sensors if heard or mounted.trace]
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
 
     def look(self, step: int) -> Observation:
@@ -77,6 +75,17 @@ class Sensing:
         return records
 
 
-def _mount(mounted: MountedSensor, scene: Scene) -> Mount:
+def _open(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> _Running:
+    measure = mounted.sensor.open(_mount(mounted, scenario, scene))
+    return _Running(mounted, measure, scenario.steps_between_ticks(mounted.rate))
+
+
+def _mount(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> Mount:
     link = scene.model.root if mounted.link is None else mounted.link
-    return Mount(scene, link, mounted.pose, mounted.rate, scene.generator(f"sensor {mounted.name}"))
+    wheels = _wheels(scenario, scene) if mounted.sensor.reads_wheels else None
+    return Mount(scene, link, mounted.pose, mounted.rate, scene.generator(f"sensor {mounted.name}"), wheels)
+
+
+def _wheels(scenario: Scenario, scene: Scene) -> WheelMotion | None:
+    drive = scenario.robot.drive or recognise(scene.model)
+    return drive.wheel_motion(scene.model) if drive else None

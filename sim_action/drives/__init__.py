@@ -12,6 +12,7 @@ from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
+from sim_action.wheel_motion import WheelMotion
 
 
 class DriveMotion(Protocol):
@@ -47,6 +48,10 @@ class Drive(FrozenModel):
     @abstractmethod
     def open(self, model: RobotModel, rate: float) -> DriveMotion:
         """The live half, for physics steps at `rate` Hz."""
+
+    @abstractmethod
+    def wheel_motion(self, model: RobotModel) -> WheelMotion:
+        """How its wheels move the robot."""
 
     @abstractmethod
     def describe(self, model: RobotModel) -> str:

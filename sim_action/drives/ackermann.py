@@ -11,7 +11,8 @@ from pydantic import Field, ValidationError
 
 from sim_action.drives import Drive
 from sim_action.drives.ackermann_motion import AckermannMotion
-from sim_action.drives.heading import axle_problems, heading_of, rolling
+from sim_action.drives.ackermann_ways import AckermannWays
+from sim_action.drives.heading import along, axle_problems, heading_of, rolling
 from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
 from sim_action.drives.plugins import StatedSteering, steering_by_plugin
 from sim_action.drives.sided import JointNames
@@ -126,6 +127,12 @@ class AckermannDrive(Drive):
             torque=self.torque,
         )
 
+    def wheel_motion(self, model: RobotModel) -> AckermannWays:
+        """See Drive.wheel_motion."""
+        heading = self._forward(model)
+        middle = along(heading, self._axle(model), 0.0)
+        return AckermannWays(self._kingpins(model), self._driven(model), heading, middle)
+
     def describe(self, model: RobotModel) -> str:
         """See Drive.describe."""
         pins, driven = self._kingpins(model), self._driven(model)
@@ -165,12 +172,17 @@ class AckermannDrive(Drive):
                 return fixed
         return []
 
+    def _axle(self, model: RobotModel) -> float:
+        """How far the axle that is not steered is ahead of the base's origin, in m."""
+        heading = self._forward(model)
+        return fmean(rolling(found, heading).ahead for found in self._fixed_wheels(model) or [STRAIGHT])
+
     def _kingpins(self, model: RobotModel) -> tuple[Kingpin, ...]:
         return tuple(self._each_kingpin(model))
 
     def _each_kingpin(self, model: RobotModel) -> Iterator[Kingpin]:
         heading = self._forward(model)
-        axle = fmean(rolling(found, heading).ahead for found in self._fixed_wheels(model) or [STRAIGHT])
+        axle = self._axle(model)
         for name in self.steering:
             place = rolling(wheel(model, name), heading)
             ahead = place.ahead - axle

@@ -63,6 +63,12 @@ def rolling(wheel: Wheel, heading: float) -> Rolling:
     return Rolling(wheel.joint, cosine * x + sine * y, cosine * y - sine * x, turns)
 
 
+def along(heading: float, ahead: float, left: float) -> tuple[float, float]:
+    """What is so far ahead and to the left, along the axes of the base."""
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return cosine * ahead - sine * left, sine * ahead + cosine * left
+
+
 def axle_problems(wheel: Wheel, heading: float) -> SpecProblems:
     """A joint that would not roll a wheel forward."""
     if abs(wheel.axis_xyz[2]) > _NO_AXLE:

@@ -14,6 +14,7 @@ from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling
 from sim_action.drives.keys import Heading, WheelRadius
 from sim_action.drives.mecanum_motion import MecanumMotion, Roller
+from sim_action.drives.mecanum_ways import MecanumWays
 from sim_action.drives.plugins import StatedSides, corners_by_plugin
 from sim_action.drives.wheel_problems import joint_problems, length_problems
 from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
@@ -84,18 +85,19 @@ class MecanumDrive(Drive):
     def open(self, model: RobotModel, rate: float) -> MecanumMotion:
         """See Drive.open."""
         x, y, _ = centre_of_mass(model)
-        heading, tyres = self._forward(model), self._tyres(model)
-        lowest = min(found.position_xyz[2] - radius for found, radius in tyres)
-        placed = [(rolling(found, heading), radius) for found, radius in tyres]
-        ways = [ahead * left for ahead, left in _CORNERS]
+        lowest = min(found.position_xyz[2] - radius for found, radius in self._tyres(model))
         point: Vector3 = (x, y, lowest)
         return MecanumMotion(
-            [Roller(at, at.turns * radius, way) for (at, radius), way in zip(placed, ways, strict=True)],
-            heading=heading,
+            self._rollers(model),
+            heading=self._forward(model),
             most_change=self.acceleration / rate,
             force=self._force(model),
             point_xyz=point,
         )
+
+    def wheel_motion(self, model: RobotModel) -> MecanumWays:
+        """See Drive.wheel_motion."""
+        return MecanumWays(self._rollers(model), self._forward(model))
 
     def describe(self, model: RobotModel) -> str:
         """See Drive.describe."""
@@ -126,6 +128,12 @@ class MecanumDrive(Drive):
 
     def _tyres(self, model: RobotModel) -> list[tuple[Wheel, float]]:
         return [(found, radius) for found in self._wheels(model) if (radius := self.radius or found.radius)]
+
+    def _rollers(self, model: RobotModel) -> tuple[Roller, ...]:
+        heading = self._forward(model)
+        placed = [(rolling(found, heading), radius) for found, radius in self._tyres(model)]
+        ways = [ahead * left for ahead, left in _CORNERS]
+        return tuple(Roller(at, at.turns * radius, way) for (at, radius), way in zip(placed, ways, strict=True))
 
     def _forward(self, model: RobotModel) -> float:
         if self.heading is not None:

@@ -10,7 +10,7 @@ from typing import Final
 
 from sim_action.command import BasePush, JointTargets
 from sim_action.drives import is_level
-from sim_action.drives.heading import Rolling
+from sim_action.drives.heading import Rolling, along
 from sim_action.geometry import Twist, Vector3
 
 NOT_LEVEL: Final = "a twist asked for more than velocity over the ground and turning rate; the rest was left out"
@@ -88,12 +88,8 @@ class MecanumMotion:
         self._turn += part * (turn - self._turn)
 
     def _joint_targets(self) -> JointTargets:
-        cosine, sine = math.cos(self._heading), math.sin(self._heading)
-        along_x, along_y = (
-            cosine * self._ahead - sine * self._left,
-            sine * self._ahead + cosine * self._left,
-        )
+        velocity_xy = along(self._heading, self._ahead, self._left)
         return JointTargets(
             velocity={found.place.joint: found.speed(self._ahead, self._left, self._turn) for found in self._wheels},
-            base=BasePush((along_x, along_y), self._turn, self._point_xyz, self._force, self._force * self._arm),
+            base=BasePush(velocity_xy, self._turn, self._point_xyz, self._force, self._force * self._arm),
         )

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
 from sim_action.drives import Drive
-from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling, turned_forward
+from sim_action.drives.heading import Rolling, along, axle_problems, heading_of, rolling, turned_forward
 from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
 from sim_action.drives.plugins import StatedSides, sides_by_plugin
 from sim_action.drives.sided_motion import SidedMotion
+from sim_action.drives.sided_ways import SidedWays
 from sim_action.drives.wheel_problems import LEAST_LENGTH, joint_problems, length_problems
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
@@ -84,17 +86,23 @@ class SidedDrive(Drive):
 
     def open(self, model: RobotModel, rate: float) -> SidedMotion:
         """See Drive.open."""
-        heading = self.forward(model)
-        radii = self.radii(model)
-        wheels = [rolling(found, heading) for found in self._wheels(model)]
-        gears = {placed.joint: placed.turns * radii[placed.joint] for placed in wheels}
+        gears = self._gears(model)
         return SidedMotion(
             left={name: gears[name] for name in self.left},
             right={name: gears[name] for name in self.right},
-            separation=self.separation_in(model) * self.slip_factor(model),
+            separation=self._effective_separation(model),
             most_change=self.acceleration / rate,
             torque=self.torque,
         )
+
+    def wheel_motion(self, model: RobotModel) -> SidedWays:
+        """See Drive.wheel_motion."""
+        heading = self.forward(model)
+        left, right = self.sides(model)
+        ahead = fmean(placed.ahead for placed in (*left, *right))
+        middle = along(heading, ahead, (_mean_left(left) + _mean_left(right)) / 2)
+        separation = self._effective_separation(model)
+        return SidedWays(self._gears(model), self.left, self.right, separation, heading, middle)
 
     def describe(self, model: RobotModel) -> str:
         """See Drive.describe."""
@@ -134,6 +142,14 @@ class SidedDrive(Drive):
         radii = {found.joint: self.radius or found.radius for found in self._wheels(model)}
         return {joint: radius for joint, radius in radii.items() if radius is not None}
 
+    def _gears(self, model: RobotModel) -> dict[str, float]:
+        left, right = self.sides(model)
+        radii = self.radii(model)
+        return {placed.joint: placed.turns * radii[placed.joint] for placed in (*left, *right)}
+
+    def _effective_separation(self, model: RobotModel) -> float:
+        return self.separation_in(model) * self.slip_factor(model)
+
     def _wheels(self, model: RobotModel) -> list[Wheel]:
         return [wheel(model, name) for name in (*self.left, *self.right)]
 
@@ -146,4 +162,4 @@ class SidedDrive(Drive):
 
 
 def _mean_left(wheels: Sequence[Rolling]) -> float:
-    return sum(placed.left for placed in wheels) / len(wheels)
+    return fmean(placed.left for placed in wheels)

@@ -18,6 +18,7 @@ from sim_action.quantities import FrozenModel
 from sim_action.readings import Reading
 from sim_action.registry import Table
 from sim_action.scene import Scene, SpecProblems
+from sim_action.wheel_motion import WheelMotion
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -44,6 +45,7 @@ class Mount:
         pose: of the sensor, in the frame of the link.
         rate: Hz, at which it is read.
         random: its own stream of random numbers.
+        wheels: how those of the robot's drive move it; there for what `reads_wheels`.
     """
 
     scene: Scene
@@ -51,6 +53,7 @@ class Mount:
     pose: Pose
     rate: float
     random: Generator
+    wheels: WheelMotion | None = None
 
 
 class Sensor(FrozenModel):
@@ -61,6 +64,9 @@ class Sensor(FrozenModel):
 
     watches_contacts: ClassVar[bool] = False
     """Whether it reads `Observation.contacts`; they are computed only when asked for."""
+
+    reads_wheels: ClassVar[bool] = False
+    """Whether it is of the wheels of the robot's drive, and thereby of the base alone."""
 
     def problems(self, scene: Scene) -> SpecProblems:
         """What does not fit the scene."""
@@ -76,5 +82,6 @@ SENSORS: Final = Table[type[Sensor]](
     {
         "contact": "sim_action.sensors.contact:ContactSensor",
         "imu": "sim_action.sensors.imu:Imu",
+        "odometry": "sim_action.sensors.odometry:Odometry",
     },
 )

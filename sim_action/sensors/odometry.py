@@ -1,0 +1,97 @@
+"""Wheel odometry: `odometry`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from sim_action import geometry
+from sim_action.geometry import Pose
+from sim_action.observation import Observation
+from sim_action.quantities import NonNegativeMetres, Ratio
+from sim_action.readings import OdometryReading
+from sim_action.sensors import Measure, Mount, Sensor, Sight
+from sim_action.wheel_motion import PlanarWay, WheelMotion
+
+# Wheels measure nothing if they are taken for none, and the way backward if for less.
+_Error = Annotated[Ratio, Field(gt=-1)]
+
+
+class Odometry(Sensor):
+    """Tells where the robot believes it is: what the joints of its wheels and of its steering say of its way.
+
+    A reading has `pose` and `twist`, both of the base link. The pose is in the world frame: the first one is where the
+    robot really begins, and what follows is added up from there, over level ground, by the kinematics of the robot's
+    drive. The twist (m/s and rad/s) is the mean since the reading before, in the frame of the base, as in
+    nav_msgs/Odometry. It drifts as real odometry does: wheels that slip go unnoticed, such as those of a car that
+    spins them, or of skid steer, which turns by slipping; and by what is said here. Errors are ratios: 0.01 means that
+    the robot believes 1 % more than there is.
+    """
+
+    key: ClassVar[str] = "odometry"
+    reads_wheels: ClassVar[bool] = True
+
+    noise: Annotated[
+        NonNegativeMetres,
+        Field(description="standard deviation of a wheel's way after 1 m; it grows with the root of the way"),
+    ] = 0.0
+    resolution: Annotated[
+        int | None, Field(gt=0, description="ticks of a wheel's encoder in a turn; left out: it is exact")
+    ] = None
+    radius_error: Annotated[_Error, Field(description="of the radius of the wheels")] = 0.0
+    separation_error: Annotated[
+        _Error, Field(description="of the distance of the wheels; with steered wheels, of the wheelbase")
+    ] = 0.0
+
+    def open(self, mount: Mount) -> Measure:
+        """See Sensor.open."""
+        assert mount.wheels is not None, "the loader refuses odometry without a drive"
+        return _Odometer(self, mount, mount.wheels)
+
+
+class _Odometer:
+    """The live half: believes, and adds up."""
+
+    def __init__(self, spec: Odometry, mount: Mount, wheels: WheelMotion) -> None:
+        self._spec, self._wheels = spec, wheels
+        self._random, self._period = mount.random, 1 / mount.rate
+        self._joints: Mapping[str, float] = {}
+        self._pose = Pose()
+
+    def __call__(self, sight: Sight) -> OdometryReading:
+        before, now = self._joints, self._measured(sight.robot)
+        if before:
+            way = self._way(before, now)
+            self._pose = geometry.compose(self._pose, way.pose())
+        else:
+            way, self._pose = PlanarWay(0.0, 0.0, 0.0), sight.robot.pose
+        self._joints = now
+        return OdometryReading(sight.robot.time, self._pose, way.twist(self._period))
+
+    def _measured(self, robot: Observation) -> dict[str, float]:
+        """Joint -> rad: of wheels as their encoders have it."""
+        steered = {name: robot.joints[name].position for name in self._wheels.steering}
+        return steered | {name: self._ticked(robot.joints[name].position) for name in self._wheels.gears}
+
+    def _ticked(self, angle: float) -> float:
+        if self._spec.resolution is None:
+            return angle
+        tick = math.tau / self._spec.resolution
+        return math.floor(angle / tick) * tick
+
+    def _way(self, before: Mapping[str, float], now: Mapping[str, float]) -> PlanarWay:
+        """Of the base, in the frame that it had before."""
+        rolled = {name: self._rolled(gear * (now[name] - before[name])) for name, gear in self._wheels.gears.items()}
+        # What steers moves on its way from one reading to the next.
+        steered = {name: (before[name] + now[name]) / 2 for name in self._wheels.steering}
+        way = self._wheels.way(rolled, steered)
+        x, y = self._wheels.middle_xy
+        return PlanarWay(way.x, way.y, way.turn / (1 + self._spec.separation_error)).of_point(-x, -y)
+
+    def _rolled(self, way: float) -> float:
+        """What is believed of the way of a wheel, in m."""
+        deviation = self._spec.noise * math.sqrt(abs(way))
+        return way * (1 + self._spec.radius_error) + deviation * float(self._random.standard_normal())
