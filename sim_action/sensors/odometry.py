@@ -59,17 +59,22 @@ class _Odometer:
         self._spec, self._wheels = spec, wheels
         self._random, self._period = mount.random, 1 / mount.rate
         self._joints: Mapping[str, float] = {}
-        self._pose = Pose()
+        self._level, self._tilt = Pose(), geometry.IDENTITY
 
     def __call__(self, sight: Sight) -> OdometryReading:
-        before, now = self._joints, self._measured(sight.robot)
-        if before:
-            way = self._way(before, now)
-            self._pose = geometry.compose(self._pose, way.pose())
-        else:
-            way, self._pose = PlanarWay(0.0, 0.0, 0.0), sight.robot.pose
-        self._joints = now
-        return OdometryReading(sight.robot.time, self._pose, way.twist(self._period))
+        if not self._joints:
+            self._begin(sight.robot)
+        before, self._joints = self._joints, self._measured(sight.robot)
+        way = self._way(before or self._joints, self._joints)
+        self._level = geometry.compose(self._level, way.pose())
+        pose = geometry.compose(self._level, Pose(orientation_xyzw=self._tilt))
+        return OdometryReading(sight.robot.time, pose, way.twist(self._period))
+
+    def _begin(self, robot: Observation) -> None:
+        """The ground is level, also where the robot is not."""
+        heading = geometry.quaternion_from_rpy(0.0, 0.0, robot.pose.yaw)
+        self._level = Pose(robot.pose.position_xyz, heading)
+        self._tilt = geometry.multiply(geometry.conjugate(heading), robot.pose.orientation_xyzw)
 
     def _measured(self, robot: Observation) -> dict[str, float]:
         """Joint -> rad: of wheels as their encoders have it."""

@@ -67,8 +67,8 @@ OURS: Final = (
         0.4,
         # As in its example, with the slip that was measured.
         keys={"drive": {"skid": {**ROVERS, "slip": 2.5}}},
-        off={"pybullet": (0.001, 0.18), "mujoco": (0.001, 0.05)},
-        yaw_off={"pybullet": (0.001, 0.08), "mujoco": (0.001, 0.04)},
+        off={"pybullet": (0.001, 0.18), "mujoco": (0.001, 0.01)},
+        yaw_off={"pybullet": (0.001, 0.08), "mujoco": (0.001, 0.02)},
     ),
     Rolling(
         "car",
