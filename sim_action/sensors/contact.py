@@ -13,6 +13,8 @@ class ContactSensor(Sensor):
 
     A reading has `touching`, `force` (N, the sum of normal forces) and `bodies`, the names of what is touched. It is of
     the moment at which it is read: a bounce between two readings is not in it, and `no_collision` sees that one, too.
+    What is hard and pressed against something hard may let go and hit it many times a second, so that it is for the
+    controller to remember a touch.
     """
 
     key: ClassVar[str] = "contact"
