@@ -27,7 +27,7 @@ LEFTWARD: Vector3 = (0.0, -1.0, 0.0)
 TWO = cart(wheel("l", 0.1, 0.2), wheel("r", 0.1, -0.3, axis=LEFTWARD))
 SIDED = [
     (DiffDrive(left=("l",), right=("r",), acceleration=QUICK), TWO),
-    (SkidSteer(left=("a", "b"), right=("c", "d"), acceleration=QUICK), cart(*FOUR, mass_ahead=0.05)),
+    (SkidSteer(left=("a", "b"), right=("c", "d"), acceleration=QUICK, slip=1.4), cart(*FOUR)),
 ]
 # Both wheels roll along the base's y, and left is where x points back.
 ASIDE = cart(wheel("l", -0.2, 0.1, axis=(-1.0, 0.0, 0.0)), wheel("r", 0.2, 0.1, axis=(-1.0, 0.0, 0.0)))

@@ -16,17 +16,18 @@ from sim_action.readings import OdometryReading
 from sim_action.sensors import Measure, Mount, Sight
 from sim_action.sensors.odometry import Odometry
 from tests.sensors.stubs import NO_PROBE
-from tests.traces import START, WHEELS, burger, scene
+from tests.traces import START, WHEELS, scene
 
 RADIUS, SEPARATION = 0.033, 0.160
 RATE = 10.0
+SCENE = scene()
+TWO_WHEELS = DiffDrive(left=(WHEELS[0],), right=(WHEELS[1],)).wheel_motion(SCENE.model)
 BEGINNING = Pose((1.0, 2.0, 0.01), quaternion_from_rpy(0, 0, math.pi / 2))
 
 
 def opened(spec: Odometry, *, seed: int = 0) -> Measure:
-    there = replace(scene(), seed=seed)
-    wheels = DiffDrive(left=(WHEELS[0],), right=(WHEELS[1],)).wheel_motion(burger())
-    return spec.open(Mount(there, "base_footprint", Pose(), RATE, there.generator("odometry"), wheels))
+    there = replace(SCENE, seed=seed)
+    return spec.open(Mount(there, "base_footprint", Pose(), RATE, there.generator("odometry"), TWO_WHEELS))
 
 
 def believed(
