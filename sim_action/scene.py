@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from sim_action import units
+from sim_action.mobility import Mobility
 from sim_action.robot_model import WORLD, RobotModel
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Placement, Robot, World
@@ -27,6 +28,7 @@ class Scene:
     Attributes:
         seed: of the scenario; `generator` makes what is drawn from it.
         rotors: joint -> inertia of its motor in kg m^2, as the joint feels it through the gears; left out: none.
+        mobility: what its drive can do, if it has one.
     """
 
     robot: Robot
@@ -36,6 +38,7 @@ class Scene:
     workspace: Workspace
     seed: int = 0
     rotors: Mapping[str, float] = field(default_factory=dict)
+    mobility: Mobility = field(default_factory=Mobility)
 
     @property
     def bolted(self) -> bool:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import ClassVar, Final, Protocol, Self
 
 from sim_action.command import JointTargets
 from sim_action.geometry import Twist
+from sim_action.mobility import Mobility
 from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
@@ -57,9 +59,13 @@ class Drive(FrozenModel):
     def describe(self, model: RobotModel) -> str:
         """One line for people, with every figure that was read from the model."""
 
+    @abstractmethod
+    def mobility(self, model: RobotModel) -> Mobility:
+        """What it can do."""
+
     def prepared(self, scene: Scene) -> Scene:
-        """The scene with what the drive is known to have and the model does not tell."""
-        return scene
+        """The scene with what the drive can do, and with what it is known to have and the model does not tell."""
+        return replace(scene, mobility=self.mobility(scene.model))
 
 
 DRIVES: Final = Table[type[Drive]](

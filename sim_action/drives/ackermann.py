@@ -16,11 +16,12 @@ from sim_action.drives.heading import along, axle_problems, heading_of, rolling
 from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
 from sim_action.drives.plugins import StatedSteering, steering_by_plugin
 from sim_action.drives.sided import JointNames
-from sim_action.drives.steering import DrivenWheel, Kingpin
+from sim_action.drives.steering import DrivenWheel, Kingpin, tightest
 from sim_action.drives.steering_joints import STRAIGHT, SteeringLimit, limit_of, upright, why_not_steering
 from sim_action.drives.wheel_problems import length_problems, why_no_wheel
 from sim_action.drives.wheels import Wheel, steering_joint, wheel, wheels_on_ground
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
+from sim_action.mobility import Mobility
 from sim_action.quantities import (
     PositiveMetres,
     PositiveMetresPerSecondSquared,
@@ -133,6 +134,15 @@ class AckermannDrive(Drive):
         middle = along(heading, self._axle(model), 0.0)
         return AckermannWays(self._kingpins(model), self._driven(model), heading, middle)
 
+    def mobility(self, model: RobotModel) -> Mobility:
+        """See Drive.mobility."""
+        return Mobility(
+            heading=self._forward(model),
+            ahead=-self._axle(model),
+            tightest=tightest(self._kingpins(model), self._limit(model).angle),
+            acceleration=self.acceleration,
+        )
+
     def describe(self, model: RobotModel) -> str:
         """See Drive.describe."""
         pins, driven = self._kingpins(model), self._driven(model)
@@ -181,8 +191,7 @@ class AckermannDrive(Drive):
         return tuple(self._each_kingpin(model))
 
     def _each_kingpin(self, model: RobotModel) -> Iterator[Kingpin]:
-        heading = self._forward(model)
-        axle = self._axle(model)
+        heading, axle = self._forward(model), self._axle(model)
         for name in self.steering:
             place = rolling(wheel(model, name), heading)
             ahead = place.ahead - axle

@@ -13,13 +13,14 @@ from sim_action import units
 from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling
 from sim_action.drives.keys import Heading, WheelRadius
-from sim_action.drives.mecanum_motion import MecanumMotion, Roller
+from sim_action.drives.mecanum_motion import MecanumMotion, Roller, arm
 from sim_action.drives.mecanum_ways import MecanumWays
 from sim_action.drives.plugins import StatedSides, corners_by_plugin
 from sim_action.drives.wheel_problems import joint_problems, length_problems
 from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked
 from sim_action.geometry import Vector3
+from sim_action.mobility import Mobility
 from sim_action.quantities import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
@@ -113,6 +114,14 @@ class MecanumDrive(Drive):
         stated = corners_by_plugin(model)
         return remarked(figures, stated.remarks if stated and self == self._of(stated) else ())
 
+    def mobility(self, model: RobotModel) -> Mobility:
+        """See Drive.mobility."""
+        return Mobility(
+            heading=self._forward(model),
+            acceleration=self.acceleration,
+            turn_acceleration=self.acceleration / arm(self._placed(model)),
+        )
+
     def prepared(self, scene: Scene) -> Scene:
         """With wheels that slide: their rollers roll. See Drive.prepared."""
         joints = scene.model.joints_by_name
@@ -121,7 +130,7 @@ class MecanumDrive(Drive):
             replace(link, surface=replace(link.surface, friction=0.0)) if link.name in wheels else link
             for link in scene.model.links
         )
-        return replace(scene, model=replace(scene.model, links=links))
+        return replace(super().prepared(scene), model=replace(scene.model, links=links))
 
     def _wheels(self, model: RobotModel) -> list[Wheel]:
         return [wheel(model, name) for name in (*self.left, *self.right)]

@@ -36,6 +36,11 @@ class Roller:
         return (here[0] - self.way * here[1]) / self.gear
 
 
+def arm(wheels: Sequence[Rolling]) -> float:
+    """How far wheels are from the base's origin in the mean, in m."""
+    return fmean(math.hypot(placed.ahead, placed.left) for placed in wheels)
+
+
 class MecanumMotion:
     """Velocity over the ground and turning rate, ramping towards what the last twist asks for."""
 
@@ -48,7 +53,7 @@ class MecanumMotion:
         self._most_change = most_change
         self._force = force
         self._point_xyz = point_xyz
-        self._arm = fmean(math.hypot(found.place.ahead, found.place.left) for found in wheels)
+        self._arm = arm([found.place for found in wheels])
         self._ahead = self._left = self._turn = 0.0
         self._was_level = True
 

@@ -18,6 +18,7 @@ from sim_action.drives.sided_ways import SidedWays
 from sim_action.drives.wheel_problems import LEAST_LENGTH, joint_problems, length_problems
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
+from sim_action.mobility import Mobility
 from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems
@@ -104,6 +105,16 @@ class SidedDrive(Drive):
         separation = self._effective_separation(model)
         return SidedWays(self._gears(model), self.left, self.right, separation, heading, middle)
 
+    def mobility(self, model: RobotModel) -> Mobility:
+        """See Drive.mobility."""
+        left, right = self.sides(model)
+        return Mobility(
+            heading=self.forward(model),
+            ahead=-fmean(placed.ahead for placed in (*left, *right)),
+            acceleration=self.acceleration,
+            turn_acceleration=2 * self.acceleration / self._effective_separation(model),
+        )
+
     def describe(self, model: RobotModel) -> str:
         """See Drive.describe."""
         sides = f"left {', '.join(self.left)}; right {', '.join(self.right)}"
@@ -147,11 +158,11 @@ class SidedDrive(Drive):
         radii = self.radii(model)
         return {placed.joint: placed.turns * radii[placed.joint] for placed in (*left, *right)}
 
-    def _effective_separation(self, model: RobotModel) -> float:
-        return self.separation_in(model) * self.slip_factor(model)
-
     def _wheels(self, model: RobotModel) -> list[Wheel]:
         return [wheel(model, name) for name in (*self.left, *self.right)]
+
+    def _effective_separation(self, model: RobotModel) -> float:
+        return self.separation_in(model) * self.slip_factor(model)
 
     def separation_in(self, model: RobotModel) -> float:
         """Between left and right wheels, in m."""

@@ -74,7 +74,7 @@ class SkidSteer(SidedDrive):
 
     def prepared(self, scene: Scene) -> Scene:
         """With the inertia of the motors. See Drive.prepared."""
-        return replace(scene, rotors=self.rotors(scene.model))
+        return replace(super().prepared(scene), rotors=self.rotors(scene.model))
 
     def rotors(self, model: RobotModel) -> dict[str, float]:
         """Joint -> inertia of its motor in kg m^2."""
