@@ -6,18 +6,26 @@ import pickle
 
 import pytest
 
-from sim_action.commands import COMMANDS
+from sim_action.commands import COMMANDS, CommandSource
 from sim_action.commands.script import ScriptCommands
 from sim_action.commands.twist import TwistCommands, TwistSegment
+from sim_action.commands.waypoints import Waypoint, WaypointCommands
 from tests.traces import HERE
 
 
 def test_the_table_holds_what_a_scenario_can_say() -> None:
-    assert list(COMMANDS) == ["twist", "joints", "script"]
+    assert list(COMMANDS) == ["twist", "waypoints", "joints", "script"]
 
 
-@pytest.mark.parametrize("spec", [TwistCommands(twist=(TwistSegment(linear=1.0),)), ScriptCommands(script="a.py")])
-def test_specs_survive_pickling(spec: TwistCommands | ScriptCommands) -> None:
+@pytest.mark.parametrize(
+    "spec",
+    [
+        TwistCommands(twist=(TwistSegment(linear=1.0),)),
+        WaypointCommands(waypoints=(Waypoint(x=1.0, y=0.0),)),
+        ScriptCommands(script="a.py"),
+    ],
+)
+def test_specs_survive_pickling(spec: CommandSource) -> None:
     assert pickle.loads(pickle.dumps(spec)) == spec
 
 

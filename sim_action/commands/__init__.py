@@ -72,6 +72,7 @@ COMMANDS: Final = Table[type[CommandSource]](
     "command",
     {
         "twist": "sim_action.commands.twist:TwistCommands",
+        "waypoints": "sim_action.commands.waypoints:WaypointCommands",
         "joints": "sim_action.commands.joints:JointCommands",
         "script": "sim_action.commands.script:ScriptCommands",
     },

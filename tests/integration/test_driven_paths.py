@@ -1,0 +1,143 @@
+"""Real robots follow five waypoints, in the real engine; how well they follow twists is in test_drives.py.
+
+The path turns by 90 deg twice, by 135 deg once, by 45 deg once, where nobody stops, and crosses itself. `off`: how far
+from it the base is at the most, in m. A car cuts corners; who turns on the spot leaves the path where it does not, at
+45 deg, and slips while it turns (r2d2 the most). `near`: how far from the furthest of the waypoints. `end`: how far
+from the last, at rest. All are as measured, and a little.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pytest
+
+from bench.robots import BURGER, ROBOTS
+from sim_action.commands.pure_pursuit import Leg, Point
+from sim_action.loading import build_scene, load_scenario
+from sim_action.permissions import Permissions
+from sim_action.simulation import SimulationRun, simulate
+from tests.integration.engines import on_every_engine
+
+PATH: Final = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5), (1.5, 0.5))
+RATE: Final = 120
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A robot, how large its path is, how it drives, and how well.
+
+    Attributes:
+        scale: of the path.
+        off, near, end: engine -> m.
+    """
+
+    name: str
+    scale: float
+    figures: Mapping[str, object]
+    off: Mapping[str, float]
+    near: Mapping[str, float]
+    end: Mapping[str, float]
+    robot: Mapping[str, object] = field(default_factory=dict)
+
+
+R2D2S: Final = {side: [f"{side}_front_wheel_joint", f"{side}_back_wheel_joint"] for side in ("left", "right")}
+FOLLOWERS: Final = (
+    Follower(
+        "burger",
+        1.0,
+        {"speed": 0.2, "lookahead": 0.3, "tolerance": 0.05},
+        off={"pybullet": 0.07, "mujoco": 0.07},
+        near={"pybullet": 0.01, "mujoco": 0.01},
+        end={"pybullet": 0.01, "mujoco": 0.01},
+    ),
+    Follower(
+        "husky",
+        2.0,
+        {"speed": 0.5, "lookahead": 0.6, "tolerance": 0.1, "max_turn_rate": 0.8},
+        off={"pybullet": 0.17, "mujoco": 0.12},
+        near={"pybullet": 0.01, "mujoco": 0.01},
+        end={"pybullet": 0.01, "mujoco": 0.01},
+    ),
+    Follower(
+        "r2d2",
+        2.0,
+        {"speed": 0.3, "lookahead": 0.6, "tolerance": 0.1, "max_turn_rate": 0.5},
+        off={"pybullet": 0.28, "mujoco": 0.2},
+        near={"pybullet": 0.02, "mujoco": 0.015},
+        end={"pybullet": 0.02, "mujoco": 0.015},
+        # Its wheels have the inertia of flywheels; see test_drives.py.
+        robot={"drive": {"skid": {**R2D2S, "acceleration": 0.2}}},
+    ),
+    Follower(
+        "racecar",
+        2.0,
+        {"speed": 0.5, "lookahead": 0.5, "tolerance": 0.05},
+        off={"pybullet": 0.22, "mujoco": 0.22},
+        near={"pybullet": 0.28, "mujoco": 0.28},
+        end={"pybullet": 0.01, "mujoco": 0.01},
+    ),
+)
+KNOWN: Final = {known.name: known for known in (BURGER, *ROBOTS)}
+
+
+def run(folder: Path, follower: Follower, engine: str) -> SimulationRun:
+    pytest.importorskip(engine)
+    known = KNOWN[follower.name]
+    scenario = {
+        "name": "five waypoints",
+        "robot": {"model": known.path, **known.keys, **follower.robot},
+        "commands": {"waypoints": [{"x": x, "y": y} for x, y in waypoints(follower)], **follower.figures},
+        "expect": [{"upright": {"max_tilt": "10 deg"}}],
+        "time_limit": "75 s",
+        "trace": {"rate": RATE},
+        "backend": engine,
+    }
+    path = folder / "waypoints.sim.yml"
+    path.write_text(json.dumps(scenario))
+    loaded = load_scenario(path, Permissions(outside=True))
+    done = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert all(verdict.passed for verdict in done.verdicts)
+    return done
+
+
+def waypoints(follower: Follower) -> list[Point]:
+    return [(follower.scale * x, follower.scale * y) for x, y in PATH]
+
+
+def nearest_in_turn(places: list[Point], points: list[Point], within: float) -> list[float]:
+    """How near it came to each point, on its way from within some distance of the one before to the next one."""
+    firsts, first = [], 0
+    for point in points:
+        first += next(index for index, place in enumerate(places[first:]) if math.dist(place, point) <= within)
+        firsts.append(first)
+    stretches = zip(points, firsts, [*firsts[1:], len(places)], strict=True)
+    return [min(math.dist(place, point) for place in places[here:after]) for point, here, after in stretches]
+
+
+@on_every_engine
+@pytest.mark.parametrize(
+    "follower",
+    [
+        pytest.param(each, marks=() if each.name == "burger" else pytest.mark.pybullet, id=each.name)
+        for each in FOLLOWERS
+    ],
+)
+def test_it_follows_five_waypoints(follower: Follower, engine: str, tmp_path: Path) -> None:
+    done = run(tmp_path, follower, engine)
+    places: list[Point] = [(x, y) for x, y, _ in done.trace.base_position_xyz.tolist()]
+    points = waypoints(follower)
+    legs = [Leg(*ends) for ends in zip([places[0], *points], points, strict=False)]
+    off = max(min(math.dist(place, leg.closest(place)) for leg in legs) for place in places)
+    assert off <= follower.off[engine]
+    assert max(nearest_in_turn(places, points, 0.3 * follower.scale)) <= follower.near[engine]
+    assert math.dist(places[-1], points[-1]) <= follower.end[engine]
+    assert float(np.abs(done.trace.speed[-RATE:]).max()) < 0.005
+    # Nothing was asked of the drive that it cannot do.
+    assert not [note for note in done.notes if "a twist asked" in note]
