@@ -168,6 +168,8 @@ def test_it_turns_on_the_spot_to_a_path_that_is_behind_it_and_then_drives() -> N
     turning = [twist for twist in twists if twist.linear_xyz[0] == 0 and twist.angular_xyz[2] != 0]
     assert twists[: len(turning)] == turning
     assert all(-PURSUIT.max_turn_rate <= twist.angular_xyz[2] < 0 for twist in turning)
+    first = twists[len(turning)]
+    assert abs(first.angular_xyz[2] / first.linear_xyz[0]) < 2 * math.sin(math.radians(3)) / PURSUIT.lookahead
     assert abs(robot.yaw) < math.radians(1)
 
 
@@ -187,12 +189,27 @@ def test_on_its_way_it_keeps_its_speed_and_a_straight_line() -> None:
 def test_it_slows_down_to_turn_on_the_spot_but_not_for_a_bend() -> None:
     fast = dataclasses.replace(PURSUIT, speed=1.0)
 
-    def slowest_near_corner(corner: Point) -> float:
-        seen = driven(Robot(SPOT), [(2.0, 0.0), corner], fast, 60)
-        return min(twist.linear_xyz[0] for place, twist in seen if 1.9 < place[0] < 2.1)
+    def to_corner_and_on(waypoint: Point) -> list[tuple[Point, Twist]]:
+        return list(driven(Robot(SPOT), [(2.0, 0.0), waypoint], fast, 60))
 
-    assert slowest_near_corner((4.0, 0.5)) > 0.5
-    assert slowest_near_corner((2.0, 2.0)) == 0
+    bend, corner = to_corner_and_on((4.0, 0.5)), to_corner_and_on((2.0, 2.0))
+    assert min(twist.linear_xyz[0] for place, twist in bend if 1.9 < place[0] < 2.1) > 0.5
+    assert max(place[0] for place, _ in corner) < 2.0 + PURSUIT.tolerance
+
+
+def test_where_it_stops_it_is_nearer_than_it_has_to_be() -> None:
+    slow = dataclasses.replace(PURSUIT, speed=0.1)
+    places = [place for place, _ in driven(Robot(SPOT), [(1.0, 0.0), (1.0, 1.0)], slow, 60)]
+    for waypoint in ((1.0, 0.0), (1.0, 1.0)):
+        assert min(math.dist(place, waypoint) for place in places) <= PURSUIT.tolerance / 4
+    assert math.dist(places[-1], (1.0, 1.0)) <= PURSUIT.tolerance / 4
+
+
+def test_it_takes_the_arc_of_what_is_to_arrive() -> None:
+    """The base link is 0.5 m before the axle; the centre is on the line of that, as far from both ends of the arc."""
+    (_, twist), *_ = driven(Robot(dataclasses.replace(CAR, ahead=0.5), x=-0.5), [(0.2, 0.1)], PURSUIT, 1)
+    centre = (-0.5, twist.linear_xyz[0] / twist.angular_xyz[2])
+    assert math.dist(centre, (0.0, 0.0)) == pytest.approx(math.dist(centre, (0.2, 0.1)))
 
 
 def test_it_begins_to_brake_at_half_of_what_the_drive_can_do() -> None:
