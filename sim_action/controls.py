@@ -53,8 +53,9 @@ class Controls:
 
     @property
     def are_watching(self) -> bool:
-        """Whether any of them looks at the robot."""
-        return any(isinstance(source.controller, ClosedLoop) for source in self._sources)
+        """Whether any of them looks at sensors."""
+        controllers = [source.controller for source in self._sources]
+        return any(isinstance(controller, ClosedLoop) and controller.senses for controller in controllers)
 
     @property
     def at_rest(self) -> JointTargets:

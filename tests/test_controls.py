@@ -67,8 +67,12 @@ def test_the_next_tick_of_any_source_ends_a_plan(tmp_path: Path) -> None:
         step += len(found.plan(step, 24, look))
         ends.append(step)
     assert ends == [5, 10, 12, 15, 20, 24]
-    assert found.are_watching
+
+
+def test_scripts_alone_look_at_sensors(tmp_path: Path) -> None:
+    assert controls(tmp_path, "{twist: [{linear: 1}]}", script("nothing")).are_watching
     assert not controls(tmp_path, "{twist: [{linear: 1}]}").are_watching
+    assert not controls(tmp_path, "{waypoints: [{x: 1, y: 0}]}").are_watching
 
 
 def test_sources_that_move_different_joints_act_at_the_same_time(tmp_path: Path) -> None:

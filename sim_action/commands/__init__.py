@@ -27,9 +27,14 @@ class OpenLoop:
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """The live half of a source that looks at the robot; its contacts are computed for it."""
+    """The live half of a source that looks at the robot; its contacts are computed for it.
+
+    Attributes:
+        senses: whether it looks at sensors as well; those that nobody looks at are not read.
+    """
 
     command: Callable[[Observation], Command | None]
+    senses: bool = True
 
 
 Controller = OpenLoop | ClosedLoop

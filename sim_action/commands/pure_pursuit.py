@@ -42,9 +42,6 @@ class Leg:
 
     def lookahead_point(self, point: Point, lookahead: float) -> Point:
         """Where to head for: from the closest point on, the first that is `lookahead` m away; the end if none is."""
-        closest = self.closest(point)
-        if math.dist(point, closest) >= lookahead:
-            return closest
         along, beside = self._foot(point)
         return self._at(along + math.sqrt(max(0.0, lookahead**2 - beside**2)))
 

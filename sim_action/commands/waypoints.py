@@ -84,4 +84,4 @@ class WaypointCommands(CommandSource):
         """See CommandSource.open."""
         pursuit = Pursuit(self.speed, self.lookahead, self.tolerance, self.max_turn_rate)
         points = [(waypoint.x, waypoint.y) for waypoint in self.waypoints]
-        return ClosedLoop(PathFollower(points, pursuit, scene.mobility).command)
+        return ClosedLoop(PathFollower(points, pursuit, scene.mobility).command, senses=False)
