@@ -15,3 +15,6 @@ class Probe(Protocol):
 
     def link_twist(self, link: str) -> Twist:
         """Of the origin of a link's frame, in the world frame."""
+
+    def body_pose(self, body: str) -> Pose:
+        """Of the middle of a body of the world, by its name; not of the ground."""

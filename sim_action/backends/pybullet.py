@@ -49,10 +49,8 @@ class PyBulletBackend:
         try:
             configure(self._client, scene.physics.rate)
             self._ground = add_ground(self._client, scene.world.ground)
-            self._body_names = {self._ground: GROUND}
-            self._body_names |= {
-                add_object(self._client, self._ground, body): body.name for body in scene.world.objects
-            }
+            self._objects = {body.name: add_object(self._client, self._ground, body) for body in scene.world.objects}
+            self._body_names = {self._ground: GROUND, **{number: name for name, number in self._objects.items()}}
             self._robot = load_robot(self._client, scene)
         except pybullet.error as error:
             self.close()
@@ -115,6 +113,10 @@ class PyBulletBackend:
         """See Probe.link_twist."""
         index = self._links[link]
         return self.observe(0, contacts=False).twist if index == BASE else link_twist(self._client, self._robot, index)
+
+    def body_pose(self, body: str) -> Pose:
+        """See Probe.body_pose."""
+        return Pose(*pybullet.getBasePositionAndOrientation(self._objects[body], self._client))
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""

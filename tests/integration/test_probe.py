@@ -12,7 +12,7 @@ from sim_action import geometry
 from sim_action.command import JointTargets
 from sim_action.geometry import Pose
 from sim_action.kinematics import link_poses
-from sim_action.world import Placement, Robot
+from sim_action.world import Body, Placement, Robot, Sphere, World
 from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
 
 pytestmark = on_every_engine
@@ -78,6 +78,21 @@ def test_a_twist_is_how_fast_the_frame_of_a_link_moves(engine: str, link: str, t
     assert twist.linear_xyz == pytest.approx(moved, abs=0.005)
     assert twist.angular_xyz == pytest.approx([2 * rate * part for part in turned[:3]], abs=0.005)
     assert math.hypot(*twist.linear_xyz) > 0.1
+
+
+def test_a_body_of_the_world_is_where_it_has_come_to(engine: str, tmp_path: Path) -> None:
+    place = Placement(x=1, y=2, z=3, roll=0.1, pitch=0.2, yaw=0.3)
+    bodies = [
+        Body(name=name, sphere=Sphere(radius=0.1), mass=mass, pose=place.model_copy(update={"y": y}))
+        for name, mass, y in (("falls", 2.0, 2.0), ("stays", None, 4.0), ("falls, too", 1.0, 6.0))
+    ]
+    with running(engine, scene_of(tmp_path, ARM, at(z=9), World(objects=tuple(bodies)))) as backend:
+        advance(backend, 0, 120)
+        poses = {body.name: backend.body_pose(body.name) for body in bodies}
+    for body in bodies:
+        fallen = 9.80665 / 2 * 0.5 * (0.5 + 1 / 240) if body.mass else 0.0
+        assert poses[body.name].position_xyz == pytest.approx((1, body.pose.y, 3 - fallen), abs=1e-3)
+        assert poses[body.name].orientation_xyzw == pytest.approx(place.orientation_xyzw, abs=1e-9)
 
 
 def test_asking_changes_nothing(engine: str, tmp_path: Path) -> None:

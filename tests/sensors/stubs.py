@@ -17,5 +17,8 @@ class OneLink:
     def link_twist(self, link: str) -> Twist:
         return self._twist
 
+    def body_pose(self, body: str) -> Pose:
+        return Pose()
+
 
 NO_PROBE = OneLink()

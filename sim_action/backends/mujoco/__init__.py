@@ -18,6 +18,7 @@ from sim_action.backends.mujoco.contacts import Contacts
 from sim_action.backends.mujoco.links import Links
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.backends.mujoco.motors import Motors
+from sim_action.backends.mujoco.objects import Objects
 from sim_action.backends.mujoco.push import Pusher
 from sim_action.backends.mujoco.states import States
 from sim_action.command import JointTargets
@@ -60,6 +61,7 @@ class MuJoCoBackend:
         self._pusher = Pusher(compiled, self._rate)
         self._states = States(compiled, self._rate, self._motors.efforts)
         self._links = Links(compiled)
+        self._objects = Objects(compiled)
         self._contacts = Contacts(compiled)
         self._watches_contacts = contacts and len(compiled.bodies) > 1
         # A live view of how often the engine has warned of what.
@@ -99,6 +101,10 @@ class MuJoCoBackend:
     def link_twist(self, link: str) -> Twist:
         """See Probe.link_twist."""
         return self._links.twist(link)
+
+    def body_pose(self, body: str) -> Pose:
+        """See Probe.body_pose."""
+        return self._objects.pose(body)
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""
