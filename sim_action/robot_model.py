@@ -44,6 +44,7 @@ class Shape:
         pose: in the link's frame.
         radius: m, for cylinders, capsules and spheres.
         lower_xyz, upper_xyz: m, the corners of the box around it, in its own frame.
+        hulls: the file of a mesh, as `models.meshes` writes it; empty for what has none.
     """
 
     kind: str
@@ -51,6 +52,7 @@ class Shape:
     radius: float | None = None
     lower_xyz: Vector3 = ZERO
     upper_xyz: Vector3 = ZERO
+    hulls: str = ""
 
 
 @dataclass(frozen=True, slots=True)

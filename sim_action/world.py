@@ -104,6 +104,9 @@ class Sphere(FrozenModel):
     radius: PositiveMetres
 
 
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
 class Body(FrozenModel):
     """A box, a cylinder or a sphere."""
 
@@ -116,6 +119,10 @@ class Body(FrozenModel):
     pose: Annotated[Placement, Field(description="of the centre")] = Placement()
     mass: Annotated[PositiveKilograms | None, Field(description="left out: it is fixed")] = None
     friction: NonNegativeRatio = 0.5
+    color: Annotated[
+        tuple[Share, Share, Share] | None,
+        Field(description="red, green, blue, each 0 to 1, for cameras; left out: one of a row that has no red in it"),
+    ] = None
 
     @model_validator(mode="after")
     def _has_one_shape(self) -> Self:

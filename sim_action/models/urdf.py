@@ -73,7 +73,7 @@ def _link(document: ModelDocument, element: Element, meshes: Mapping[Element, Bo
 def _shape(collision: Element, meshes: Mapping[Element, Box]) -> Shape:
     kind = next(iter(cast(Element, collision.find("geometry"))))
     lower, upper = meshes[kind] if kind in meshes else _box(kind)
-    return Shape(kind.tag, origin(collision), number(kind, "radius"), lower, upper)
+    return Shape(kind.tag, origin(collision), number(kind, "radius"), lower, upper, kind.get("filename", ""))
 
 
 def _box(shape: Element) -> Box:

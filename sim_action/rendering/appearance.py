@@ -1,0 +1,85 @@
+"""What a scene looks like: every collision shape as a solid, with a colour, in the frame of what it is part of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sim_action import geometry
+from sim_action.geometry import Pose, Vector3
+from sim_action.rendering.hulls import read_hulls
+from sim_action.rendering.picture import Colour
+from sim_action.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron, Solid
+from sim_action.robot_model import RobotModel, Shape
+from sim_action.world import Body, World
+
+ROBOT: Final[Colour] = (0.8, 0.8, 0.8)
+
+PALETTE: Final[tuple[Colour, ...]] = (
+    (0.2, 0.4, 0.9),
+    (0.2, 0.7, 0.3),
+    (0.9, 0.7, 0.1),
+    (0.5, 0.3, 0.8),
+    (0.2, 0.7, 0.7),
+    (0.6, 0.5, 0.3),
+)
+"""Of bodies that state no colour, by turns. Nothing is red that was not meant to be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A solid of a link or a body.
+
+    Attributes:
+        owner: name of the link or the body.
+        pose: of the solid, in the frame of its owner.
+    """
+
+    owner: str
+    solid: Solid
+    pose: Pose
+    colour: Colour
+
+
+def robot_parts(model: RobotModel) -> Iterator[Part]:
+    """The collision shapes of a robot's links. Raises OSError."""
+    for link in model.links:
+        for shape in link.collisions:
+            for solid, pose in _solids(shape):
+                yield Part(link.name, solid, pose, ROBOT)
+
+
+def world_parts(world: World) -> Iterator[Part]:
+    """The bodies of the world, without the ground."""
+    for number, body in enumerate(world.objects):
+        yield Part(body.name, _solid(body), Pose(), body.color or PALETTE[number % len(PALETTE)])
+
+
+def _solid(body: Body) -> Solid:
+    if body.box is not None:
+        x, y, z = body.box
+        return Polyhedron.box((x / 2, y / 2, z / 2))
+    if body.cylinder is not None:
+        return Cylinder(body.cylinder.radius, body.cylinder.height / 2)
+    assert body.sphere is not None
+    return Ellipsoid((body.sphere.radius,) * 3)
+
+
+def _solids(shape: Shape) -> Iterator[tuple[Solid, Pose]]:
+    """What is neither plain nor a mesh that was rewritten is seen as the box around it; a plane is not seen."""
+    (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
+    middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))
+    half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
+    if shape.hulls:
+        for hull, at_xyz in read_hulls(Path(shape.hulls)):
+            yield hull, geometry.compose(shape.pose, Pose(at_xyz))
+    elif shape.kind in {"sphere", "ellipsoid"}:
+        yield Ellipsoid(half), middle
+    elif shape.kind == "cylinder":
+        yield Cylinder(half[0], half[2]), middle
+    elif shape.kind == "capsule":
+        yield Capsule(half[0], half[2] - half[0]), middle
+    elif shape.kind != "plane":
+        yield Polyhedron.box(half), middle
