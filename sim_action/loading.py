@@ -133,6 +133,7 @@ class _Loader:
         parts = self._parts
         self._problems.note_all((), scenario_checks.time_problems(scenario, parts.expect_paths))
         self._problems.note_all((), scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths))
+        self._problems.note_all((), scenario_checks.trace_problems(scenario, parts.sensor_paths))
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         self._problems.note_all((), scenario_checks.engine_problems(scenario))

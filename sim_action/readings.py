@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from sim_action.geometry import Pose, Quaternion, Twist, Vector3
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 
 class Reading(Protocol):
@@ -88,3 +89,21 @@ class OdometryReading:
             "linear_xyz": self.twist.linear_xyz,
             "angular_xyz": self.twist.angular_xyz,
         }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraImage:
+    """What a camera sees; rows go down, columns to the right. The arrays cannot be written to.
+
+    Attributes:
+        rgb: (H, W, 3) red, green and blue, 0 to 255.
+        depth: (H, W) in m along the way that the camera looks, not along the ray of the pixel; inf where nothing is.
+    """
+
+    time: float
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+
+    def columns(self) -> Mapping[str, Any]:
+        """See Reading.columns."""
+        return {"rgb": self.rgb, "depth": self.depth}

@@ -19,6 +19,8 @@ from sim_action.world import GROUND
 from sim_action.yaml_document import KeyPath
 
 _TIME_ROUNDING: Final = 1e-9
+# Bytes that sensors may add to a trace: they are held several times over until it is stored.
+_MOST_KEPT: Final = 500_000_000
 
 
 def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
@@ -52,6 +54,17 @@ def rate_problems(
         if not rate_divides(scenario.physics.rate, rate):
             near = " and ".join(f"{near:g} Hz" for near in _rates_near(scenario.physics.rate, rate))
             yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; near: {near}"
+
+
+def trace_problems(scenario: Scenario, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Pictures that would not fit into a trace."""
+    kept = 0.0
+    for path, mounted in zip(sensor_paths, scenario.sensors, strict=True):
+        size = mounted.sensor.reading_bytes * mounted.rate * scenario.time_limit if mounted.trace else 0.0
+        kept += size
+        if size and kept > _MOST_KEPT:
+            what = f"until time_limit ({scenario.time_limit:g} s) its readings take {size / 1e6:.0f} MB"
+            yield (*path, "trace"), f"{what}; of all sensors a trace keeps {_MOST_KEPT / 1e6:.0f} MB: smaller or fewer"
 
 
 def engine_problems(scenario: Scenario) -> SpecProblems:

@@ -68,6 +68,11 @@ class Sensor(FrozenModel):
     reads_wheels: ClassVar[bool] = False
     """Whether it is of the wheels of the robot's drive, and thereby of the base alone."""
 
+    @property
+    def reading_bytes(self) -> int:
+        """How much of a trace a reading takes; 0 where it is not worth counting."""
+        return 0
+
     def problems(self, scene: Scene) -> SpecProblems:
         """What does not fit the scene."""
         yield from ()
@@ -80,6 +85,7 @@ class Sensor(FrozenModel):
 SENSORS: Final = Table[type[Sensor]](
     "sensor",
     {
+        "camera": "sim_action.sensors.camera:Camera",
         "contact": "sim_action.sensors.contact:ContactSensor",
         "imu": "sim_action.sensors.imu:Imu",
         "odometry": "sim_action.sensors.odometry:Odometry",
