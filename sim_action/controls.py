@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from sim_action.command import Command, JointTargets
-from sim_action.commands import ClosedLoop, Controller, OpenLoop
+from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.drives import DriveMotion
-from sim_action.errors import ScriptError
+from sim_action.errors import BadSource, RecordingError, ScriptError
 from sim_action.geometry import Twist
 from sim_action.observation import Observation
 from sim_action.scenario import Scenario
@@ -47,7 +47,7 @@ class Controls:
         self._twist: Twist | None = None
         self._owners: dict[str, _Source] = {}
         self._sources = [
-            _Source(index, source.open(scene), scenario.steps_between_ticks(source.rate))
+            _Source(index, _opened(index, source, scene), scenario.steps_between_ticks(source.rate))
             for index, source in enumerate(scenario.commands)
         ]
 
@@ -120,6 +120,13 @@ class Controls:
                     "sources that act at the same time move different joints"
                 )
         source.moved.update(joints)
+
+
+def _opened(index: int, source: CommandSource, scene: Scene) -> Controller:
+    try:
+        return source.open(scene)
+    except RecordingError as error:
+        raise BadSource(index, "replay", str(error)) from None
 
 
 def padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:

@@ -5,9 +5,11 @@
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     ├── ModelError                2    a robot model cannot be read
     │   └── RefusedModel               a model file with what has to change in it
+    ├── RecordingError            2    a recorded log cannot be replayed
     └── RunError                  1    a valid scenario ran into something that leaves it without a verdict
         ├── EngineError                the physics engine refused the world
         ├── BadStart                   the robot cannot begin where the scenario puts it
+        ├── BadSource             2    a command source cannot give what the scenario asks it for
         ├── SimulationUnstable         the simulated state is no longer physics
         └── ScriptError                the user's controller raised or answered nonsense
 
@@ -77,6 +79,12 @@ class RefusedModel(ModelError):
         self.location = self.problems[0].location
 
 
+class RecordingError(SimActionError):
+    """A recorded log that cannot be replayed; the message says which, and where in it."""
+
+    exit_code = ExitCode.INVALID
+
+
 class RunError(SimActionError):
     """A valid scenario ran into something that leaves it without a verdict."""
 
@@ -99,6 +107,22 @@ class BadStart(RunError):
     def __init__(self, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(message for _, message in self.problems))
+
+
+class BadSource(RunError):
+    """A command source whose files are not what the scenario says, which nobody could know before it was opened.
+
+    Attributes:
+        index: its place among the scenario's commands.
+        key: its own key to what has to change.
+    """
+
+    exit_code = ExitCode.INVALID
+
+    def __init__(self, index: int, key: str, message: str) -> None:
+        self.index = index
+        self.key = key
+        super().__init__(message)
 
 
 class SimulationUnstable(RunError):

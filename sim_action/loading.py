@@ -161,12 +161,12 @@ class _Loader:
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))
         self._problems.note_all((), scenario_checks.follower_problems(scene))
-        self._problems.note_all((), scenario_checks.source_problems(scenario, scene.model, self._parts.command_paths))
+        self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
         self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
         # A drive that was written and refused is missing from the scenario: that is not a second problem.
         if not states_drive:
             paths = self._parts.sensor_paths
-            self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene.model, paths))
+            self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene, paths))
         for path, source in zip(self._parts.command_paths, scenario.commands, strict=True):
             self._problems.note_all(path, source.model_problems(scene))
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):

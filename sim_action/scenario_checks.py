@@ -152,13 +152,13 @@ def rule_problems(scenario: Scenario) -> SpecProblems:
             yield path, f"'{name}' is no rule that can be let go{hint}"
 
 
-def wheel_problems(scenario: Scenario, model: RobotModel, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
+def wheel_problems(scenario: Scenario, scene: Scene, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
     """Twists and wheel odometry for a robot without a drive, if its model does not tell which joints are wheels."""
-    drives = any(source.needs_drive for source in scenario.commands)
+    drives = any(source.gives_twists(scene) for source in scenario.commands)
     sensors = zip(sensor_paths, scenario.sensors, strict=True)
     odometry = [(*path, mounted.sensor.key) for path, mounted in sensors if mounted.sensor.reads_wheels]
-    if (drives or odometry) and recognise(model) is None:
-        yield from ((path, _no_wheels(model)) for path in ([("robot",)] if drives else odometry))
+    if (drives or odometry) and recognise(scene.model) is None:
+        yield from ((path, _no_wheels(scene.model)) for path in ([("robot",)] if drives else odometry))
 
 
 def _no_wheels(model: RobotModel) -> str:
@@ -169,12 +169,12 @@ def _no_wheels(model: RobotModel) -> str:
     )
 
 
-def source_problems(scenario: Scenario, model: RobotModel, command_paths: Sequence[KeyPath]) -> SpecProblems:
+def source_problems(scenario: Scenario, scene: Scene, command_paths: Sequence[KeyPath]) -> SpecProblems:
     """Sources that would move the same joint at the same time, as far as is known before they run."""
-    wheels = _wheels(scenario, model)
+    wheels = _wheels(scenario, scene.model)
     owners: dict[str, KeyPath] = {}
     for path, source in zip(command_paths, scenario.commands, strict=True):
-        moved = source.joints(model) | (wheels if source.needs_drive else frozenset())
+        moved = source.joints(scene) | (wheels if source.gives_twists(scene) else frozenset())
         for joint in sorted(moved):
             if (owner := owners.setdefault(joint, path)) is not path:
                 message = f"joint '{joint}' is moved by {owner[0]}[{owner[1]}] already"

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from sim_action.errors import (
+    BadSource,
     BadStart,
     EngineError,
     InvalidScenario,
@@ -25,11 +26,13 @@ from sim_action.errors import (
     SimulationUnstable,
 )
 from sim_action.loading import build_scene, load_scenario
+from sim_action.location import Problem
 from sim_action.native_output import redirect_output
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.permissions import Permissions
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.simulation import SimulationRun, simulate
+from sim_action.yaml_document import Document
 
 _PROGRESS_PERIOD: Final = 0.1
 _RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
@@ -189,6 +192,8 @@ def _simulated(loaded: LoadedScenario, progress: _Progress) -> SimulationRun:
         run = simulate(loaded.scenario, build_scene(loaded), progress)
     except BadStart as error:
         raise InvalidScenario(loaded.document.problem(*problem) for problem in error.problems) from None
+    except BadSource as error:
+        raise InvalidScenario([_of_source(loaded.document, error)]) from None
     finally:
         if os.getpid() != born:
             # A copy that came of os.fork() in the user's code, and went on: the verdict is for the original to give.
@@ -200,6 +205,12 @@ def _simulated(loaded: LoadedScenario, progress: _Progress) -> SimulationRun:
             "what was printed is lost, and may be in other files"
         )
     return run
+
+
+def _of_source(document: Document, error: BadSource) -> Problem:
+    """One source may stand below `commands:` without a list."""
+    listed = ("commands", error.index)
+    return document.problem((*(listed if listed in document.marks else ("commands",)), error.key), str(error))
 
 
 def _is_open(descriptor: int) -> bool:

@@ -41,6 +41,17 @@ class Workspace:
 
     def file(self, path: str) -> Path:
         """The absolute path of a file that a scenario names. Raises PathError."""
+        found, is_folder = self._found(path)
+        if is_folder:
+            raise PathError(f"'{path}' is a folder (looked for {found})")
+        return found
+
+    def file_or_folder(self, path: str) -> Path:
+        """The absolute path of what a scenario names. Raises PathError."""
+        return self._found(path)[0]
+
+    def _found(self, path: str) -> tuple[Path, bool]:
+        """The absolute path, and whether it is a folder."""
         try:
             found = (self.directory / path).resolve()
             is_file, is_folder = found.is_file(), found.is_dir()
@@ -48,7 +59,6 @@ class Workspace:
             raise PathError(f"{path!r} cannot be a file: {error}") from None
         if not self.allow_outside and not found.is_relative_to(self.root):
             raise PathError(f"'{path}' is outside the workspace {self.root}; --allow-outside lifts this")
-        if not is_file:
-            reason = "is a folder" if is_folder else "does not exist"
-            raise PathError(f"'{path}' {reason} (looked for {found})")
-        return found
+        if not is_file and not is_folder:
+            raise PathError(f"'{path}' does not exist (looked for {found})")
+        return found, is_folder

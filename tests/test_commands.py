@@ -14,7 +14,7 @@ from tests.traces import HERE
 
 
 def test_the_table_holds_what_a_scenario_can_say() -> None:
-    assert list(COMMANDS) == ["twist", "waypoints", "joints", "script"]
+    assert list(COMMANDS) == ["twist", "waypoints", "joints", "script", "replay"]
 
 
 @pytest.mark.parametrize(

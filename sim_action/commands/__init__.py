@@ -13,7 +13,6 @@ from sim_action.command import Command, JointTargets
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, PositiveHertz
 from sim_action.registry import Table
-from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import Workspace
 
@@ -48,7 +47,7 @@ class CommandSource(FrozenModel):
     """Whether `open` or its controller runs code of the user's: such a scenario gets an interpreter of its own."""
 
     needs_drive: ClassVar[bool] = False
-    """Whether all its commands are twists."""
+    """Whether all its commands are twists, whatever its files say."""
 
     rate: Annotated[PositiveHertz, Field(description="of the ticks at which a command is given")] = 10.0
 
@@ -60,7 +59,11 @@ class CommandSource(FrozenModel):
         """What does not fit the robot: joints that it has not, what they cannot do."""
         yield from ()
 
-    def joints(self, model: RobotModel) -> frozenset[str]:
+    def gives_twists(self, scene: Scene) -> bool:
+        """Whether all its commands are known to be twists before it runs."""
+        return self.needs_drive
+
+    def joints(self, scene: Scene) -> frozenset[str]:
         """What it is known to move before it runs; wheels that a drive turns for it are not among them."""
         return frozenset()
 
@@ -70,7 +73,7 @@ class CommandSource(FrozenModel):
 
     @abstractmethod
     def open(self, scene: Scene) -> Controller:
-        """The live half."""
+        """The live half. Raises RecordingError for a log that cannot be replayed."""
 
 
 COMMANDS: Final = Table[type[CommandSource]](
@@ -80,6 +83,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "waypoints": "sim_action.commands.waypoints:WaypointCommands",
         "joints": "sim_action.commands.joints:JointCommands",
         "script": "sim_action.commands.script:ScriptCommands",
+        "replay": "sim_action.commands.replay:ReplayCommands",
     },
 )
 """The key that tells a command source from the others -> its class."""

@@ -14,7 +14,7 @@ from sim_action.commands.joint_path import BLENDS, Interpolation, JointPath
 from sim_action.commands.joint_points import JointPoint, in_si, knots
 from sim_action.commands.joint_problems import misfits, order_problems, two_kinds_problems
 from sim_action.quantities import PositiveHertz
-from sim_action.robot_model import Reading, RobotModel
+from sim_action.robot_model import Reading
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import Workspace
 
@@ -54,7 +54,7 @@ class JointCommands(CommandSource):
         """See CommandSource.model_problems."""
         yield from misfits(self.points, BLENDS[self.interpolation], scene)
 
-    def joints(self, model: RobotModel) -> frozenset[str]:
+    def joints(self, scene: Scene) -> frozenset[str]:
         """See CommandSource.joints."""
         return frozenset(knot.joint for knot in knots(self.points))
 

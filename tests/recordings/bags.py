@@ -1,0 +1,133 @@
+"""Logs of ROS, written by rosbags' own writers: the commands of a drive in every format, and messages of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+Twists = Sequence[tuple[float, float, float]]
+"""Time in s, linear in m/s, angular in rad/s."""
+
+TWIST: Final = "geometry_msgs/msg/Twist"
+STAMPED: Final = "geometry_msgs/msg/TwistStamped"
+JOINTS: Final = "sensor_msgs/msg/JointState"
+
+START: Final = 1_700_000_000_123_456_789
+"""When logs begin, in ns: no float holds it."""
+
+ROS1: Final = get_typestore(Stores.ROS1_NOETIC)
+ROS2: Final = get_typestore(Stores.ROS2_HUMBLE)
+
+Entry = tuple[float, str, str, Any]
+"""Time in s since the log began, topic, type, and what makes the message."""
+
+
+def twist(store: Typestore, linear: float, angular: float) -> Any:
+    vector = store.types["geometry_msgs/msg/Vector3"]
+    return store.types[TWIST](vector(linear, 0.0, 0.0), vector(0.0, 0.0, angular))
+
+
+def stamped(store: Typestore, linear: float, angular: float) -> Any:
+    return store.types[STAMPED](header(store), twist(store, linear, angular))
+
+
+def header(store: Typestore) -> Any:
+    stamp = store.types["builtin_interfaces/msg/Time"](0, 0)
+    of = store.types["std_msgs/msg/Header"]
+    return of(0, stamp, "") if store is ROS1 else of(stamp, "")
+
+
+def joint_state(
+    store: Typestore,
+    names: list[str],
+    position: Sequence[float] = (),
+    velocity: Sequence[float] = (),
+    effort: Sequence[float] = (),
+) -> Any:
+    groups = (np.array(group, dtype=np.float64) for group in (position, velocity, effort))
+    return store.types[JOINTS](header(store), names, *groups)
+
+
+def ros1_bag(path: Path, entries: Iterable[Entry], compression: str | None = None) -> Path:
+    writer = Writer1(path)
+    if compression:
+        writer.set_compression(Writer1.CompressionFormat[compression])
+    with writer:
+        connections: dict[str, Any] = {}
+        for time, topic, type_name, make in entries:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, type_name, typestore=ROS1)
+            data = ROS1.serialize_ros1(make(ROS1), type_name)
+            writer.write(connections[topic], START + round(time * 1e9), data)
+    return path
+
+
+def ros2_bag(
+    path: Path,
+    entries: Iterable[Entry],
+    storage: StoragePlugin = StoragePlugin.SQLITE3,
+    compression: CompressionMode = CompressionMode.NONE,
+) -> Path:
+    writer = Writer2(path, version=9, storage_plugin=storage)
+    writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        connections: dict[str, Any] = {}
+        for time, topic, type_name, make in entries:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, type_name, typestore=ROS2)
+            data = ROS2.serialize_cdr(make(ROS2), type_name)
+            writer.write(connections[topic], START + round(time * 1e9), data)
+    return path
+
+
+def mcap_file(path: Path, entries: Iterable[Entry], compression: CompressionMode = CompressionMode.NONE) -> Path:
+    folder = ros2_bag(path.with_name(f"{path.name}-folder"), entries, StoragePlugin.MCAP, compression)
+    (written,) = folder.glob("*.mcap")
+    return written.rename(path)
+
+
+def db3_file(path: Path, entries: Iterable[Entry]) -> Path:
+    folder = ros2_bag(path.with_name(f"{path.name}-folder"), entries)
+    (written,) = folder.glob("*.db3")
+    return written.rename(path)
+
+
+def csv_file(path: Path, twists: Twists) -> Path:
+    rows = "".join(f"{time!r},{linear!r},{angular!r}\n" for time, linear, angular in twists)
+    path.write_text(f"time,linear,angular\n{rows}", encoding="utf-8")
+    return path
+
+
+def drive(twists: Twists, topic: str = "/cmd_vel", type_name: str = TWIST) -> list[Entry]:
+    make = twist if type_name == TWIST else stamped
+    return [(time, topic, type_name, _of(make, linear, angular)) for time, linear, angular in twists]
+
+
+def _of(make: Callable[..., Any], *numbers: Any) -> Callable[[Typestore], Any]:
+    return lambda store: make(store, *numbers)
+
+
+def joints(*states: tuple[float, Callable[[Typestore], Any]], topic: str = "/joint_states") -> list[Entry]:
+    return [(time, topic, JOINTS, make) for time, make in states]
+
+
+WRITERS: Final[dict[str, Callable[[Path, Iterable[Entry]], Path]]] = {
+    "monday.bag": ros1_bag,
+    "bz2.bag": lambda path, entries: ros1_bag(path, entries, "BZ2"),
+    "lz4.bag": lambda path, entries: ros1_bag(path, entries, "LZ4"),
+    "sqlite": ros2_bag,
+    "sqlite-messages": lambda path, entries: ros2_bag(path, entries, compression=CompressionMode.MESSAGE),
+    "mcap": lambda path, entries: ros2_bag(path, entries, StoragePlugin.MCAP),
+    "mcap-chunks": lambda path, entries: ros2_bag(path, entries, StoragePlugin.MCAP, CompressionMode.STORAGE),
+    "monday.mcap": mcap_file,
+    "monday.db3": db3_file,
+}
+"""Name of a log -> what writes commands to it in a format of its own."""
