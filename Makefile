@@ -59,6 +59,8 @@ fuzz: $(VENV)/.dev ## a quarter of an hour of robot models that nobody has writt
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(LOCK) --upgrade --extra mujoco --output-file requirements.lock
+	# The same versions and what reads ROS's logs, for whoever asks the action for it.
+	$(LOCK) --constraint requirements.lock --extra mujoco --extra rosbags --output-file requirements-rosbags.lock
 	# The same versions without what simulates, for the actions that only deal and join.
 	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
 

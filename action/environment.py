@@ -1,4 +1,4 @@
-"""The private environment of the action, made from the lock file that LOCK names.
+"""The private environment of the action, made from the lock file that LOCK names, or the one beside it for INPUT_EXTRAS.
 
     environment.py look       says what is there, and whether and where wheels are kept between runs
     environment.py install    makes the environment, once per job
@@ -20,6 +20,8 @@ from typing import Final
 
 # They run with the rights of the base branch, and so would what they leave in its cache.
 _NEVER_CACHED_ON: Final = frozenset({"pull_request_target", "workflow_run"})
+# Each has a lock file of its own: of a name that a workflow makes up, nothing is installed.
+_EXTRAS: Final = ("rosbags",)
 # A job's settings of pip say where packages come from, and must not say where they go.
 _PIP_VARIABLES: Final = ("PIP_PYTHON", "PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_USER", "PIP_DRY_RUN")
 _PIP_OPTIONS: Final = (
@@ -141,9 +143,17 @@ def _say(outputs: dict[str, object]) -> None:
             file.write(f"{name}={text:.3f}\n" if isinstance(text, float) else f"{name}={text}\n")
 
 
+def chosen_lock() -> Path:
+    """What is to be installed."""
+    lock, extras = Path(os.environ["LOCK"]), os.environ.get("INPUT_EXTRAS", "").strip()
+    if extras and extras not in _EXTRAS:
+        sys.exit(f"::error title=sim-action::the input extras must be empty or {' or '.join(_EXTRAS)}")
+    return lock.with_name(f"{lock.stem}-{extras}{lock.suffix}") if extras else lock
+
+
 def main() -> None:
     """What the one argument says."""
-    environment = Environment.of(Path(os.environ["LOCK"]), Path(os.environ["RUNNER_TEMP"]))
+    environment = Environment.of(chosen_lock(), Path(os.environ["RUNNER_TEMP"]))
     try:
         _say({"look": look, "install": install}[sys.argv[1]](environment))
     except InstallError:

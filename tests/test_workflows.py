@@ -163,12 +163,22 @@ def test_the_pre_commit_example_names_our_hook_which_sees_scenarios_alone() -> N
     assert found == ["a.sim.yml", "b/c.sim.yaml"]
 
 
-def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user() -> None:
+@pytest.mark.parametrize("name", ["requirements.lock", "requirements-rosbags.lock"])
+def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user(name: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    lock = (ROOT / name).read_text(encoding="utf-8")
     needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["dependencies"]}
     assert needed <= set(re.findall(r"^([\w-]+)==", lock, re.MULTILINE))
     assert not re.search(r"://|index|find-links| @ |[\w.-]/", lock)
+
+
+def test_the_lock_file_with_rosbags_has_the_same_versions_and_what_reads_logs_beside_them() -> None:
+    plain, more = (
+        set(re.findall(r"^([\w-]+==[\w.]+)", (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE))
+        for name in ("requirements.lock", "requirements-rosbags.lock")
+    )
+    assert plain < more
+    assert "rosbags" in {line.partition("==")[0] for line in more - plain}
 
 
 def test_the_lock_file_of_the_checks_has_hashes_and_no_addresses() -> None:

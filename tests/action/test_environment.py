@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from action.environment import Environment, InstallError, install, look
+from action.environment import Environment, InstallError, chosen_lock, install, look
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,6 +23,26 @@ def runner(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RUNNER_ARCH", "X64")
     monkeypatch.setenv("INPUT_CACHE", "true")
     monkeypatch.setenv("GITHUB_EVENT_NAME", "pull_request")
+
+
+@pytest.mark.parametrize(
+    ("extras", "name"), [(None, "some.lock"), ("", "some.lock"), ("rosbags\n", "some-rosbags.lock")]
+)
+def test_extras_have_a_lock_file_of_their_own(
+    extras: str | None, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LOCK", str(tmp_path / "some.lock"))
+    if extras is not None:
+        monkeypatch.setenv("INPUT_EXTRAS", extras)
+    assert chosen_lock() == tmp_path / name
+
+
+@pytest.mark.parametrize("extras", ["../../other", "rosbags mujoco", "ROSBAGS", "*"])
+def test_extras_that_nobody_has_locked_are_refused(extras: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOCK", "some.lock")
+    monkeypatch.setenv("INPUT_EXTRAS", extras)
+    with pytest.raises(SystemExit, match="extras must be empty or rosbags"):
+        chosen_lock()
 
 
 def test_each_lock_file_has_its_own_environment(lock: Path, tmp_path: Path) -> None:
