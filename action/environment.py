@@ -1,4 +1,4 @@
-"""The private environment of the action, made from the lock file that LOCK names, or the one beside it for INPUT_EXTRAS.
+"""The private environment of the action, made from a lock file: LOCK names it, or for INPUT_EXTRAS the one beside it.
 
     environment.py look       says what is there, and whether and where wheels are kept between runs
     environment.py install    makes the environment, once per job

@@ -30,13 +30,13 @@ class Playback:
 
     def command(self, time: float) -> Command | None:
         """What is new at a tick, at a sim time in s; None: nothing."""
-        now = self._start + time + _ROUNDING
+        now = self._start + time
         new: Command | None = None
-        while self._next < len(self._moments) and self._moments[self._next][0] <= now:
+        while self._next < len(self._moments) and self._moments[self._next][0] <= now + _ROUNDING:
             new = _after(new, self._moments[self._next][1])
             self._next += 1
         last, command = self._moments[max(0, self._next - 1)]
-        if isinstance(command, Twist) and now - last > self._timeout:
+        if isinstance(command, Twist) and now - last > self._timeout + _ROUNDING:
             return Twist()
         return new
 

@@ -75,6 +75,8 @@ class ReplayCommands(CommandSource):
 
     def joints(self, scene: Scene) -> frozenset[str]:
         """See CommandSource.joints."""
+        if self.gives_twists(scene):
+            return frozenset()
         header = self._csv_header(scene.workspace)
         return frozenset(self.only or (() if header is None else header.joint_names))
 

@@ -10,6 +10,7 @@ Strangers write such files: what is read is bounded, and nothing in it is more t
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -31,7 +32,7 @@ from sim_action.regular_files import open_regular
 MOST_BYTES: Final = 25_000_000
 MOST_ROWS: Final = 250_000
 # Digits are bounded: no number of a log has so many, and conversions take the longer the more there are.
-_NUMBER: Final = re.compile(r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,2})?")
+_NUMBER: Final = re.compile(r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?")
 
 Line = tuple[int, list[str]]
 """The number of a line, from 1, and its cells."""
@@ -122,7 +123,7 @@ def _numbers(cells: Sequence[str], header: Header) -> list[float]:
     if len(cells) != len(header.columns):
         raise ValueError(f"{len(cells)} cells, where the header names {len(header.columns)} columns")
     for column, cell in zip(header.columns, cells, strict=True):
-        if _NUMBER.fullmatch(cell) is None:
+        if _NUMBER.fullmatch(cell) is None or not math.isfinite(float(cell)):
             raise ValueError(f"column {shown(column)}: expected a finite number, found {shown(cell)}")
     return list(map(float, cells))
 

@@ -1,0 +1,254 @@
+"""The source `replay`: what a scenario may say of a log, and what is told before and when it runs."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from sim_action.command import JointTargets
+from sim_action.commands import OpenLoop
+from sim_action.commands.replay import ReplayCommands
+from sim_action.controls import Controls
+from sim_action.drives import recognise
+from sim_action.errors import BadSource, RecordingError
+from sim_action.geometry import Twist
+from sim_action.loading import build_scene
+from sim_action.scene import Scene
+from sim_action.workspace import Workspace
+from tests.recordings import bags
+from tests.recordings.bags import drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
+from tests.scenarios import LEAST, load, told
+from tests.traces import scene
+
+ROOT = Path(__file__).parents[2]
+TWIST = "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
+TWISTS = [(0.0, 0.2, 0.0), (0.5, 0.2, 0.5), (1.5, 0.0, 0.0)]
+WHEELS_CSV = "time,velocity.wheel_left_joint,velocity.wheel_right_joint\n0,1,2\n1,3,4\n"
+
+
+def spec(**data: Any) -> ReplayCommands:
+    return ReplayCommands.model_validate(data)
+
+
+def scene_in(folder: Path) -> Scene:
+    found = scene()
+    return Scene(found.robot, found.model, found.world, found.physics, Workspace(folder, folder))
+
+
+def given_at(time: float, folder: Path, **data: Any) -> object:
+    controller = spec(**data).open(scene_in(folder))
+    assert isinstance(controller, OpenLoop)
+    return controller.command(time)
+
+
+def scenario(**keys: object) -> str:
+    return LEAST.replace(TWIST, "commands:\n" + "".join(f"  {key}: {value}\n" for key, value in keys.items()))
+
+
+def told_at(folder: Path, text: str) -> tuple[str, str]:
+    """Place and message of the one problem."""
+    (found,) = told(folder, text)
+    place, _, message = found.partition(": ")
+    return place, message
+
+
+def test_csv_is_replayed_from_its_first_row(tmp_path: Path) -> None:
+    bags.csv_file(tmp_path / "a.csv", [(100.0, 0.2, 0.0), (101.0, 0.3, 0.0)])
+    assert given_at(0.0, tmp_path, replay="a.csv") == Twist.planar(0.2)
+    assert given_at(1.0, tmp_path, replay="a.csv") == Twist.planar(0.3)
+    assert given_at(0.0, tmp_path, replay="a.csv", start="1 s") == Twist.planar(0.3)
+    assert given_at(1.5, tmp_path, replay="a.csv", timeout="0.4 s") == Twist()
+
+
+def test_a_log_of_ros_is_replayed_by_its_topic(tmp_path: Path) -> None:
+    ros2_bag(tmp_path / "monday", [*drive(TWISTS), *drive([(2.0, 9.0, 9.0)], "/other")])
+    assert given_at(0.5, tmp_path, replay="monday", topic="/cmd_vel") == Twist.planar(0.2, 0.5)
+    assert given_at(0.0, tmp_path, replay="monday", topic="/other", type=bags.TWIST) == Twist.planar(9.0, 9.0)
+
+
+def test_of_a_log_of_many_joints_those_that_are_named_move(tmp_path: Path) -> None:
+    state = joints((0.0, lambda store: joint_state(store, ["wheel_left_joint", "strange"], velocity=[1.0, 2.0])))
+    ros1_bag(tmp_path / "a.bag", state)
+    log = {"replay": "a.bag", "topic": "/joint_states"}
+    assert given_at(0.0, tmp_path, **log, joints=("wheel_left_joint",)) == JointTargets(
+        velocity={"wheel_left_joint": 1.0}
+    )
+    with pytest.raises(RecordingError, match=r"a\.bag: the model has no moving joint 'strange'.*'joints' names those"):
+        given_at(0.0, tmp_path, **log)
+    with pytest.raises(RecordingError, match=r"a\.bag: it has no joint 'wheel_right_joint'; did you mean"):
+        given_at(0.0, tmp_path, **log, joints=("wheel_right_joint",))
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"joints": ("wheel_left_joint",)}, "the log drives the base and names no joints"),
+        ({"start": 2.0}, "it ends 1.5 s after its first message, before 'start'"),
+        ({"topic": "/odom"}, "it has no topic '/odom'"),
+        ({"type": bags.JOINTS}, "where the scenario says sensor_msgs/msg/JointState"),
+    ],
+)
+def test_what_a_log_of_ros_does_not_hold_is_told_when_it_is_opened(
+    keys: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    ros1_bag(tmp_path / "a.bag", drive(TWISTS))
+    with pytest.raises(RecordingError) as raised:
+        given_at(0.0, tmp_path, **{"replay": "a.bag", "topic": "/cmd_vel", **keys})
+    assert str(raised.value).startswith("a.bag: ")
+    assert message in str(raised.value)
+
+
+def test_a_bag_leads_to_no_file_outside_of_the_workspace(tmp_path: Path) -> None:
+    inside = tmp_path / "workspace"
+    inside.mkdir()
+    folder = ros2_bag(inside / "monday", drive(TWISTS))
+    (folder / "monday.db3").rename(tmp_path / "elsewhere.db3")
+    (folder / "monday.db3").symlink_to(tmp_path / "elsewhere.db3")
+    with pytest.raises(RecordingError, match=r"monday: .*monday\.db3' is outside the workspace"):
+        given_at(0.0, inside, replay="monday", topic="/cmd_vel")
+
+
+CSV_PROBLEMS = [
+    ({"replay": "b.csv"}, "8:3", "'b.csv' does not exist"),
+    ({"replay": "bad.csv"}, "8:3", "bad.csv:3: column 'linear': expected a finite number, found 'fast'"),
+    ({"replay": "a.csv", "topic": "/cmd_vel"}, "9:3", "a CSV file has no topics; leave it out"),
+    ({"replay": "a.csv", "type": bags.TWIST}, "9:3", "a CSV file has no topics; leave it out"),
+    ({"replay": "a.csv", "start": "2 s"}, "9:3", "the log ends before that, 1.5 s after its first row"),
+    ({"replay": "a.csv", "joints": "[wheel_left_joint]"}, "9:3", "names no joints; leave it out"),
+    ({"replay": "wheels.csv", "timeout": "1 s"}, "9:3", "is for twists"),
+    ({"replay": "wheels.csv", "joints": "[wheel_lift_joint]"}, "9:3", "the log has no joint 'wheel_lift_joint'; did"),
+    ({"replay": "strange.csv"}, "8:3", "the model has no moving joint 'wheel_lift_joint'; did you mean"),
+]
+
+
+@pytest.mark.parametrize(("keys", "place", "message"), CSV_PROBLEMS)
+def test_what_is_wrong_with_csv_is_told_at_load(
+    keys: dict[str, object], place: str, message: str, tmp_path: Path
+) -> None:
+    bags.csv_file(tmp_path / "a.csv", TWISTS)
+    (tmp_path / "bad.csv").write_text("time,linear\n0,1\n1,fast\n")
+    (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
+    (tmp_path / "strange.csv").write_text("time,position.wheel_lift_joint\n0,1\n")
+    problems = told(tmp_path, scenario(**keys).replace("commands:\n", "\n\n\ncommands:\n"))
+    found = problems[0]
+    assert found.startswith(f"{place}: commands.")
+    assert message in found
+
+
+ROS_PROBLEMS = [
+    ({"replay": "a.bag"}, "name the one to replay, such as topic: /cmd_vel"),
+    ({"replay": "notes.txt"}, "is no log that can be replayed (allowed: .csv, .bag, .db3, .mcap, the folder"),
+    ({"replay": "folder", "topic": "/cmd_vel"}, "is a folder without metadata.yaml"),
+    ({"replay": "a%2f.db3", "topic": "/cmd_vel"}, "rename it"),
+    ({"replay": "a.bag", "topic": "/cmd_vel", "type": "geometry_msgs/Twist"}, "geometry_msgs/msg/Twist"),
+    ({"replay": "a.bag", "topic": "/j", "type": bags.JOINTS, "timeout": 1}, "is for twists"),
+    ({"replay": "a.bag", "topic": "/cmd_vel", "type": bags.TWIST, "joints": "[a]"}, "names no joints"),
+    ({"replay": "a.bag", "topic": "/j", "joints": "[wheel_lift_joint]"}, "the model has no moving joint"),
+]
+
+
+@pytest.mark.parametrize(("keys", "message"), ROS_PROBLEMS)
+def test_what_can_be_told_of_a_log_of_ros_without_reading_it(
+    keys: dict[str, object], message: str, tmp_path: Path
+) -> None:
+    for name in ("a.bag", "notes.txt", "a%2f.db3"):
+        (tmp_path / name).write_bytes(b"not read")
+    (tmp_path / "folder").mkdir()
+    _, found = told_at(tmp_path, scenario(**keys))
+    assert message in found
+
+
+def test_without_rosbags_loading_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(
+        "sim_action.commands.replay_problems.find_spec", lambda name: None if name == "rosbags" else find_spec(name)
+    )
+    (tmp_path / "a.bag").write_bytes(b"not read")
+    _, found = told_at(tmp_path, scenario(replay="a.bag", topic="/cmd_vel"))
+    assert "pip install 'sim-action[rosbags]'" in found
+    assert "extras: rosbags" in found
+
+
+def test_a_source_of_twists_needs_wheels_whatever_its_file(tmp_path: Path) -> None:
+    bags.csv_file(tmp_path / "a.csv", TWISTS)
+    (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
+    found = scene_in(tmp_path)
+    assert spec(replay="a.csv").gives_twists(found)
+    assert not spec(replay="wheels.csv").gives_twists(found)
+    assert spec(replay="a.mcap", topic="/a", type=bags.STAMPED).gives_twists(found)
+    assert not spec(replay="a.mcap", topic="/a").gives_twists(found)
+
+
+def test_joints_are_known_of_csv_and_of_what_the_scenario_names(tmp_path: Path) -> None:
+    (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
+    found = scene_in(tmp_path)
+    assert spec(replay="wheels.csv").joints(found) == {"wheel_left_joint", "wheel_right_joint"}
+    assert spec(replay="wheels.csv", joints=("wheel_left_joint",)).joints(found) == {"wheel_left_joint"}
+    assert spec(replay="a.bag", joints=("wheel_left_joint",)).joints(found) == {"wheel_left_joint"}
+    assert spec(replay="a.bag").joints(found) == frozenset()
+    assert spec(replay="nowhere.csv").joints(found) == frozenset()
+
+
+def test_a_log_and_twists_for_the_same_wheels_are_an_error_at_load(tmp_path: Path) -> None:
+    (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
+    text = LEAST.replace(TWIST, "commands:\n  - replay: wheels.csv\n  - twist: [{linear: 1.0}]\n")
+    _, found = told_at(tmp_path, text)
+    assert "joint 'wheel_left_joint' is moved by commands[0] already" in found
+
+
+def test_which_source_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    mcap_file(tmp_path / "a.mcap", drive(TWISTS))
+    text = LEAST.replace(TWIST, "commands:\n  - twist: [{linear: 1.0}]\n  - {replay: a.mcap, topic: /odom}\n")
+    loaded = load(tmp_path, text)
+    built = build_scene(loaded)
+    drive_of = recognise(built.model)
+    assert drive_of is not None
+    with pytest.raises(BadSource, match="no topic '/odom'") as raised:
+        Controls(loaded.scenario, built, drive_of.open(built.model, 240.0))
+    assert (raised.value.index, raised.value.key) == (1, "replay")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"replay": ""},
+        {"replay": "a.csv", "joints": ()},
+        {"replay": "a.csv", "start": "-1 s"},
+        {"replay": "a.csv", "timeout": 0},
+        {"replay": "a.csv", "only": ("a",)},
+    ],
+)
+def test_keys_that_mean_nothing_are_refused(data: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        spec(**data)
+
+
+def test_it_pickles_runs_no_code_and_ticks_at_its_own_rate() -> None:
+    found = spec(replay="a.csv", joints=("a",), rate="50 Hz")
+    assert pickle.loads(pickle.dumps(found)) == found
+    assert not found.runs_user_code
+    assert found.rate == 50.0
+
+
+def test_loading_a_log_imports_neither_numpy_nor_rosbags(tmp_path: Path) -> None:
+    bags.csv_file(tmp_path / "a.csv", TWISTS)
+    ros1_bag(tmp_path / "a.bag", drive(TWISTS))
+    for name, keys in (("csv", {"replay": "a.csv"}), ("ros", {"replay": "a.bag", "topic": "/cmd_vel"})):
+        (tmp_path / f"{name}.sim.yml").write_text(scenario(**keys))
+    script = (
+        "import sys; from pathlib import Path; from sim_action.loading import load_scenario\n"
+        "for path in sys.argv[1:]: load_scenario(Path(path))\n"
+        "sys.exit(bool({'numpy', 'rosbags', 'pybullet', 'mujoco'} & set(sys.modules)))"
+    )
+    command = [sys.executable, "-c", script, "csv.sim.yml", "ros.sim.yml"]
+    variables = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ran = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
