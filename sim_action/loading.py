@@ -137,6 +137,7 @@ class _Loader:
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         self._problems.note_all((), scenario_checks.engine_problems(scenario))
+        self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         try:
             if (scenario.robot.is_xacro or scenario.robot.is_mjcf) and not self._evaluate:
                 self._check_text(scenario.robot)
@@ -156,7 +157,7 @@ class _Loader:
         """What can be said of a model that only the scenario's own process may read; the rest is checked there."""
         if robot.is_xacro and self._permissions.scripts_refused:
             self._problems.note(("robot", "model"), self._permissions.scripts_refused)
-        self.unchecked = check_text(robot, self._workspace)
+        self.unchecked += check_text(robot, self._workspace)
 
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))

@@ -180,7 +180,7 @@ class LoadedScenario:
         document: what it was read from, with the place of each key.
         workspace: where its own files are found.
         model: of the robot, as it was read and checked; None if only the process that runs it may do so.
-        unchecked: what nobody can know before code of the user's has run.
+        unchecked: what nobody can know before it runs.
     """
 
     scenario: Scenario

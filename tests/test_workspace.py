@@ -99,3 +99,14 @@ def test_links_in_a_circle_are_a_path_error(repository: Path) -> None:
     (repository / "scenarios/b").symlink_to("a")
     with pytest.raises(PathError, match=r"cannot be a file|does not exist"):
         around(repository).file("a")
+
+
+def test_what_may_be_a_folder_too_is_held_to_the_same_bounds(repository: Path) -> None:
+    here = around(repository)
+    assert here.file_or_folder("../scenarios") == repository / "scenarios"
+    assert here.file_or_folder("../robot.urdf") == repository / "robot.urdf"
+    for outside in ("../..", "../folder_link"):
+        with pytest.raises(PathError, match="is outside the workspace"):
+            here.file_or_folder(outside)
+    with pytest.raises(PathError, match="does not exist"):
+        here.file_or_folder("absent")

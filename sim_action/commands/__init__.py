@@ -55,6 +55,11 @@ class CommandSource(FrozenModel):
         """What is wrong with the files it names; nothing of the user's is run."""
         yield from ()
 
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """What only the process that runs it can know of its files."""
+        return ()
+
     def model_problems(self, scene: Scene) -> SpecProblems:
         """What does not fit the robot: joints that it has not, what they cannot do."""
         yield from ()

@@ -62,6 +62,13 @@ class ReplayCommands(CommandSource):
         else:
             yield from log_problems(self, path)
 
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """See CommandSource.unchecked."""
+        if self.replay.endswith(CSV):
+            return ()
+        return (f"{self.replay} is read when it runs: until then, what is said of its topics is not checked",)
+
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: joints that no motor can move."""
         troubles = (self._why_not_moved(name, scene.model) for name in sorted(self.joints(scene)))

@@ -13,7 +13,7 @@ import csv
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from decimal import Decimal
 from io import TextIOWrapper
 from pathlib import Path
@@ -32,7 +32,9 @@ from sim_action.regular_files import open_regular
 MOST_BYTES: Final = 25_000_000
 MOST_ROWS: Final = 250_000
 # Digits are bounded: no number of a log has so many, and conversions take the longer the more there are.
-_NUMBER: Final = re.compile(r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?")
+_DIGITS: Final = r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?"
+_NUMBER: Final = re.compile(_DIGITS)
+_NUMBERS: Final = re.compile(f"{_DIGITS}(?:,{_DIGITS})*")
 
 Line = tuple[int, list[str]]
 """The number of a line, from 1, and its cells."""
@@ -49,13 +51,13 @@ def read_moments(path: Path, name: str) -> Iterator[Moment]:
     with _lines(path, name) as lines:
         header = _header(lines, name)
         command = _twists(header) if header.holds_twists else _joint_targets(header)
-        clock = _Clock()
+        clock, time_column = _Clock(), header.columns.index(TIME)
         for count, (line, cells) in enumerate(lines):
             if count == MOST_ROWS:
                 raise _error(name, line, f"more than {MOST_ROWS:,} rows are not read: cut out what is to be replayed")
             try:
                 row = _numbers(cells, header)
-                time = clock.since_first(cells[header.columns.index(TIME)])
+                time = clock.since_first(cells[time_column])
             except ValueError as error:
                 raise _error(name, line, str(error)) from None
             yield time, command(row)
@@ -122,6 +124,11 @@ def _numbers(cells: Sequence[str], header: Header) -> list[float]:
     """The values of a row. Raises ValueError."""
     if len(cells) != len(header.columns):
         raise ValueError(f"{len(cells)} cells, where the header names {len(header.columns)} columns")
+    with suppress(ValueError):
+        row = list(map(float, cells))
+        # Of finite numbers the sum may not be finite: then each is looked at.
+        if _NUMBERS.fullmatch(",".join(cells)) and math.isfinite(sum(row)):
+            return row
     for column, cell in zip(header.columns, cells, strict=True):
         if _NUMBER.fullmatch(cell) is None or not math.isfinite(float(cell)):
             raise ValueError(f"column {shown(column)}: expected a finite number, found {shown(cell)}")
@@ -129,12 +136,14 @@ def _numbers(cells: Sequence[str], header: Header) -> list[float]:
 
 
 def _twists(header: Header) -> Callable[[list[float]], Command]:
-    def of(name: str, row: list[float]) -> float:
-        return row[header.columns.index(name)] if name in header.columns else 0.0
+    # What no column tells is the zero that is put after the last one.
+    linear, lateral, angular = (
+        header.columns.index(name) if name in header.columns else len(header.columns) for name in TWIST
+    )
 
     def command(row: list[float]) -> Command:
-        linear, lateral, angular = (of(name, row) for name in TWIST)
-        return Twist.planar(linear, angular, lateral=lateral)
+        row.append(0.0)
+        return Twist((row[linear], row[lateral], 0.0), (0.0, 0.0, row[angular]))
 
     return command
 

@@ -53,6 +53,24 @@ def small_lock() -> str:
     return f"{found[0]}\n"
 
 
+def test_extras_are_installed_where_they_are_asked_for(tmp_path: Path) -> None:
+    action = action_with_lock(tmp_path / "action", small_lock())
+    lock = (ACTION / "requirements-rosbags.lock").read_text(encoding="utf-8")
+    entries = re.findall(r"^(?:rosbags|apsw|lz4|ruamel-yaml)==.*(?:\n +--hash.*)+\n", lock, re.MULTILINE)
+    write(action / "requirements-rosbags.lock", "".join(entries))
+    result = Runner(tmp_path, tmp_path).run(action, {"extras": "rosbags", "cache": "false"})
+    [installed] = tmp_path.glob("sim-action-*/lib/python3.11/site-packages")
+    assert {"rosbags", "apsw", "lz4", "ruamel"} <= {path.name for path in installed.iterdir()}, result.log
+    assert "Run scenarios" in result.steps
+
+
+def test_extras_that_are_not_known_are_told_before_anything_is_installed(tmp_path: Path) -> None:
+    result = Runner(tmp_path, tmp_path).run(ACTION, {"extras": "numpy==1.0"})
+    assert result.exit_code != 0
+    assert result.steps[-1] == "Look for the environment"
+    assert "extras must be empty or rosbags" in result.annotations[0].message
+
+
 def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path) -> None:
     action = action_with_lock(tmp_path / "action", small_lock())
     cache = CacheStore(tmp_path / "cache")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +117,9 @@ def test_what_only_the_log_tells_is_an_invalid_scenario_on_its_line(tmp_path: Pa
     write(tmp_path, BURGER, "topic", replay="a.bag", topic="/odom")
     write(tmp_path, BURGER, "garbage", replay="garbage.mcap", topic="/cmd_vel")
     write(tmp_path, BURGER, "good", replay="a.bag", topic="/cmd_vel")
+    (tmp_path / "listed.sim.yml").write_text(
+        BURGER.format(name="listed", commands="  - {replay: a.bag, topic: /odom}").replace("  rate: 20 Hz\n", "")
+    )
     ran = sim_action(tmp_path, "run", ".")
     assert ran.returncode == 2
     assert "Traceback" not in ran.stdout + ran.stderr
@@ -127,6 +129,9 @@ def test_what_only_the_log_tells_is_an_invalid_scenario_on_its_line(tmp_path: Pa
     assert failure["kind"] == "invalid"
     assert failure["location"] == {"file": "topic.sim.yml", "line": 5, "column": 3}
     assert failure["message"].startswith("commands.replay: a.bag: it has no topic '/odom'")
+    (failure,) = found["listed"]["failures"]
+    assert failure["location"] == {"file": "listed.sim.yml", "line": 4, "column": 6}
+    assert failure["message"].startswith("commands.0.replay: a.bag: it has no topic")
     (failure,) = found["garbage"]["failures"]
     assert failure["kind"] == "invalid"
     assert failure["message"].startswith("commands.replay: garbage.mcap: cannot be read: ")
@@ -168,9 +173,12 @@ def text(value: str) -> bytes:
     return len(value).to_bytes(4, "little") + value.encode()
 
 
-def test_validate_leaves_logs_of_ros_alone(tmp_path: Path) -> None:
+def test_validate_leaves_logs_of_ros_alone_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "a.bag").write_bytes(b"whatever this is")
+    csv_file(tmp_path / "monday.csv", TWISTS)
     write(tmp_path, BURGER, "any", replay="a.bag", topic="/cmd_vel")
+    write(tmp_path, BURGER, "csv", replay="monday.csv")
     ran = sim_action(tmp_path, "validate", ".")
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert json.loads(sim_action(tmp_path, "schema").stdout)
+    assert "any.sim.yml: not checked: a.bag is read when it runs" in ran.stdout
+    assert "csv.sim.yml: not checked" not in ran.stdout
