@@ -126,7 +126,7 @@ def _opened(index: int, source: CommandSource, scene: Scene) -> Controller:
     try:
         return source.open(scene)
     except RecordingError as error:
-        raise BadSource(index, "replay", str(error)) from None
+        raise BadSource(index, error.key, str(error)) from None
 
 
 def padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:

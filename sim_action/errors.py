@@ -80,9 +80,13 @@ class RefusedModel(ModelError):
 
 
 class RecordingError(SimActionError):
-    """A recorded log that cannot be replayed; the message says which, and where in it."""
+    """A recorded log that cannot be replayed; `key` is the one of the scenario's that asks for what is not there."""
 
     exit_code = ExitCode.INVALID
+
+    def __init__(self, message: str, key: str = "replay") -> None:
+        self.key = key
+        super().__init__(message)
 
 
 class RunError(SimActionError):

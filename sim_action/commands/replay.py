@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated
 
 from pydantic import Field
@@ -12,7 +12,6 @@ from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.commands.playback import Playback
 from sim_action.commands.replay_problems import CSV, kind_problems, log_problems
 from sim_action.errors import RecordingError
-from sim_action.geometry import Twist
 from sim_action.messages import did_you_mean
 from sim_action.quantities import NonNegativeSeconds, PositiveSeconds
 from sim_action.recordings import Moment, csv_log, ros_log
@@ -90,14 +89,8 @@ class ReplayCommands(CommandSource):
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises RecordingError, and MemoryError for a log that does not fit."""
         moments = list(self._moments(scene.workspace))
-        holds_twists = isinstance(moments[0][1], Twist)
-        problems = [message for _, message in kind_problems(self, holds_twists=holds_twists)]
-        if self.start > moments[-1][0]:
-            problems.append(f"it ends {moments[-1][0]:g} s after its first message, before 'start'")
-        if not holds_twists:
-            problems += self._joint_problems(moments, scene.model)
-        if problems:
-            raise RecordingError(f"{self.replay}: {problems[0]}")
+        for key, message in self._mismatches(moments, scene.model):
+            raise RecordingError(f"{self.replay}: {message}", key)
         chosen = [(time, self._chosen(command)) for time, command in moments]
         return OpenLoop(Playback(chosen, self.start, self.timeout).command)
 
@@ -130,12 +123,19 @@ class ReplayCommands(CommandSource):
             effort={name: command.effort[name] for name in self.only if name in command.effort},
         )
 
-    def _joint_problems(self, moments: Iterable[Moment], model: RobotModel) -> Iterator[str]:
+    def _mismatches(self, moments: Sequence[Moment], model: RobotModel) -> Iterator[tuple[str, str]]:
+        """Keys that do not go with the log, or the log with the robot."""
         named = {name for _, command in moments if isinstance(command, JointTargets) for name in command.names()}
+        for (key, *_), message in kind_problems(self, holds_twists=not named):
+            yield str(key), message
+        if self.start > (end := moments[-1][0]):
+            yield "start", f"it ends before that, {end:g} s after its first message"
         for name in self.only or ():
             if name not in named:
-                yield f"it has no joint '{name}'{did_you_mean(name, named)}"
-        yield from filter(None, (self._why_not_moved(name, model) for name in self.only or sorted(named)))
+                yield "joints", f"it has no joint '{name}'{did_you_mean(name, named)}"
+        for name in self.only or sorted(named):
+            if (trouble := self._why_not_moved(name, model)) is not None:
+                yield "joints" if self.only else "replay", trouble
 
     def _why_not_moved(self, name: str, model: RobotModel) -> str | None:
         trouble = model.why_not_driven(name)

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from sim_action.command import Command
 from sim_action.errors import RecordingError
 from sim_action.messages import did_you_mean, escaped_line
 from sim_action.recordings import Moment
@@ -105,7 +106,7 @@ def _told_of(name: str) -> Iterator[None]:
     except MemoryError:
         raise
     except RecordingError as error:
-        raise RecordingError(escaped_line(f"{name}: {error}")) from None
+        raise RecordingError(escaped_line(f"{name}: {error}"), error.key) from None
     except Exception as error:  # noqa: BLE001 - see above
         what = str(error) or "it is damaged"
         raise RecordingError(escaped_line(f"{name}: cannot be read: {type(error).__name__}: {what}")) from None
@@ -115,35 +116,31 @@ def _connections(reader: Reader1 | Reader2, topic: str, type_name: str | None) -
     found = [connection for connection in reader.connections if connection.topic == topic]
     if not found:
         there = {connection.topic for connection in reader.connections}
-        raise RecordingError(f"it has no topic '{topic}'{did_you_mean(topic, there)}")
+        raise RecordingError(f"it has no topic '{topic}'{did_you_mean(topic, there)}", "topic")
     if len({connection.msgtype for connection in found}) > 1:
-        raise RecordingError(f"'{topic}' has messages of several types")
-    for connection in found:
-        if connection.msgtype not in TYPES:
-            raise RecordingError(f"'{topic}' is of type {connection.msgtype}{did_you_mean(connection.msgtype, TYPES)}")
-        if type_name not in (None, connection.msgtype):
-            raise RecordingError(f"'{topic}' is of type {connection.msgtype}, where the scenario says {type_name}")
+        raise RecordingError(f"'{topic}' has messages of several types", "topic")
+    there_is = found[0].msgtype
+    if there_is not in TYPES:
+        raise RecordingError(f"'{topic}' is of type {there_is}{did_you_mean(there_is, TYPES)}", "topic")
+    if type_name not in (None, there_is):
+        raise RecordingError(f"'{topic}' is of type {there_is}, where the scenario says {type_name}", "type")
     return found
 
 
 def _moments(reader: Reader1 | Reader2, connections: list[Connection], *, is_ros1: bool) -> list[Moment]:
     topic = connections[0].topic
     decoded = (_ros1 if is_ros1 else _ros2)(connections)
-    moments: list[Moment] = []
-    first = last = 0
+    stamped: list[tuple[int, Command]] = []
     for number, (connection, stamp, data) in enumerate(reader.messages(connections), start=1):
-        first, last = (first, last) if moments else (stamp, stamp)
-        if stamp < last:
-            raise RecordingError(f"message {number} of '{topic}' is earlier than the one before")
-        last = stamp
-        since_first = (stamp - first) / 1e9
         try:
-            moments.append((since_first, command_of(connection.msgtype, decoded(connection, data))))
+            stamped.append((stamp, command_of(connection.msgtype, decoded(connection, data))))
         except MessageError as error:
-            raise RecordingError(f"message {number} of '{topic}', at {since_first:g} s: {error}") from None
-    if not moments:
+            raise RecordingError(f"message {number} of '{topic}': {error}") from None
+    if not stamped:
         raise RecordingError(f"it has no message of '{topic}'")
-    return moments
+    # Each file of a bag is in order, the files may not be.
+    stamped.sort(key=lambda each: each[0])
+    return [((stamp - stamped[0][0]) / 1e9, command) for stamp, command in stamped]
 
 
 _Decoded = Callable[["Connection", bytes], object]

@@ -88,22 +88,23 @@ def test_of_a_log_of_many_joints_those_that_are_named_move(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("keys", "message"),
+    ("key", "value", "message"),
     [
-        ({"joints": ("wheel_left_joint",)}, "the log drives the base and names no joints"),
-        ({"start": 2.0}, "it ends 1.5 s after its first message, before 'start'"),
-        ({"topic": "/odom"}, "it has no topic '/odom'"),
-        ({"type": bags.JOINTS}, "where the scenario says sensor_msgs/msg/JointState"),
+        ("joints", ("wheel_left_joint",), "the log drives the base and names no joints"),
+        ("start", 2.0, "it ends before that, 1.5 s after its first message"),
+        ("topic", "/odom", "it has no topic '/odom'"),
+        ("type", bags.JOINTS, "where the scenario says sensor_msgs/msg/JointState"),
     ],
 )
 def test_what_a_log_of_ros_does_not_hold_is_told_when_it_is_opened(
-    keys: dict[str, Any], message: str, tmp_path: Path
+    key: str, value: object, message: str, tmp_path: Path
 ) -> None:
     ros1_bag(tmp_path / "a.bag", drive(TWISTS))
     with pytest.raises(RecordingError) as raised:
-        given_at(0.0, tmp_path, **{"replay": "a.bag", "topic": "/cmd_vel", **keys})
+        given_at(0.0, tmp_path, **{"replay": "a.bag", "topic": "/cmd_vel", key: value})
     assert str(raised.value).startswith("a.bag: ")
     assert message in str(raised.value)
+    assert raised.value.key == key
 
 
 def test_a_bag_leads_to_no_file_outside_of_the_workspace(tmp_path: Path) -> None:
@@ -213,7 +214,7 @@ def test_which_source_cannot_be_opened_is_told(tmp_path: Path) -> None:
     assert drive_of is not None
     with pytest.raises(BadSource, match="no topic '/odom'") as raised:
         Controls(loaded.scenario, built, drive_of.open(built.model, 240.0))
-    assert (raised.value.index, raised.value.key) == (1, "replay")
+    assert (raised.value.index, raised.value.key) == (1, "topic")
 
 
 @pytest.mark.parametrize(

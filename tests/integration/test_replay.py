@@ -127,11 +127,11 @@ def test_what_only_the_log_tells_is_an_invalid_scenario_on_its_line(tmp_path: Pa
     assert found["good"]["status"] == "passed"
     (failure,) = found["topic"]["failures"]
     assert failure["kind"] == "invalid"
-    assert failure["location"] == {"file": "topic.sim.yml", "line": 5, "column": 3}
-    assert failure["message"].startswith("commands.replay: a.bag: it has no topic '/odom'")
+    assert failure["location"] == {"file": "topic.sim.yml", "line": 6, "column": 3}
+    assert failure["message"].startswith("commands.topic: a.bag: it has no topic '/odom'")
     (failure,) = found["listed"]["failures"]
-    assert failure["location"] == {"file": "listed.sim.yml", "line": 4, "column": 6}
-    assert failure["message"].startswith("commands.0.replay: a.bag: it has no topic")
+    assert failure["location"] == {"file": "listed.sim.yml", "line": 4, "column": 21}
+    assert failure["message"].startswith("commands.0.topic: a.bag: it has no topic")
     (failure,) = found["garbage"]["failures"]
     assert failure["kind"] == "invalid"
     assert failure["message"].startswith("commands.replay: garbage.mcap: cannot be read: ")

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from rosbags.rosbag2 import CompressionMode
+from rosbags.rosbag2 import CompressionMode, Writer
 
 from sim_action.command import JointTargets
 from sim_action.errors import RecordingError
@@ -16,7 +16,7 @@ from sim_action.geometry import Twist
 from sim_action.recordings import Moment
 from sim_action.recordings.ros_log import files_of, path_problem, read_moments
 from tests.recordings import bags
-from tests.recordings.bags import ROS1, WRITERS, drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
+from tests.recordings.bags import ROS1, ROS2, WRITERS, drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
 
 TWISTS = [(0.0, 0.2, 0.0), (0.1, 0.2, 0.5), (1.5, 0.0, 0.0)]
 in_every_format = pytest.mark.parametrize("log", list(WRITERS))
@@ -66,9 +66,9 @@ def test_a_topic_or_a_type_that_is_not_there_is_told_with_those_that_are(log: st
 
 
 @in_every_format
-def test_a_message_that_no_robot_can_be_told_is_named_with_its_time(log: str, tmp_path: Path) -> None:
+def test_a_message_that_no_robot_can_be_told_is_named(log: str, tmp_path: Path) -> None:
     path = written(tmp_path, log, drive([*TWISTS, (2.0, float("nan"), 0.0)]))
-    assert told(path) == "monday: message 4 of '/cmd_vel', at 2 s: a value of it is not finite"
+    assert told(path) == "monday: message 4 of '/cmd_vel': a value of it is not finite"
 
 
 def test_types_that_tell_no_robot_where_to_go_are_told(tmp_path: Path) -> None:
@@ -84,6 +84,30 @@ def test_a_type_of_the_same_name_with_other_fields_is_refused(tmp_path: Path) ->
     assert digest in data
     path.write_bytes(data.replace(digest, b"0" * len(digest)))
     assert "not the one of ROS (by its digest, 000" in told(path)
+
+
+def test_the_files_of_a_bag_may_come_in_any_order(tmp_path: Path) -> None:
+    folder = ros2_bag(tmp_path / "later", drive(TWISTS[1:]))
+    shutil.copy(ros2_bag(tmp_path / "earlier", drive(TWISTS[:1])) / "earlier.db3", folder)
+    metadata = (folder / "metadata.yaml").read_text()
+    listed = "relative_file_paths:\n  - later.db3\n"
+    assert listed in metadata
+    (folder / "metadata.yaml").write_text(metadata.replace(listed, f"{listed}  - earlier.db3\n"))
+    assert read(folder) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWISTS]
+
+
+def test_a_topic_of_several_types_is_refused(tmp_path: Path) -> None:
+    with Writer(tmp_path / "bag", version=9) as writer:
+        for type_name in (bags.TWIST, bags.STAMPED):
+            writer.add_connection("/cmd_vel", type_name, typestore=ROS2)
+    assert "'/cmd_vel' has messages of several types" in told(tmp_path / "bag")
+
+
+def test_what_is_no_cdr_is_refused(tmp_path: Path) -> None:
+    with Writer(tmp_path / "bag", version=9) as writer:
+        writer.add_connection("/cmd_vel", bags.TWIST, typestore=ROS2, serialization_format="json")
+    assert "json" in told(tmp_path / "bag")
+    assert "'/cmd_vel' is encoded as 'json'; what is read is cdr" in told(tmp_path / "bag/bag.db3")
 
 
 def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
