@@ -87,7 +87,7 @@ class ReplayCommands(CommandSource):
         return frozenset(self.only or (() if header is None else header.joint_names))
 
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open. Raises RecordingError, and MemoryError for a log that does not fit."""
+        """See CommandSource.open. Raises RecordingError, and RunError for a log that does not fit into memory."""
         moments = list(self._moments(scene.workspace))
         for key, message in self._mismatches(moments, scene.model):
             raise RecordingError(f"{self.replay}: {message}", key)

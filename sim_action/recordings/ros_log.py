@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.command import Command
-from sim_action.errors import RecordingError
+from sim_action.errors import RecordingError, RunError
 from sim_action.messages import did_you_mean, escaped_line
 from sim_action.recordings import Moment
 from sim_action.recordings.ros_messages import TYPES, MessageError, command_of
@@ -54,7 +54,7 @@ def read_moments(path: Path, name: str, topic: str, type_name: str | None) -> li
         topic: as the log has it.
         type_name: what its messages must be; None: any of `TYPES`.
 
-    Raises RecordingError, and MemoryError for what does not fit.
+    Raises RecordingError, and RunError for what does not fit into memory.
     """
     with _told_of(name):
         if problem := path_problem(path):
@@ -104,7 +104,8 @@ def _told_of(name: str) -> Iterator[None]:
     try:
         yield
     except MemoryError:
-        raise
+        # Which is its context: the process that runs it says how much there is.
+        raise RunError(escaped_line(f"{name}: what it unpacks to is too large, or it is damaged")) from None
     except RecordingError as error:
         raise RecordingError(escaped_line(f"{name}: {error}"), error.key) from None
     except Exception as error:  # noqa: BLE001 - see above

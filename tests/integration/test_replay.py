@@ -146,6 +146,7 @@ def test_a_bomb_costs_its_own_scenario_and_no_other(tmp_path: Path) -> None:
     assert found["good"]["status"] == "passed"
     (failure,) = found["bomb"]["failures"]
     assert failure["kind"] == "memory"
+    assert failure["message"].startswith("bomb.mcap: what it unpacks to is too large, or it is damaged; it needs more")
     assert "1 GiB of memory" in failure["message"]
 
 
