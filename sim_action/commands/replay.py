@@ -43,9 +43,9 @@ class ReplayCommands(CommandSource):
         str | None, Field(min_length=1, description="of a log of ROS, and required there: which one is replayed")
     ] = None
     type: Annotated[MessageType | None, Field(description="of the topic's messages; left out: as the log says")] = None
-    only: Annotated[
+    only_joints: Annotated[
         tuple[str, ...] | None,
-        Field(alias="joints", min_length=1, description="which joints are moved; left out: all that the log names"),
+        Field(min_length=1, description="which joints are moved; left out: all that the log names"),
     ] = None
     start: Annotated[NonNegativeSeconds, Field(description="of the log's own time: what is at t = 0")] = 0.0
     timeout: Annotated[
@@ -72,7 +72,7 @@ class ReplayCommands(CommandSource):
         """See CommandSource.model_problems: joints that no motor can move."""
         troubles = (self._why_not_moved(name, scene.model) for name in sorted(self.joints(scene)))
         if trouble := next(filter(None, troubles), None):
-            yield ("joints" if self.only else "replay",), trouble
+            yield ("only_joints" if self.only_joints else "replay",), trouble
 
     def gives_twists(self, scene: Scene) -> bool:
         """See CommandSource.gives_twists."""
@@ -84,7 +84,21 @@ class ReplayCommands(CommandSource):
         if self.gives_twists(scene):
             return frozenset()
         header = self._csv_header(scene.workspace)
-        return frozenset(self.only or (() if header is None else header.joint_names))
+        return frozenset(self.only_joints or (() if header is None else header.joint_names))
+
+    def holding(self, scene: Scene) -> JointTargets:
+        """See CommandSource.holding: what the first command moves, where it begins, or still."""
+        try:
+            first = self._chosen(next(iter(self._moments(scene.workspace)))[1])
+        except RecordingError:
+            return JointTargets()  # `open` tells it
+        if not isinstance(first, JointTargets):
+            return JointTargets()
+        beginnings = scene.joint_positions
+        return JointTargets(
+            position={name: beginnings[name] for name in first.position if name in beginnings},
+            velocity=dict.fromkeys(first.velocity, 0.0),
+        )
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises RecordingError, and RunError for a log that does not fit into memory."""
@@ -115,12 +129,12 @@ class ReplayCommands(CommandSource):
         return ros_log.read_moments(path, self.replay, self.topic or "", self.type)
 
     def _chosen(self, command: Command) -> Command:
-        if self.only is None or not isinstance(command, JointTargets):
+        if self.only_joints is None or not isinstance(command, JointTargets):
             return command
         return JointTargets(
-            position={name: command.position[name] for name in self.only if name in command.position},
-            velocity={name: command.velocity[name] for name in self.only if name in command.velocity},
-            effort={name: command.effort[name] for name in self.only if name in command.effort},
+            position={name: command.position[name] for name in self.only_joints if name in command.position},
+            velocity={name: command.velocity[name] for name in self.only_joints if name in command.velocity},
+            effort={name: command.effort[name] for name in self.only_joints if name in command.effort},
         )
 
     def _mismatches(self, moments: Sequence[Moment], model: RobotModel) -> Iterator[tuple[str, str]]:
@@ -130,13 +144,17 @@ class ReplayCommands(CommandSource):
             yield str(key), message
         if self.start > (end := moments[-1][0]):
             yield "start", f"it ends before that, {end:g} s after its first message"
-        for name in self.only or ():
+        for name in self.only_joints or ():
             if name not in named:
-                yield "joints", f"it has no joint '{name}'{did_you_mean(name, named)}"
-        for name in self.only or sorted(named):
+                yield "only_joints", f"it has no joint '{name}'{did_you_mean(name, named)}"
+        for name in self.only_joints or sorted(named):
             if (trouble := self._why_not_moved(name, model)) is not None:
-                yield "joints" if self.only else "replay", trouble
+                yield "only_joints" if self.only_joints else "replay", trouble
 
     def _why_not_moved(self, name: str, model: RobotModel) -> str | None:
         trouble = model.why_not_driven(name)
-        return trouble if trouble is None or self.only else f"{trouble}; 'joints' names those of the log that move"
+        return (
+            trouble
+            if trouble is None or self.only_joints
+            else f"{trouble}; 'only_joints' names those of the log that move"
+        )

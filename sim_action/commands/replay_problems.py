@@ -31,7 +31,7 @@ class Replay(Protocol):
         """Of its messages."""
 
     @property
-    def only(self) -> tuple[str, ...] | None:
+    def only_joints(self) -> tuple[str, ...] | None:
         """The joints."""
 
     @property
@@ -50,8 +50,8 @@ def log_problems(spec: Replay, path: Path) -> SpecProblems:
 
 def kind_problems(spec: Replay, *, holds_twists: bool) -> SpecProblems:
     """Keys that do not go with what a log holds."""
-    if holds_twists and spec.only is not None:
-        yield ("joints",), "the log drives the base and names no joints; leave it out"
+    if holds_twists and spec.only_joints is not None:
+        yield ("only_joints",), "the log drives the base and names no joints; leave it out"
     if not holds_twists and spec.timeout is not None:
         yield ("timeout",), "is for twists; this log is of joints, which hold what they were told"
 
@@ -69,9 +69,9 @@ def _csv_problems(spec: Replay, path: Path) -> SpecProblems:
     if spec.start > last:
         yield ("start",), f"the log ends before that, {last:g} s after its first row"
     yield from kind_problems(spec, holds_twists=header.holds_twists)
-    for name in spec.only or ():
+    for name in spec.only_joints or ():
         if not header.holds_twists and name not in header.joint_names:
-            yield ("joints",), f"the log has no joint '{name}'{did_you_mean(name, header.joint_names)}"
+            yield ("only_joints",), f"the log has no joint '{name}'{did_you_mean(name, header.joint_names)}"
 
 
 def _ros_problems(spec: Replay, path: Path) -> SpecProblems:

@@ -141,7 +141,7 @@ def test_units_are_those_of_each_joint() -> None:
 
 def test_it_knows_its_joints_and_needs_no_drive() -> None:
     commands = spec({"at": 1, "position": {"a": 1}, "effort": {"b": 1}}, {"at": 2, "velocity": {"c": 1}})
-    assert commands.joints(scene().model) == {"a", "b", "c"}
+    assert commands.joints(scene()) == {"a", "b", "c"}
     assert not commands.needs_drive
     assert not commands.runs_user_code
 

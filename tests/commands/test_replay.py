@@ -78,19 +78,19 @@ def test_of_a_log_of_many_joints_those_that_are_named_move(tmp_path: Path) -> No
     state = joints((0.0, lambda store: joint_state(store, ["wheel_left_joint", "strange"], velocity=[1.0, 2.0])))
     ros1_bag(tmp_path / "a.bag", state)
     log = {"replay": "a.bag", "topic": "/joint_states"}
-    assert given_at(0.0, tmp_path, **log, joints=("wheel_left_joint",)) == JointTargets(
+    assert given_at(0.0, tmp_path, **log, only_joints=("wheel_left_joint",)) == JointTargets(
         velocity={"wheel_left_joint": 1.0}
     )
-    with pytest.raises(RecordingError, match=r"a\.bag: the model has no moving joint 'strange'.*'joints' names those"):
+    with pytest.raises(RecordingError, match=r"^a\.bag: the model has no moving joint 'strange'.*'only_joints' names"):
         given_at(0.0, tmp_path, **log)
     with pytest.raises(RecordingError, match=r"a\.bag: it has no joint 'wheel_right_joint'; did you mean"):
-        given_at(0.0, tmp_path, **log, joints=("wheel_right_joint",))
+        given_at(0.0, tmp_path, **log, only_joints=("wheel_right_joint",))
 
 
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("joints", ("wheel_left_joint",), "the log drives the base and names no joints"),
+        ("only_joints", ("wheel_left_joint",), "the log drives the base and names no joints"),
         ("start", 2.0, "it ends before that, 1.5 s after its first message"),
         ("topic", "/odom", "it has no topic '/odom'"),
         ("type", bags.JOINTS, "where the scenario says sensor_msgs/msg/JointState"),
@@ -117,15 +117,35 @@ def test_a_bag_leads_to_no_file_outside_of_the_workspace(tmp_path: Path) -> None
         given_at(0.0, inside, replay="monday", topic="/cmd_vel")
 
 
+def test_until_the_first_command_its_joints_are_held_where_they_begin(tmp_path: Path) -> None:
+    (tmp_path / "wheels.csv").write_text("time,position.wheel_left_joint,velocity.wheel_right_joint\n0,1,2\n")
+    bags.csv_file(tmp_path / "base.csv", TWISTS)
+    state = joints((0.0, lambda store: joint_state(store, ["wheel_left_joint"], position=[1.0])))
+    ros1_bag(tmp_path / "a.bag", state)
+    found = scene_in(tmp_path)
+    assert spec(replay="wheels.csv").holding(found) == JointTargets(
+        position={"wheel_left_joint": 0.0}, velocity={"wheel_right_joint": 0.0}
+    )
+    assert spec(replay="a.bag", topic="/joint_states").holding(found) == JointTargets(
+        position={"wheel_left_joint": 0.0}
+    )
+    for log in ({"replay": "base.csv"}, {"replay": "nowhere.csv"}, {"replay": "a.bag", "topic": "/odom"}):
+        assert spec(**log).holding(found) == JointTargets()
+
+
 CSV_PROBLEMS = [
     ({"replay": "b.csv"}, "8:3", "'b.csv' does not exist"),
     ({"replay": "bad.csv"}, "8:3", "bad.csv:3: column 'linear': expected a finite number, found 'fast'"),
     ({"replay": "a.csv", "topic": "/cmd_vel"}, "9:3", "a CSV file has no topics; leave it out"),
     ({"replay": "a.csv", "type": bags.TWIST}, "9:3", "a CSV file has no topics; leave it out"),
     ({"replay": "a.csv", "start": "2 s"}, "9:3", "the log ends before that, 1.5 s after its first row"),
-    ({"replay": "a.csv", "joints": "[wheel_left_joint]"}, "9:3", "names no joints; leave it out"),
+    ({"replay": "a.csv", "only_joints": "[wheel_left_joint]"}, "9:3", "names no joints; leave it out"),
     ({"replay": "wheels.csv", "timeout": "1 s"}, "9:3", "is for twists"),
-    ({"replay": "wheels.csv", "joints": "[wheel_lift_joint]"}, "9:3", "the log has no joint 'wheel_lift_joint'; did"),
+    (
+        {"replay": "wheels.csv", "only_joints": "[wheel_lift_joint]"},
+        "9:3",
+        "the log has no joint 'wheel_lift_joint'",
+    ),
     ({"replay": "strange.csv"}, "8:3", "the model has no moving joint 'wheel_lift_joint'; did you mean"),
 ]
 
@@ -151,8 +171,8 @@ ROS_PROBLEMS = [
     ({"replay": "a%2f.db3", "topic": "/cmd_vel"}, "rename it"),
     ({"replay": "a.bag", "topic": "/cmd_vel", "type": "geometry_msgs/Twist"}, "geometry_msgs/msg/Twist"),
     ({"replay": "a.bag", "topic": "/j", "type": bags.JOINTS, "timeout": 1}, "is for twists"),
-    ({"replay": "a.bag", "topic": "/cmd_vel", "type": bags.TWIST, "joints": "[a]"}, "names no joints"),
-    ({"replay": "a.bag", "topic": "/j", "joints": "[wheel_lift_joint]"}, "the model has no moving joint"),
+    ({"replay": "a.bag", "topic": "/cmd_vel", "type": bags.TWIST, "only_joints": "[a]"}, "names no joints"),
+    ({"replay": "a.bag", "topic": "/j", "only_joints": "[wheel_lift_joint]"}, "the model has no moving joint"),
 ]
 
 
@@ -192,8 +212,8 @@ def test_joints_are_known_of_csv_and_of_what_the_scenario_names(tmp_path: Path) 
     (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
     found = scene_in(tmp_path)
     assert spec(replay="wheels.csv").joints(found) == {"wheel_left_joint", "wheel_right_joint"}
-    assert spec(replay="wheels.csv", joints=("wheel_left_joint",)).joints(found) == {"wheel_left_joint"}
-    assert spec(replay="a.bag", joints=("wheel_left_joint",)).joints(found) == {"wheel_left_joint"}
+    assert spec(replay="wheels.csv", only_joints=("wheel_left_joint",)).joints(found) == {"wheel_left_joint"}
+    assert spec(replay="a.bag", only_joints=("wheel_left_joint",)).joints(found) == {"wheel_left_joint"}
     assert spec(replay="a.bag").joints(found) == frozenset()
     assert spec(replay="nowhere.csv").joints(found) == frozenset()
 
@@ -221,10 +241,10 @@ def test_which_source_cannot_be_opened_is_told(tmp_path: Path) -> None:
     "data",
     [
         {"replay": ""},
-        {"replay": "a.csv", "joints": ()},
+        {"replay": "a.csv", "only_joints": ()},
         {"replay": "a.csv", "start": "-1 s"},
         {"replay": "a.csv", "timeout": 0},
-        {"replay": "a.csv", "only": ("a",)},
+        {"replay": "a.csv", "joints": ("a",)},
     ],
 )
 def test_keys_that_mean_nothing_are_refused(data: dict[str, Any]) -> None:
@@ -233,7 +253,7 @@ def test_keys_that_mean_nothing_are_refused(data: dict[str, Any]) -> None:
 
 
 def test_it_pickles_runs_no_code_and_ticks_at_its_own_rate() -> None:
-    found = spec(replay="a.csv", joints=("a",), rate="50 Hz")
+    found = spec(replay="a.csv", only_joints=("a",), rate="50 Hz")
     assert pickle.loads(pickle.dumps(found)) == found
     assert not found.runs_user_code
     assert found.rate == 50.0
