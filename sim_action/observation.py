@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 from sim_action.geometry import Pose, Twist, Vector3
 from sim_action.readings import Reading
@@ -44,6 +44,51 @@ class Overlap(NamedTuple):
     depth: float
 
 
+class PresentContacts(Sequence[Contact]):
+    """The contacts of one moment, which are read from the engine only if somebody looks at them.
+
+    The engine knows the present alone: before it goes on, it lets those that are still held be read (`settle`).
+    """
+
+    __slots__ = ("__weakref__", "_found", "_read")
+
+    def __init__(self, read: Callable[[], Iterable[Contact]]) -> None:
+        self._read = read
+        self._found: tuple[Contact, ...] | None = None
+
+    def settle(self) -> tuple[Contact, ...]:
+        """What they are, also when the engine has gone on."""
+        if self._found is None:
+            self._found = tuple(self._read())
+        return self._found
+
+    def __len__(self) -> int:
+        return len(self.settle())
+
+    @overload
+    def __getitem__(self, index: int) -> Contact: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Contact, ...]: ...
+    def __getitem__(self, index: int | slice) -> Contact | tuple[Contact, ...]:
+        return self.settle()[index]
+
+    def __iter__(self) -> Iterator[Contact]:
+        return iter(self.settle())
+
+    def __eq__(self, other: object) -> bool:
+        return self.settle() == (other.settle() if isinstance(other, PresentContacts) else other)
+
+    def __hash__(self) -> int:
+        return hash(self.settle())
+
+    def __repr__(self) -> str:
+        return repr(self.settle())
+
+    def __reduce__(self) -> tuple[type[tuple[Contact, ...]], tuple[tuple[Contact, ...]]]:
+        # A copy is not known to the engine, which would go on without letting it be read.
+        return tuple, (self.settle(),)
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
     """The robot at one moment.
@@ -61,5 +106,5 @@ class Observation:
     pose: Pose
     twist: Twist
     joints: Mapping[str, JointState]
-    contacts: tuple[Contact, ...] = ()
+    contacts: Sequence[Contact] = ()
     sensors: Mapping[str, Reading] = field(default_factory=dict)

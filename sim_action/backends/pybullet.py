@@ -16,6 +16,7 @@ import pybullet
 
 from sim_action import geometry
 from sim_action.backends import UNLIMITED_EFFORT
+from sim_action.backends.glance import Glance
 from sim_action.backends.push import wrench
 from sim_action.backends.pybullet_links import link_pose, link_twist
 from sim_action.backends.pybullet_push import apply, pushed
@@ -46,6 +47,7 @@ class PyBulletBackend:
 
     def __init__(self, scene: Scene, *, contacts: bool) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
+        self._glance = Glance()
         try:
             configure(self._client, scene.physics.rate)
             self._ground = add_ground(self._client, scene.world.ground)
@@ -66,6 +68,7 @@ class PyBulletBackend:
 
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """See Backend.advance."""
+        self._glance.settle()
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self._apply(wanted)
@@ -92,7 +95,9 @@ class PyBulletBackend:
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Backend.observe."""
-        time, *row = self._row(step)
+        # After a step, its row is the present.
+        last = self._rows[-1] if self._rows and self._rows[-1][0] == step / self._rate else self._row(step)
+        time, *row = last
         px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = _in_link_frame(row[:13], self._com_in_link)
         joints = len(self._indices)
         states = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
@@ -101,7 +106,7 @@ class PyBulletBackend:
             pose=Pose((px, py, pz), (qx, qy, qz, qw)),
             twist=Twist((vx, vy, vz), (wx, wy, wz)),
             joints=dict(zip(self._joint_names, states, strict=True)),
-            contacts=tuple(self._contacts(step, ground=True)) if contacts else (),
+            contacts=self._glance.at(lambda: self._contacts(step, ground=True)) if contacts else (),
         )
 
     def link_pose(self, link: str) -> Pose:
@@ -130,6 +135,7 @@ class PyBulletBackend:
 
     def close(self) -> None:
         """See Backend.close."""
+        self._glance.settle()
         pybullet.disconnect(self._client)
 
     def _read_joints(self, scene: Scene) -> None:

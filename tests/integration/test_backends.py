@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -89,6 +91,39 @@ def test_a_state_is_that_after_its_step(engine: str, tmp_path: Path) -> None:
     assert now.twist.linear_xyz == tuple(trace.base_linear_xyz[-1])
     moved = np.diff(trace.base_position_xyz[:, 2]) * 240
     assert moved == pytest.approx(trace.base_linear_xyz[1:, 2], abs=1e-9)
+
+
+@pytest.mark.parametrize("base", ["free", "fixed"])
+def test_an_observation_has_the_bits_of_the_trace_whether_it_was_kept_or_is_read_anew(
+    engine: str, base: Literal["free", "fixed"], tmp_path: Path
+) -> None:
+    placed = scene_of(tmp_path, mechanism(), at(z=2, roll=0.3, yaw=-0.7))
+    scene = replace(placed, robot=placed.robot.model_copy(update={"base": base}))
+    with running(engine, scene) as backend:
+        if base == "free":
+            push(backend, (1, 2, 3), (4, 5, 6))
+        backend.advance(0, [JointTargets(velocity={"joint": 2.0}), *[None] * 50])
+        kept = backend.observe(51, contacts=False)
+        trace = backend.collect()
+        anew = backend.observe(51, contacts=False)
+    assert kept == anew
+    row = (*kept.pose.position_xyz, *kept.pose.orientation_xyzw, *kept.twist.linear_xyz, *kept.twist.angular_xyz)
+    joint = kept.joints["joint"]
+    assert (kept.time, *row, *joint) == tuple(trace.state[-1].tolist())
+    assert joint.velocity != 0
+
+
+def test_contacts_that_are_held_are_those_of_their_moment(engine: str, tmp_path: Path) -> None:
+    with running(engine, scene_of(tmp_path, BALL, at())) as backend:
+        backend.advance(0, [None] * 240)
+        held = backend.observe(240, contacts=True)
+        looked_at = tuple(backend.observe(240, contacts=True).contacts)
+        push(backend, (0, 0, 5))
+        backend.advance(240, [None] * 60)
+        assert not backend.observe(300, contacts=True).contacts
+        assert held.contacts == looked_at != ()
+        last = backend.observe(300, contacts=True)
+    assert last.contacts == ()
 
 
 def test_a_ball_rolls_without_loss(engine: str, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from typing import Final
 
 import mujoco
 
+from sim_action.backends.glance import Glance
 from sim_action.backends.mujoco.contacts import Contacts
 from sim_action.backends.mujoco.links import Links
 from sim_action.backends.mujoco.model import Compiled
@@ -24,7 +25,7 @@ from sim_action.backends.mujoco.states import States
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist
-from sim_action.observation import Contact, JointState, Observation, Overlap
+from sim_action.observation import Contact, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 
@@ -59,7 +60,7 @@ class MuJoCoBackend:
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene.model, compiled, self._rate)
         self._pusher = Pusher(compiled, self._rate)
-        self._states = States(compiled, self._rate, self._motors.efforts)
+        self._states = States(compiled, self._joint_names, self._rate, self._motors.efforts)
         self._links = Links(compiled)
         self._objects = Objects(compiled)
         self._contacts = Contacts(compiled)
@@ -67,9 +68,11 @@ class MuJoCoBackend:
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
         self._touches: list[Contact] = []
+        self._glance = Glance()
 
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """See Backend.advance."""
+        self._glance.settle()
         try:
             self._advance(first_step, targets)
         except mujoco.FatalError as error:
@@ -83,16 +86,11 @@ class MuJoCoBackend:
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Backend.observe."""
-        time, px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz, *joints = self._states.now(step).tolist()
-        count = len(self._joint_names)
-        states = map(JointState, joints[:count], joints[count : 2 * count], joints[2 * count :])
-        return Observation(
-            time=time,
-            pose=Pose((px, py, pz), (qx, qy, qz, qw)),
-            twist=Twist((vx, vy, vz), (wx, wy, wz)),
-            joints=dict(zip(self._joint_names, states, strict=True)),
-            contacts=tuple(self._contacts.of_step(time, ground=True)) if contacts else (),
-        )
+        time, pose, twist, joints = self._states.now(step)
+        if not contacts:
+            return Observation(time, pose, twist, joints)
+        touching = self._glance.at(lambda: self._contacts.of_step(time, ground=True))
+        return Observation(time, pose, twist, joints, touching)
 
     def link_pose(self, link: str) -> Pose:
         """See Probe.link_pose."""
@@ -112,6 +110,7 @@ class MuJoCoBackend:
 
     def close(self) -> None:
         """See Backend.close; the engine's memory goes with what holds it."""
+        self._glance.settle()
 
     def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         for row, wanted in zip(self._states.expect(first_step + 1, len(targets)), targets, strict=True):
