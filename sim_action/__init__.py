@@ -1,7 +1,8 @@
 """YAML text -> Scenario -> Simulation(Backend, Commands, Monitors) -> Trace + Verdicts -> Outcome -> Reports.
 
-The names exported here are what a controller script needs: what it is given (`Observation`) and what it may
-return (`Twist`, `JointTargets`). They are imported at first use, so that `sim-action --help` does not wait for them.
+The names exported here are what a controller script needs: what it is given (`RobotDescription`, `Observation`) and
+what it may return (`Twist`, `JointTargets`). They are imported at first use, so that `sim-action --help` does not wait
+for them.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim_action.command import Command, JointTargets
+    from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.geometry import Pose, Twist
     from sim_action.observation import Contact, JointState, Observation
     from sim_action.readings import ContactReading, ImuReading, OdometryReading
@@ -22,11 +24,13 @@ __all__ = [
     "Contact",
     "ContactReading",
     "ImuReading",
+    "JointDescription",
     "JointState",
     "JointTargets",
     "Observation",
     "OdometryReading",
     "Pose",
+    "RobotDescription",
     "Twist",
     "__version__",
 ]
@@ -36,11 +40,13 @@ _HOMES = {
     "Contact": "sim_action.observation",
     "ContactReading": "sim_action.readings",
     "ImuReading": "sim_action.readings",
+    "JointDescription": "sim_action.commands.robot_description",
     "JointState": "sim_action.observation",
     "JointTargets": "sim_action.command",
     "Observation": "sim_action.observation",
     "OdometryReading": "sim_action.readings",
     "Pose": "sim_action.geometry",
+    "RobotDescription": "sim_action.commands.robot_description",
     "Twist": "sim_action.geometry",
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -41,15 +42,18 @@ class Controls:
     """The live half of `Scenario.commands` and of the drive that turns their twists into joint targets."""
 
     def __init__(self, scenario: Scenario, scene: Scene, motion: DriveMotion | None) -> None:
+        """Opens the sources. Raises ScriptError; those that are open are closed then."""
         self._rate = scenario.physics.rate
         self._motion = motion
         self._held = [source.holding(scene) for source in scenario.commands]
         self._twist: Twist | None = None
         self._owners: dict[str, _Source] = {}
-        self._sources = [
-            _Source(index, _opened(index, source, scene), scenario.steps_between_ticks(source.rate))
-            for index, source in enumerate(scenario.commands)
-        ]
+        with ExitStack() as closing:
+            self._sources = [
+                _Source(index, _opened(index, source, scene, closing), scenario.steps_between_ticks(source.rate))
+                for index, source in enumerate(scenario.commands)
+            ]
+            self._closing = closing.pop_all()
 
     @property
     def are_watching(self) -> bool:
@@ -64,6 +68,16 @@ class Controls:
         for held in self._held:
             targets = targets.updated_by(held)
         return targets
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What they have to tell people after the run."""
+        watching = (source.controller for source in self._sources if isinstance(source.controller, ClosedLoop))
+        return tuple(note for controller in watching for note in controller.notes)
+
+    def close(self) -> None:
+        """After the run: ends what sources have started."""
+        self._closing.close()
 
     def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
         """Targets for the steps from here to the next tick, or to step `end`; None: as before. Raises ScriptError."""
@@ -122,11 +136,14 @@ class Controls:
         source.moved.update(joints)
 
 
-def _opened(index: int, source: CommandSource, scene: Scene) -> Controller:
+def _opened(index: int, source: CommandSource, scene: Scene, closing: ExitStack) -> Controller:
     try:
-        return source.open(scene)
+        controller = source.open(scene)
     except RecordingError as error:
         raise BadSource(index, error.key, str(error)) from None
+    if isinstance(controller, ClosedLoop):
+        closing.callback(controller.close)
+    return controller
 
 
 def padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -95,6 +96,10 @@ class _Loop:
         self._step = 0
 
     def run(self, progress: Progress) -> SimulationRun:
+        with closing(self._controls):
+            return self._run(progress)
+
+    def _run(self, progress: Progress) -> SimulationRun:
         self._settle()
         start = self._backend.observe(0, contacts=False)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
@@ -122,7 +127,7 @@ class _Loop:
             travelled=float(trace.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=(*self._notes, *(self._motion.notes if self._motion else ())),
+            notes=(*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes),
         )
 
     def _open_drive(self, drive: Drive | None) -> DriveMotion | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
@@ -17,6 +17,10 @@ from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import Workspace
 
 
+def _nothing() -> None:
+    """What there is to be done after a run by a source that holds nothing."""
+
+
 @dataclass(frozen=True, slots=True)
 class OpenLoop:
     """The live half of a source that looks at the clock alone: from sim time in s to a command."""
@@ -26,14 +30,18 @@ class OpenLoop:
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """The live half of a source that looks at the robot; its contacts are computed for it.
+    """The live half of a source that looks at the robot.
 
     Attributes:
         senses: whether it looks at sensors as well; those that nobody looks at are not read.
+        close: called once, after the run.
+        notes: what it has to tell people after the run.
     """
 
     command: Callable[[Observation], Command | None]
     senses: bool = True
+    close: Callable[[], None] = _nothing
+    notes: Sequence[str] = ()
 
 
 Controller = OpenLoop | ClosedLoop

@@ -1,107 +1,173 @@
-"""A controller in Python: `script: controller.py`, a function from an observation to a command.
-
-The function gets a `sim_action.Observation` and returns a `sim_action.Twist`, `sim_action.JointTargets`, or None to
-leave the last command standing.
-"""
+"""A controller in Python: `script: controller.py`."""
 
 from __future__ import annotations
 
-import ast
+import random
 import runpy
 import sys
 import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, cast
+from typing import Annotated, Any, ClassVar, Final, cast
 
 from pydantic import Field
 
-from sim_action.command import Command, JointTargets, is_finite
+from sim_action.command import Command, JointTargets
 from sim_action.commands import ClosedLoop, CommandSource, Controller
+from sim_action.commands.answers import problem_with
+from sim_action.commands.robot_description import RobotDescription
+from sim_action.commands.saturation import Saturation
+from sim_action.commands.script_file import (
+    CLASS,
+    ScriptProblem,
+    class_problem,
+    controller_name,
+    names_bound_by,
+    read_script,
+)
 from sim_action.errors import ScriptError
-from sim_action.geometry import Twist
 from sim_action.location import Location
-from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
-from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
-_MOST_BYTES: Final = 1_000_000
+_WORD: Final = 2**32 - 1
 
 
 class ScriptCommands(CommandSource):
-    """Asks a Python function of the user's for every command."""
+    """Asks a controller in Python for every command: a function, or a class that keeps state.
+
+    A function `control(observation)` is asked at every tick. A class `Controller` is made once, without arguments; its
+    `reset(robot)`, which it need not have, is called once before the robot moves, and its `step(observation)` at every
+    tick. `function` and `class` name others; for a file that has both a `Controller` and a `control`, they say which.
+
+    Either gets a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
+    `position`, `velocity`, `effort`), `contacts` and `sensors` (by name: the latest reading). It returns a
+    `sim_action.Twist`, `sim_action.JointTargets`, or None to leave the last command standing.
+
+    `reset` gets a `sim_action.RobotDescription`: `name`, `base`, `links`, `joints` (by name: `type`, `moves`, `lower`,
+    `upper`, `max_effort`, `max_velocity`, `mimics`), `rate`, `seed`, and `random`, a generator of numpy's whose numbers
+    follow from the scenario's `seed`. Python's own `random` and numpy's `numpy.random` are seeded from it, too, before
+    the file is loaded: every run draws the same.
+
+    Motors saturate: an effort, a velocity or a `max_effort` beyond the limit that the model states for a joint is cut
+    to it, and noted. Of a position beyond the limits of a joint, the joint reaches its stop.
+
+    The file may import its neighbours. What it prints is kept with the outcome.
+    """
 
     runs_user_code: ClassVar[bool] = True
 
     script: Annotated[str, Field(min_length=1, description="path of the Python file")]
-    function: Annotated[str, Field(min_length=1, description="which function of the file is asked")] = "control"
+    function: Annotated[
+        str | None, Field(min_length=1, description="which function of the file is asked; left out: `control`")
+    ] = None
+    class_name: Annotated[
+        str | None,
+        Field(alias="class", min_length=1, description="which class of the file is asked; left out: `Controller`"),
+    ] = None
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """A file that is not there, is no Python, or has no such function. Reads it; does not run it."""
+        """A file that is not there, is no Python, or has no such controller. Reads it; does not run it."""
+        if self.function is not None and self.class_name is not None:
+            yield ("class",), "leave it out, or 'function': a script has one controller"
+            return
         try:
-            path = workspace.file(self.script)
-            with path.open("rb") as file:
-                source = file.read(_MOST_BYTES + 1)
-            if len(source) > _MOST_BYTES:
-                yield ("script",), f"{self.script}: a script of more than {_MOST_BYTES // 1000} kB is not read"
-                return
-            tree = ast.parse(source, filename=str(path))
+            tree = read_script(workspace.file(self.script))
         except PathError as error:
             yield ("script",), str(error)
         except OSError as error:
             yield ("script",), f"{self.script}: cannot be read: {error.strerror}"
-        except SyntaxError as error:
-            line = "" if error.lineno is None else f":{error.lineno}"
-            yield ("script",), f"{self.script}{line}: not valid Python: {error.msg}"
-        except (ValueError, RecursionError, MemoryError) as error:
-            yield ("script",), f"{self.script}: not valid Python: {error}"
+        except ScriptProblem as error:
+            yield ("script",), f"{self.script}{error}"
         else:
-            names = _names_bound_by(tree)
-            if self.function not in names and "*" not in names:
-                yield (
-                    ("function" if "function" in self.model_fields_set else "script",),
-                    (f"{self.script} defines no function '{self.function}'{did_you_mean(self.function, names)}"),
-                )
+            try:
+                name = controller_name(names_bound_by(tree), self.function, self.class_name)
+            except ScriptProblem as error:
+                yield (self._key,), f"{self.script}{error}"
+                return
+            if self._is_class(name) and (problem := class_problem(tree, name)) is not None:
+                yield (self._key,), f"{self.script}{problem}"
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises ScriptError."""
         path = scene.workspace.file(self.script)
-        where = Location(str(path))
+        _seed_global_generators(scene.seed)
         sys.path.insert(0, str(path.parent))
+        with _told_at(path):
+            names = runpy.run_path(str(path))
+        name, ask = self._found(names, path, scene)
+        return _controller(name, ask, path, scene)
+
+    def _found(self, names: Mapping[str, Any], path: Path, scene: Scene) -> tuple[str, Callable[[Observation], object]]:
+        """What is asked at every tick, and how messages call it. Raises ScriptError."""
+        own = [name for name in names if not name.startswith("__")]
         try:
-            function = runpy.run_path(str(path)).get(self.function)
+            name = controller_name(own, self.function, self.class_name)
+        except ScriptProblem as error:
+            raise ScriptError(f"{path.name}{error}", Location(str(path))) from None
+        found = names[name]
+        if self._is_class(name):
+            return f"{name}.step", self._step_of(name, found, path, scene)
+        if not callable(found):
+            raise ScriptError(f"'{name}' of {path.name} is no function", Location(str(path)))
+        return name, cast("Callable[[Observation], object]", found)
+
+    def _step_of(self, name: str, found: object, path: Path, scene: Scene) -> Callable[[Observation], object]:
+        if not isinstance(found, type):
+            hint = f"; write 'function: {name}'" if callable(found) else ""
+            raise ScriptError(f"'{name}' of {path.name} is no class{hint}", Location(str(path)))
+        robot = RobotDescription.of(scene, self.rate, f"script {self.script} {name}")
+        with _told_at(path):
+            controller = found()
+            if (reset := getattr(controller, "reset", None)) is not None:
+                reset(robot)
+        step = getattr(controller, "step", None)
+        if not callable(step):
+            raise ScriptError(f"class '{name}' of {path.name} has no method 'step'", Location(str(path)))
+        return cast("Callable[[Observation], object]", step)
+
+    def _is_class(self, name: str) -> bool:
+        return self.class_name is not None or (self.function is None and name == CLASS)
+
+    @property
+    def _key(self) -> str:
+        """The key that says which controller it is."""
+        return "function" if self.function is not None else "class" if self.class_name is not None else "script"
+
+
+def _controller(name: str, ask: Callable[[Observation], object], path: Path, scene: Scene) -> ClosedLoop:
+    """Asks, and takes what is a command for an answer."""
+    motors = Saturation(scene.model, path.name)
+
+    def command(observation: Observation) -> Command | None:
+        try:
+            answer = ask(observation)
         except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
             raise _script_error(error, path) from None
-        if not callable(function):
-            raise ScriptError(f"{path.name} defines no function '{self.function}'", where)
+        if problem := problem_with(answer, scene.model):
+            raise ScriptError(f"{name}() returned {problem}", Location(str(path)))
+        return motors.of(answer) if isinstance(answer, JointTargets) else cast("Command | None", answer)
 
-        def command(observation: Observation) -> Command | None:
-            try:
-                answer = function(observation)
-            except BaseException as error:  # noqa: BLE001 - as above
-                raise _script_error(error, path) from None
-            if problem := _problem_with(answer, scene.model):
-                raise ScriptError(f"{self.function}() returned {problem}", where)
-            return cast(Command | None, answer)
-
-        return ClosedLoop(command)
+    return ClosedLoop(command, notes=motors.notes)
 
 
-def _names_bound_by(tree: ast.Module) -> set[str]:
-    """What the module defines, imports or assigns outside its functions and classes, also in an `if` or a `try`."""
-    names, waiting = set(), list[ast.AST](tree.body)
-    while waiting:
-        match node := waiting.pop():
-            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-                names.add(name)
-                continue
-            case ast.alias():
-                names.add(node.asname or node.name)
-            case ast.Name(ctx=ast.Store()):
-                names.add(node.id)
-        waiting += ast.iter_child_nodes(node)
-    return names
+def _seed_global_generators(seed: int) -> None:
+    import numpy as np
+
+    random.seed(seed)
+    # It takes words of 32 bits.
+    np.random.seed([seed & _WORD, seed >> 32])  # noqa: NPY002 - what scripts may use, not what we do
+
+
+@contextmanager
+def _told_at(path: Path) -> Iterator[None]:
+    """Whatever the user's code raises, or exits with, is told with its line."""
+    try:
+        yield
+    except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
+        raise _script_error(error, path) from None
 
 
 def _script_error(error: BaseException, path: Path) -> ScriptError:
@@ -111,28 +177,3 @@ def _script_error(error: BaseException, path: Path) -> ScriptError:
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     what = traceback.format_exception_only(error)[-1].strip()
     return ScriptError(f"the controller raised {what}", Location(str(path), lines[-1] if lines else None))
-
-
-def _problem_with(answer: object, model: RobotModel) -> str | None:
-    if answer is None:
-        return None
-    if not isinstance(answer, (Twist, JointTargets)):
-        return f"a {type(answer).__name__}; it may return a Twist, JointTargets or None"
-    if isinstance(answer, Twist) and not _has_three_each(answer):
-        return f"{answer!r}; a Twist has two vectors of 3 numbers: Twist.planar(linear, angular) makes one"
-    try:
-        finite = is_finite(answer)
-        names = () if isinstance(answer, Twist) else (*answer.names(), *answer.max_effort)
-    except (TypeError, ValueError, AttributeError):
-        return f"{answer!r}, whose values are not numbers"
-    if not finite:
-        return f"{answer!r}, in which not every value is finite"
-    troubles = [trouble for name in names if (trouble := model.why_not_driven(str(name))) is not None]
-    return f"a target that no motor can take: {troubles[0]}" if troubles else None
-
-
-def _has_three_each(twist: Twist) -> bool:
-    try:
-        return len(twist.linear_xyz) == len(twist.angular_xyz) == 3
-    except TypeError:
-        return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -87,11 +88,14 @@ def test_a_name_may_be_bound_in_any_way(text: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("def contrl(seen): ...", "controller.py defines no function 'control'; did you mean 'contrl'?"),
-        ("", "controller.py defines no function 'control' (allowed: none)"),
-        ("def outer():\n    def control(seen): ...", "controller.py defines no function 'control' (allowed: outer)"),
-        ("class A:\n    def control(self): ...", "controller.py defines no function 'control' (allowed: A)"),
-        ("print(control)", "controller.py defines no function 'control' (allowed: none)"),
+        (
+            "def contrl(seen): ...",
+            "controller.py defines no function 'control' and no class 'Controller'; did you mean 'contrl'?",
+        ),
+        ("", "and no class 'Controller' (allowed: none)"),
+        ("def outer():\n    def control(seen): ...", "and no class 'Controller' (allowed: outer)"),
+        ("class A:\n    def control(self): ...", "and no class 'Controller' (allowed: A)"),
+        ("print(control)", "and no class 'Controller' (allowed: none)"),
         ("x = 1\ndef control(:\n", "controller.py:2: not valid Python: "),
         ("def control(seen):\nreturn 1", "controller.py:2: not valid Python: expected an indented block"),
         ("a = '\0'", "controller.py: not valid Python: "),
@@ -176,6 +180,7 @@ def test_a_command_is_a_twist_joint_targets_or_none(body: str, command: object, 
         ("return sim.JointTargets(position={None: 1.0})", "the model has no moving joint 'None'"),
         ("return sim.JointTargets(max_effort={'arm': 1.0})", "the model has no moving joint 'arm'"),
         ("return sim.JointTargets(position={'scan_joint': 1.0})", "the model has no moving joint 'scan_joint'"),
+        ("return sim.JointTargets(max_effort={'wheel_left_joint': -1})", "a max_effort below 0 for joint 'wheel_left_"),
     ],
 )
 def test_any_other_answer_is_an_error_at_the_script(body: str, message: str, tmp_path: Path) -> None:
@@ -215,7 +220,7 @@ def test_an_error_in_a_neighbour_is_told_with_the_line_that_called_it(tmp_path: 
         ("\nimport absent_module\n", "ModuleNotFoundError: No module named 'absent_module'", 2),
         ("import sys\nsys.exit(3)\n", "SystemExit: 3", 2),
         ("x = 1\ndef control(:\n", "SyntaxError: ", 2),
-        ("control = 5\n", "controller.py defines no function 'control'", None),
+        ("control = 5\n", "'control' of controller.py is no function", None),
         ("", "controller.py defines no function 'control'", None),
     ],
 )
@@ -225,6 +230,141 @@ def test_a_script_that_does_not_load_is_an_error(text: str, message: str, line: 
     assert message in str(raised.value)
     assert raised.value.location is not None
     assert raised.value.location.line == line
+
+
+CLASSY = """\
+import random
+import numpy
+from sim_action import Observation, RobotDescription, Twist
+
+class Controller:
+    def reset(self, robot: RobotDescription) -> None:
+        self.robot, self.asked = robot, 0
+        self.drawn = (float(robot.random.random()), random.random(), float(numpy.random.random()))
+
+    def step(self, observation: Observation) -> Twist:
+        self.asked += 1
+        return Twist.planar(self.asked, self.drawn[{}])
+"""
+
+
+def of_class(folder: Path, drawn: int, seed: int = 0) -> list[Command | None]:
+    spec = written(folder, CLASSY.format(drawn))
+    controller = spec.open(replace(scene(), workspace=Workspace(folder, folder), seed=seed))
+    assert isinstance(controller, ClosedLoop)
+    return [controller.command(START) for _ in range(3)]
+
+
+def test_a_class_is_made_once_and_keeps_what_it_remembers(tmp_path: Path) -> None:
+    assert problems(tmp_path, written(tmp_path, CLASSY.format(0))) == []
+    assert [forward_speed(answered) for answered in of_class(tmp_path, 0)] == [1.0, 2.0, 3.0]
+
+
+def forward_speed(answered: Command | None) -> float:
+    assert isinstance(answered, Twist)
+    return answered.linear_xyz[0]
+
+
+@pytest.mark.parametrize("drawn", [0, 1, 2], ids=["robot.random", "random", "numpy.random"])
+def test_random_numbers_follow_from_the_seed(drawn: int, tmp_path: Path) -> None:
+    first, again, other = (of_class(tmp_path, drawn, seed) for seed in (7, 7, 2**40 + 7))
+    assert first == again != other
+
+
+def test_random_numbers_of_a_function_follow_from_the_seed(tmp_path: Path) -> None:
+    text = "import random\nfrom sim_action import Twist\nX = random.random()\n"
+    text += "def control(seen): return Twist.planar(X, random.random())\n"
+    assert opened(tmp_path, text)(START) == opened(tmp_path, text)(START)
+
+
+def test_a_class_need_not_have_a_reset(tmp_path: Path) -> None:
+    assert opened(tmp_path, "class Controller:\n    def step(self, seen): return None\n")(START) is None
+
+
+BOTH = "class Controller:\n    def step(self, seen): return None\ndef control(seen): raise KeyError\n"
+
+
+@pytest.mark.parametrize("text", [BOTH, BOTH + "from neighbour import *\n"])
+def test_of_a_class_and_a_function_the_scenario_says_which(text: str, tmp_path: Path) -> None:
+    ((path, message),) = problems(tmp_path, written(tmp_path, text))
+    assert path == ("script",)
+    assert message == (
+        "controller.py defines both a class 'Controller' and a function 'control'; "
+        "write 'class: Controller' or 'function: control' beside 'script'"
+    )
+
+
+def test_a_key_says_which_of_two_controllers_is_asked(tmp_path: Path) -> None:
+    written(tmp_path, BOTH)
+    here = replace(scene(), workspace=Workspace(tmp_path, tmp_path))
+    by_class = ScriptCommands.model_validate({"script": "controller.py", "class": "Controller"})
+    by_function = ScriptCommands(script="controller.py", function="control")
+    assert problems(tmp_path, by_class) == problems(tmp_path, by_function) == []
+    asked, failing = by_class.open(here), by_function.open(here)
+    assert isinstance(asked, ClosedLoop)
+    assert isinstance(failing, ClosedLoop)
+    assert asked.command(START) is None
+    with pytest.raises(ScriptError, match="KeyError"):
+        failing.command(START)
+
+
+def test_class_and_function_exclude_each_other(tmp_path: Path) -> None:
+    written(tmp_path, BOTH)
+    spec = ScriptCommands.model_validate({"script": "controller.py", "class": "Controller", "function": "control"})
+    assert problems(tmp_path, spec) == [(("class",), "leave it out, or 'function': a script has one controller")]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("class Controller:\n    def stepp(self, seen): ...", "class 'Controller' has no method 'step'; did you mean"),
+        ("class Controler:\n    def step(self, seen): ...", "no class 'Controller'; did you mean 'Controler'?"),
+    ],
+)
+def test_a_class_that_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
+    ((path, found),) = problems(tmp_path, written(tmp_path, text))
+    assert path == ("script",)
+    assert message in found
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from neighbour import Base\nclass Controller(Base): ...",
+        "def made(kind): return kind\n@made\nclass Controller: ...",
+        "class Controller:\n    step = print",
+    ],
+)
+def test_a_step_may_come_from_elsewhere(text: str, tmp_path: Path) -> None:
+    assert problems(tmp_path, written(tmp_path, text)) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "line"),
+    [
+        ("class Controller:\n    def __init__(self, speed): ...", "missing 1 required positional argument", None),
+        ("class Controller:\n    def reset(self, robot):\n        robot.speed", "AttributeError", 3),
+        ("class Controller:\n    reset = None", "class 'Controller' of controller.py has no method 'step'", None),
+        ("Controller = print", "'Controller' of controller.py is no class; write 'function: Controller'", None),
+        ("Controller = 5", "'Controller' of controller.py is no class", None),
+    ],
+)
+def test_a_class_that_cannot_be_asked_is_an_error(text: str, message: str, line: int | None, tmp_path: Path) -> None:
+    with pytest.raises(ScriptError) as raised:
+        opened(tmp_path, text)
+    assert message in str(raised.value)
+    assert raised.value.location is not None
+    assert raised.value.location.line == line
+
+
+def test_a_class_that_raises_or_answers_nonsense_is_told_by_its_name(tmp_path: Path) -> None:
+    text = "class Controller:\n    def step(self, seen): return 5 if seen.time else {}['x']\n"
+    with pytest.raises(ScriptError, match="the controller raised KeyError: 'x'") as raised:
+        opened(tmp_path, text)(START)
+    assert raised.value.location is not None
+    assert raised.value.location.line == 2
+    with pytest.raises(ScriptError, match=r"Controller\.step\(\) returned a int"):
+        opened(tmp_path, text)(replace(START, time=1.0))
 
 
 def test_it_runs_code_of_the_users() -> None:

@@ -1,0 +1,38 @@
+"""What code of the user's answered, held against what a command can be."""
+
+from __future__ import annotations
+
+from sim_action.command import JointTargets, is_finite
+from sim_action.geometry import Twist
+from sim_action.robot_model import RobotModel
+
+
+def problem_with(answer: object, model: RobotModel) -> str | None:
+    """Why an answer is no command for this robot, to be said after "returned"; None if it is one."""
+    if answer is None:
+        return None
+    if not isinstance(answer, (Twist, JointTargets)):
+        return f"a {type(answer).__name__}; it may return a Twist, JointTargets or None"
+    if isinstance(answer, Twist) and not _has_three_each(answer):
+        return f"{answer!r}; a Twist has two vectors of 3 numbers: Twist.planar(linear, angular) makes one"
+    try:
+        if not is_finite(answer):
+            return f"{answer!r}, in which not every value is finite"
+        return None if isinstance(answer, Twist) else _problem_with_targets(answer, model)
+    except (TypeError, ValueError, AttributeError):
+        return f"{answer!r}, whose values are not numbers"
+
+
+def _problem_with_targets(targets: JointTargets, model: RobotModel) -> str | None:
+    for name in (*targets.names(), *targets.max_effort):
+        if (trouble := model.why_not_driven(str(name))) is not None:
+            return f"a target that no motor can take: {trouble}"
+    negative = next((name for name, effort in targets.max_effort.items() if effort < 0), None)
+    return None if negative is None else f"a max_effort below 0 for joint '{negative}'; it is how much, either way"
+
+
+def _has_three_each(twist: Twist) -> bool:
+    try:
+        return len(twist.linear_xyz) == len(twist.angular_xyz) == 3
+    except TypeError:
+        return False

@@ -1,0 +1,61 @@
+"""What motors make of targets beyond their limits: as real ones, they give what they can.
+
+So do Gazebo and the joint limits of ros_control. Physics engines do not: an effort of ten times the limit accelerates
+ten times as much there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from sim_action import units
+from sim_action.command import JointTargets
+from sim_action.robot_model import Reading, RobotModel
+
+
+class Saturation:
+    """Cuts efforts and velocities to the limits that a model states, and notes once for each joint that it did.
+
+    Attributes:
+        notes: for people.
+    """
+
+    def __init__(self, model: RobotModel, who: str) -> None:
+        self.notes: list[str] = []
+        self._who = who
+        self._joints = model.joints_by_name
+        moving = model.moving_joints
+        self._max_effort = {joint.name: joint.max_effort for joint in moving if joint.max_effort is not None}
+        self._max_velocity = {joint.name: joint.max_velocity for joint in moving if joint.max_velocity is not None}
+        self._noted: set[tuple[str, Reading]] = set()
+
+    def of(self, targets: JointTargets) -> JointTargets:
+        """What the motors are told. A position beyond the limits of a joint stays: the joint ends at its stop."""
+        velocity = self._cut(targets.velocity, "velocity", self._max_velocity)
+        effort = self._cut(targets.effort, "effort", self._max_effort)
+        max_effort = self._cut(targets.max_effort, "effort", self._max_effort)
+        if velocity is targets.velocity and effort is targets.effort and max_effort is targets.max_effort:
+            return targets
+        return replace(targets, velocity=velocity, effort=effort, max_effort=max_effort)
+
+    def _cut(self, asked: Mapping[str, float], reading: Reading, limits: Mapping[str, float]) -> Mapping[str, float]:
+        beyond = {name for name, value in asked.items() if abs(value) > limits.get(name, abs(value))}
+        if not beyond:
+            return asked
+        for name in sorted(beyond):
+            self._note(name, reading, asked[name], limits[name])
+        return {
+            name: max(-limits[name], min(limits[name], value)) if name in beyond else value
+            for name, value in asked.items()
+        }
+
+    def _note(self, name: str, reading: Reading, asked: float, limit: float) -> None:
+        if (name, reading) in self._noted:
+            return
+        self._noted.add((name, reading))
+        unit = self._joints[name].dimension(reading).si
+        found, allowed = units.display_apart(abs(asked), limit, unit)
+        self.notes.append(
+            f"{self._who} asked joint '{name}' for {found}; it got {allowed}, its limit in the model ({reading})"
+        )

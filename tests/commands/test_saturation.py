@@ -1,0 +1,71 @@
+"""Motors give what they can."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from sim_action.command import JointTargets
+from sim_action.commands.saturation import Saturation
+from sim_action.robot_model import RobotModel
+from tests.traces import burger
+
+LEFT, RIGHT = "wheel_left_joint", "wheel_right_joint"
+
+
+def limited(max_effort: float | None = 2.0, max_velocity: float | None = 6.0) -> RobotModel:
+    """A burger whose left wheel has limits."""
+    model = burger()
+    joints = (
+        replace(joint, max_effort=max_effort, max_velocity=max_velocity)
+        if joint.name == LEFT
+        else replace(joint, max_effort=None, max_velocity=None)
+        for joint in model.joints
+    )
+    return replace(model, joints=tuple(joints))
+
+
+@pytest.mark.parametrize(
+    "targets",
+    [
+        JointTargets(),
+        JointTargets(velocity={LEFT: 6.0, RIGHT: 1e9}, position={LEFT: 1e9}, effort={RIGHT: -1e9}),
+        JointTargets(effort={LEFT: -2.0}, max_effort={LEFT: 2.0, RIGHT: 1e9}),
+    ],
+)
+def test_what_is_within_limits_stays_as_it_is(targets: JointTargets) -> None:
+    motors = Saturation(limited(), "ctl.py")
+    assert motors.of(targets) is targets
+    assert motors.notes == []
+
+
+@pytest.mark.parametrize(
+    ("targets", "taken"),
+    [
+        (JointTargets(velocity={LEFT: -7.0, RIGHT: 7.0}), JointTargets(velocity={LEFT: -6.0, RIGHT: 7.0})),
+        (JointTargets(effort={LEFT: 2.5}), JointTargets(effort={LEFT: 2.0})),
+        (
+            JointTargets(position={LEFT: 1.0}, max_effort={LEFT: 3.0}),
+            JointTargets(position={LEFT: 1.0}, max_effort={LEFT: 2.0}),
+        ),
+    ],
+)
+def test_what_is_beyond_a_limit_is_cut_to_it(targets: JointTargets, taken: JointTargets) -> None:
+    assert Saturation(limited(), "ctl.py").of(targets) == taken
+
+
+def test_a_joint_is_noted_once_for_each_of_its_limits() -> None:
+    motors = Saturation(limited(), "ctl.py")
+    for effort in (2.5, 50.0):
+        motors.of(JointTargets(effort={LEFT: -effort}))
+    motors.of(JointTargets(velocity={LEFT: 7.0}))
+    assert motors.notes == [
+        "ctl.py asked joint 'wheel_left_joint' for 2.5 N m; it got 2 N m, its limit in the model (effort)",
+        "ctl.py asked joint 'wheel_left_joint' for 401.1 deg/s; it got 343.8 deg/s, its limit in the model (velocity)",
+    ]
+
+
+def test_a_model_without_limits_limits_nothing() -> None:
+    targets = JointTargets(effort={LEFT: 1e9}, velocity={LEFT: 1e9}, max_effort={LEFT: 1e9})
+    assert Saturation(limited(None, None), "ctl.py").of(targets) is targets

@@ -1,0 +1,73 @@
+"""Motors of a script give what the model says that they can, on every engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from sim_action.backends import BACKENDS, installed
+from sim_action.command import JointTargets
+from sim_action.loading import build_scene
+from sim_action.simulation import SimulationRun, simulate
+from tests.scenarios import load
+
+WHEEL: Final = """\
+<robot name="wheel">
+  <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="axle" type="continuous"><parent link="base"/><child link="rim"/><axis xyz="0 0 1"/>
+    <limit effort="2" velocity="3"/></joint>
+  <link name="rim"><inertial><mass value="1"/>
+    <inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+</robot>
+"""
+SCENARIO: Final = """\
+name: n
+robot: {{model: wheel.urdf, base: fixed}}
+physics: {{settle: 0}}
+commands: {{script: ctl.py}}
+expect: [{{joint: {{name: axle, reading: velocity, at_most: 100}}}}]
+time_limit: 1 s
+backend: {engine}
+"""
+
+
+def run(folder: Path, engine: str, targets: str) -> SimulationRun:
+    (folder / "wheel.urdf").write_text(WHEEL)
+    (folder / "ctl.py").write_text(
+        f"from sim_action import JointTargets\ndef control(seen): return JointTargets({targets})\n"
+    )
+    loaded = load(folder, SCENARIO.format(engine=engine))
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_an_effort_beyond_the_limit_turns_a_wheel_as_the_limit_does(engine: str, tmp_path: Path) -> None:
+    most, beyond = (run(tmp_path, engine, f"effort={{'axle': {effort}}}") for effort in (2, 50))
+    # 2 N m turn 0.5 kg m^2 by 4 rad/s in each second.
+    assert beyond.trace.joint_velocity[-1, 0] == pytest.approx(4.0, rel=0.01)
+    assert beyond.digest == most.digest
+    assert any("asked joint 'axle' for 50 N m; it got 2 N m" in note for note in beyond.notes)
+    assert not any("asked joint" in note for note in most.notes)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_velocity_beyond_the_limit_is_the_limit(engine: str, tmp_path: Path) -> None:
+    trace = run(tmp_path, engine, "velocity={'axle': 50}, max_effort={'axle': 1e6}").trace
+    halfway = trace.joint_velocity[len(trace) // 2, 0]
+    # Half a second takes it to 2 rad/s, by its own 2 N m and no more.
+    assert halfway == pytest.approx(2.0, rel=0.02)
+    assert trace.joint_velocity[-1, 0] == pytest.approx(3.0, rel=0.01)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_engines_themselves_would_give_all_that_is_asked(engine: str, tmp_path: Path) -> None:
+    """What saturation is for: without it, ten times the effort is ten times the acceleration."""
+    run(tmp_path, engine, "")
+    backend = BACKENDS.load(engine)(build_scene(load(tmp_path, SCENARIO.format(engine=engine))), contacts=False)
+    backend.advance(0, [JointTargets(effort={"axle": 20.0}), *[None] * 119])
+    reached = backend.observe(120, contacts=False).joints["axle"].velocity
+    backend.close()
+    assert reached == pytest.approx(20.0, rel=0.01)
