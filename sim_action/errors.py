@@ -134,4 +134,8 @@ class SimulationUnstable(RunError):
 
 
 class ScriptError(RunError):
-    """The user's controller raised, or answered something that is not a command."""
+    """The user's controller raised, or answered something that is not a command; `details`: its last words."""
+
+    def __init__(self, message: str, location: Location | None = None, details: str = "") -> None:
+        self.details = details
+        super().__init__(message, location)

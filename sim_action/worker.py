@@ -235,6 +235,7 @@ def _error(
     job: Job, kind: tuple[FailureKind, str], message: str, error: Exception | None = None, details: str = ""
 ) -> Outcome:
     location = getattr(error, "location", None)
+    details = details or getattr(error, "details", "")
     failure = Failure(kind=kind[0], title=kind[1], message=message, location=location, details=details)
     return Outcome(name=job.loaded.scenario.name, file=job.loaded.file, status="error", failures=(failure,))
 

@@ -7,6 +7,7 @@ import pickle
 import pytest
 
 from sim_action.commands import COMMANDS, CommandSource
+from sim_action.commands.process import ProcessCommands
 from sim_action.commands.script import ScriptCommands
 from sim_action.commands.twist import TwistCommands, TwistSegment
 from sim_action.commands.waypoints import Waypoint, WaypointCommands
@@ -14,7 +15,7 @@ from tests.traces import HERE
 
 
 def test_the_table_holds_what_a_scenario_can_say() -> None:
-    assert list(COMMANDS) == ["twist", "waypoints", "joints", "script", "replay"]
+    assert list(COMMANDS) == ["twist", "waypoints", "joints", "script", "process", "replay"]
 
 
 @pytest.mark.parametrize(
@@ -23,6 +24,7 @@ def test_the_table_holds_what_a_scenario_can_say() -> None:
         TwistCommands(twist=(TwistSegment(linear=1.0),)),
         WaypointCommands(waypoints=(Waypoint(x=1.0, y=0.0),)),
         ScriptCommands(script="a.py"),
+        ProcessCommands(process=("node", "a.js")),
     ],
 )
 def test_specs_survive_pickling(spec: CommandSource) -> None:

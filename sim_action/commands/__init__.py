@@ -96,6 +96,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "waypoints": "sim_action.commands.waypoints:WaypointCommands",
         "joints": "sim_action.commands.joints:JointCommands",
         "script": "sim_action.commands.script:ScriptCommands",
+        "process": "sim_action.commands.process:ProcessCommands",
         "replay": "sim_action.commands.replay:ReplayCommands",
     },
 )

@@ -1,0 +1,47 @@
+"""What a program writes on its standard error: passed on as it comes, and its end kept."""
+
+from __future__ import annotations
+
+import os
+import threading
+from contextlib import suppress
+from typing import IO, Final
+
+_MOST_BYTES: Final = 2_000
+_MOST_LINES: Final = 20
+# The last of it may still be on its way when the program is gone, and what that started may hold the pipe, in s.
+_PATIENCE: Final = 1.0
+
+
+class LastWords:
+    """Reads a pipe in a thread of its own until it ends."""
+
+    def __init__(self, pipe: IO[bytes], passed_on_to: int) -> None:
+        self._pipe = pipe
+        self._target = passed_on_to
+        self._end = b""
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def text(self) -> str:
+        """The last lines that were written, after the program is gone."""
+        self._thread.join(_PATIENCE)
+        lines = self._end.decode("utf-8", errors="replace").strip().splitlines()
+        return "\n".join(lines[-_MOST_LINES:])
+
+    def close(self) -> None:
+        """Waits until all is passed on, for a moment."""
+        self._thread.join(_PATIENCE)
+
+    def _listen(self) -> None:
+        with self._pipe as pipe:
+            while said := os.read(pipe.fileno(), 65536):
+                self._end = (self._end + said)[-_MOST_BYTES:]
+                # It must be able to go on, whatever became of the place where its words are kept.
+                with suppress(OSError):
+                    _write_all(self._target, said)
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(descriptor, data) :]

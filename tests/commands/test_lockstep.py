@@ -1,0 +1,191 @@
+"""Real programs at the other end: lines go out and come back, and whatever else happens has its cause told."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from sim_action.commands.lockstep import MOST_BYTES, Lockstep, Patience
+from sim_action.errors import ScriptError
+
+PATIENCE: Final = Patience(30.0, "answer_within")
+SHORT: Final = Patience(0.3, "answer_within")
+
+ECHO: Final = "for line in sys.stdin: print(line.strip().upper(), flush=True)"
+
+
+@contextmanager
+def running(program: str, folder: Path) -> Iterator[Lockstep]:
+    text = f"import os, signal, sys, time\n{program}"
+    lockstep = Lockstep([sys.executable, "-c", text], folder, "ctl")
+    try:
+        yield lockstep
+    finally:
+        lockstep.close()
+
+
+def refusal(program: str, folder: Path, patience: Patience = PATIENCE) -> ScriptError:
+    """What is said of the first question at which it fails."""
+    with running(program, folder) as lockstep, pytest.raises(ScriptError) as raised:
+        ask_often(lockstep, patience)
+    return raised.value
+
+
+def ask_often(lockstep: Lockstep, patience: Patience) -> None:
+    for _ in range(100):
+        lockstep.ask(b"question", patience)
+
+
+def test_each_line_is_answered_by_the_next(tmp_path: Path) -> None:
+    with running(ECHO, tmp_path) as lockstep:
+        assert [lockstep.ask(question, PATIENCE) for question in (b"one", b"two")] == [b"ONE", b"TWO"]
+
+
+def test_it_runs_in_its_folder(tmp_path: Path) -> None:
+    with running("input(); print(os.getcwd(), flush=True)\ninput()", tmp_path) as lockstep:
+        assert lockstep.ask(b"where", PATIENCE) == str(tmp_path).encode()
+
+
+@pytest.mark.parametrize("length", [10, 200_000, MOST_BYTES])
+def test_lines_of_any_length_come_whole(length: int, tmp_path: Path) -> None:
+    with running(ECHO, tmp_path) as lockstep:
+        assert lockstep.ask(b"a" * length, PATIENCE) == b"A" * length
+
+
+def test_a_line_that_comes_in_pieces_is_one_line(tmp_path: Path) -> None:
+    pieces = "for line in sys.stdin:\n    for c in 'abc\\n': sys.stdout.write(c); sys.stdout.flush(); time.sleep(0.02)"
+    with running(pieces, tmp_path) as lockstep:
+        assert [lockstep.ask(b"go", PATIENCE) for _ in range(2)] == [b"abc", b"abc"]
+
+
+@pytest.mark.parametrize(
+    ("program", "why"),
+    [
+        ("sys.exit(3)", "ended by itself, with exit code 3, before the run was over"),
+        ("sys.exit('no such sensor')", "with exit code 1, before the run was over; the last that it said: no such sen"),
+        ("raise KeyError('x')", "with exit code 1, before the run was over; the last that it said: KeyError: 'x'"),
+        ("os.kill(os.getpid(), signal.SIGKILL)", "was ended by SIGKILL"),
+        ("input(); os.kill(os.getpid(), signal.SIGSEGV)", "was ended by SIGSEGV"),
+        ("input(); os.kill(os.getpid(), signal.SIGRTMIN + 1)", "was ended by signal "),
+        ("input(); print('half', end='', flush=True)", "ended by itself, with exit code 0"),
+        ("os.close(1); time.sleep(600)", "closed its standard output, and goes on"),
+        ("input(); print('x' * 1_000_001, flush=True)\ninput()", "answered a line of more than 1 MB"),
+        ("while True: sys.stdout.write('x' * 65536)", "answered a line of more than 1 MB"),
+        ("while True: print('{}')", "wrote a line that nobody had asked for, '{}'; each line"),
+        ("for line in sys.stdin: print('a'); print('b', flush=True)", "wrote a line that nobody had asked for, "),
+    ],
+)
+def test_a_program_that_misbehaves_is_told_with_the_cause(program: str, why: str, tmp_path: Path) -> None:
+    error = refusal(program, tmp_path)
+    assert str(error).startswith("the process 'ctl' ")
+    assert why in str(error)
+
+
+@pytest.mark.parametrize(
+    ("program", "why"),
+    [
+        ("time.sleep(600)", "within 0.3 s of wall time (answer_within); does it flush its output after each line?"),
+        ("out = open(1, 'w')\nfor line in sys.stdin: out.write(line)", "does it flush its output after each line?"),
+        (
+            "input(); print('a', flush=True)\ntime.sleep(600)",
+            "gave no answer within 0.3 s of wall time (answer_within)",
+        ),
+        ("signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: pass", "gave no answer within 0.3 s"),
+    ],
+)
+def test_a_program_that_is_silent_is_not_waited_for(program: str, why: str, tmp_path: Path) -> None:
+    assert why in str(refusal(program, tmp_path, SHORT))
+
+
+def test_a_program_that_never_reads_is_not_waited_for(tmp_path: Path) -> None:
+    with running("time.sleep(600)", tmp_path) as lockstep, pytest.raises(ScriptError, match="gave no answer"):
+        lockstep.ask(b"x" * 10_000_000, SHORT)
+
+
+def test_one_that_has_ended_while_what_it_started_holds_its_output_is_told_so(tmp_path: Path) -> None:
+    child = "if os.fork() == 0: time.sleep(600)\nsys.exit(4)"
+    assert "ended by itself, with exit code 4" in str(refusal(child, tmp_path, Patience(1.0, "answer_within")))
+
+
+def test_last_words_are_its_own_and_not_without_end(tmp_path: Path) -> None:
+    program = "for n in range(10_000): print('line', n, file=sys.stderr)\nsys.exit(1)"
+    error = refusal(program, tmp_path)
+    assert error.details.splitlines() == [f"line {n}" for n in range(9980, 10_000)]
+
+
+def test_what_it_says_on_standard_error_is_passed_on(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with running("print('hello', file=sys.stderr)\n" + ECHO, tmp_path) as lockstep:
+        lockstep.ask(b"x", PATIENCE)
+    assert "hello\n" in capfd.readouterr().err
+
+
+def test_a_program_is_told_the_end_and_may_say_its_farewell(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with running(ECHO + "\nprint('farewell', file=sys.stderr)", tmp_path) as lockstep:
+        lockstep.ask(b"x", PATIENCE)
+    assert "farewell\n" in capfd.readouterr().err
+
+
+def is_there(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return b"\nState:\tZ" not in b"\n" + Path(f"/proc/{process}/status").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "stays",
+    [
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: time.sleep(1)",
+        "os.close(0)\ntime.sleep(600)",
+        "if child: sys.exit()\ntime.sleep(600)",
+    ],
+    ids=["ignores the end", "closes its input", "leaves a child"],
+)
+def test_a_program_that_does_not_leave_is_ended_with_its_group(stays: str, tmp_path: Path) -> None:
+    program = "input(); child = os.fork()\nif child: print(os.getpid(), child, flush=True)"
+    with running(f"{program}\n{stays}", tmp_path) as lockstep:
+        both = list(map(int, lockstep.ask(b"who", PATIENCE).split()))
+        assert is_there(both[1])
+    deadline = time.monotonic() + 10
+    while any(map(is_there, both)) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not any(map(is_there, both))
+
+
+def test_what_it_does_to_its_group_does_not_end_us(tmp_path: Path) -> None:
+    assert "was ended by SIGKILL" in str(refusal("os.kill(0, signal.SIGKILL)", tmp_path))
+
+
+def test_what_it_answers_is_quoted_without_what_acts_on_a_terminal(tmp_path: Path) -> None:
+    with running(ECHO, tmp_path) as lockstep:
+        error = lockstep.refusal(b"\x1b[31m\xff", "is not JSON")
+    assert str(error) == "the process 'ctl' answered '\\x1b[31m\ufffd', which is not JSON"
+
+
+def test_no_thread_is_left_of_it(tmp_path: Path) -> None:
+    before = set(threading.enumerate())
+    with running(ECHO, tmp_path) as lockstep:
+        lockstep.ask(b"x", PATIENCE)
+    deadline = time.monotonic() + 10
+    while not before.issuperset(threading.enumerate()) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert before.issuperset(threading.enumerate())
+
+
+def test_a_program_that_cannot_be_started_is_told(tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    broken.write_bytes(b"\x00\x01 no program")
+    broken.chmod(0o700)
+    with pytest.raises(ScriptError, match=r"'ctl' cannot be started: Exec format error; does its first line name"):
+        Lockstep([str(broken)], tmp_path, "ctl")
+    with pytest.raises(ScriptError, match=r"'x{57}\.\.\.' cannot be started: No such file"):
+        Lockstep([str(tmp_path / "absent")], tmp_path, "x" * 100)

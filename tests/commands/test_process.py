@@ -1,0 +1,184 @@
+"""Programs as command sources: what is read of them, and what is said to and by a real one."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.command import JointTargets
+from sim_action.commands import ClosedLoop
+from sim_action.commands.process import ProcessCommands
+from sim_action.errors import ScriptError
+from sim_action.geometry import Twist
+from sim_action.workspace import Workspace
+from tests.scenarios import LEAST, load, told
+from tests.traces import START, scene
+
+COMMANDS = "  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
+
+ANSWERS = """\
+import json, sys
+heard = []
+for line in sys.stdin:
+    heard.append(json.loads(line))
+    print({}, flush=True)
+"""
+
+
+def spec(folder: Path, program: str, **more: Any) -> ProcessCommands:
+    (folder / "ctl.py").write_text(program)
+    return ProcessCommands(process=(sys.executable.rpartition("/")[2], "ctl.py"), **more)
+
+
+@contextmanager
+def opened(folder: Path, program: str, **more: Any) -> Iterator[ClosedLoop]:
+    controller = spec(folder, program, **more).open(replace(scene(), workspace=Workspace(folder, folder), seed=9))
+    assert isinstance(controller, ClosedLoop)
+    try:
+        yield controller
+    finally:
+        controller.close()
+
+
+def answering(answer: str) -> str:
+    """A program that answers the first line with {}, and all others so."""
+    return ANSWERS.format(f"'{{}}' if len(heard) == 1 else {answer!r}")
+
+
+def refusal(folder: Path, answer: str) -> str:
+    with opened(folder, answering(answer)) as controller, pytest.raises(ScriptError) as raised:
+        controller.command(START)
+    return str(raised.value).partition("ctl.py' ")[2]
+
+
+@pytest.fixture(autouse=True)
+def python_is_on_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", sys.executable.rpartition("/")[0], prepend=":")
+
+
+@pytest.mark.parametrize(
+    ("answer", "command"),
+    [
+        ("{}", None),
+        ("null", None),
+        ('{"twist": {"linear": 0.2}}', Twist.planar(0.2)),
+        ('{"velocity": {"wheel_left_joint": 3}}', JointTargets(velocity={"wheel_left_joint": 3.0})),
+    ],
+)
+def test_an_answer_is_a_command(answer: str, command: object, tmp_path: Path) -> None:
+    with opened(tmp_path, answering(answer)) as controller:
+        assert controller.command(START) == controller.command(START) == command
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        ("forward", "answered 'forward', which is not JSON: Expecting value (column 1)"),
+        ('{"twist": {"linear": NaN}}', "which has NaN, which is no number that a motor can be given"),
+        ('{"velocity": {"wheel_lft_joint": 1}}', "no moving joint 'wheel_lft_joint'; did you mean 'wheel_left_joint'?"),
+        ('{"max_effort": {"wheel_left_joint": -1}}', "a max_effort below 0 for joint 'wheel_left_joint'"),
+    ],
+)
+def test_any_other_answer_is_an_error_that_quotes_it(answer: str, why: str, tmp_path: Path) -> None:
+    assert why in refusal(tmp_path, answer)
+
+
+def test_it_hears_of_its_robot_and_then_what_there_is_to_see(tmp_path: Path) -> None:
+    with opened(tmp_path, ANSWERS.format("json.dumps({}) if len(heard) < 3 else json.dumps(heard)"), rate=20) as found:
+        assert found.command(START) is None
+        with pytest.raises(ScriptError, match="the answer is a list of 3"):
+            found.command(START)
+    keep = "if len(heard) == 3: json.dump(heard, open('heard.json', 'w'))"
+    program = ANSWERS.replace("    print", f"    {keep}\n    print").format("'null'")
+    with opened(tmp_path, program, rate=20) as controller:
+        controller.command(START)
+        controller.command(replace(START, time=0.05))
+    reset, first, second = json.loads((tmp_path / "heard.json").read_text())
+    assert (reset["type"], reset["version"], reset["rate"], reset["seed"]) == ("reset", 1, 20.0, 9)
+    assert reset["robot"]["joints"]["wheel_left_joint"]["moves"]
+    assert (first["type"], first["time"], second["time"]) == ("step", 0.0, 0.05)
+    assert first.keys() == {"type", "time", "pose", "twist", "joints", "contacts", "sensors"}
+
+
+def test_the_first_line_is_no_time_for_commands(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ScriptError, match=r"reset is answered by \{\}"),
+        opened(tmp_path, ANSWERS.format("""'{"twist": {}}'""")),
+    ):
+        pass
+
+
+def test_a_start_has_a_limit_of_its_own(tmp_path: Path) -> None:
+    slow = "import time; time.sleep(600)"
+    with (
+        pytest.raises(ScriptError, match=r"within 0\.2 s of wall time \(start_within\)"),
+        opened(tmp_path, slow, start_within=0.2),
+    ):
+        pass
+
+
+def test_a_state_that_is_no_longer_finite_is_not_told(tmp_path: Path) -> None:
+    with opened(tmp_path, answering("{}")) as controller, pytest.raises(ScriptError, match="no longer finite"):
+        controller.command(replace(START, time=float("nan")))
+
+
+def test_motors_saturate_and_that_is_noted(tmp_path: Path) -> None:
+    there = scene()
+    joints = tuple(replace(joint, max_effort=2.0) for joint in there.model.joints)
+    limited = replace(there, model=replace(there.model, joints=joints), workspace=Workspace(tmp_path, tmp_path))
+    controller = spec(tmp_path, answering('{"effort": {"wheel_left_joint": 9}}')).open(limited)
+    assert isinstance(controller, ClosedLoop)
+    assert controller.command(START) == JointTargets(effort={"wheel_left_joint": 2.0})
+    controller.close()
+    (note,) = controller.notes
+    assert "asked joint 'wheel_left_joint' for 9 N m; it got 2 N m" in note
+
+
+def test_text_is_split_as_a_shell_would_and_a_list_is_not() -> None:
+    assert ProcessCommands.model_validate({"process": "node 'my controller.js' --fast"}).process == (
+        "node",
+        "my controller.js",
+        "--fast",
+    )
+    assert ProcessCommands(process=("node", "my controller.js")).process == ("node", "my controller.js")
+
+
+@pytest.mark.parametrize(
+    ("entry", "problem"),
+    [
+        ("no-such-program x", "5:3: commands.process: no program 'no-such-program' is on PATH"),
+        ("[no-such-program, x]", "5:3: commands.process: no program 'no-such-program' is on PATH"),
+        ("./absent", "'./absent' does not exist (looked for "),
+        ("'\"open'", "cannot be split into words: No closing quotation"),
+        ("''", "must not be empty"),
+        ("[]", "must not be empty"),
+        ("[sleep, 3]", "expected text, found 3; put it in quotes"),
+        ("{a: b}", "expected a list, found a map of keys"),
+        ('["a\\0b"]', "a NUL cannot be part of a command"),
+        ("sh\n  answer_within: 0", "6:3: commands.answer_within: must be greater than 0, found 0"),
+        ("sh\n  answer: 3", "unknown key; did you mean 'answer_within'?"),
+    ],
+)
+def test_what_cannot_work_is_told_on_its_line(entry: str, problem: str, tmp_path: Path) -> None:
+    text = LEAST.replace(COMMANDS, f"  process: {entry}\n")
+    (found,) = told(tmp_path, text)
+    assert problem in found
+
+
+def test_a_program_that_is_there_is_not_run_by_loading(tmp_path: Path) -> None:
+    loaded = load(tmp_path, LEAST.replace(COMMANDS, "  process: [sh, -c, 'touch ran']\n"))
+    assert loaded.scenario.runs_user_code
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_program_that_has_gone_since_is_an_error(tmp_path: Path) -> None:
+    gone = ProcessCommands(process=("./gone",))
+    with pytest.raises(ScriptError, match=r"'\./gone' does not exist"):
+        gone.open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))

@@ -1,0 +1,340 @@
+"""Controllers that are programs: real ones, in several languages, good and bad, in whole runs of the command line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from sim_action.backends import installed
+from sim_action.outcome import Outcome, Results
+from tests.integration.other_systems import System, variables_of
+
+ROOT: Final = Path(__file__).parents[2]
+
+SCENARIO: Final = """\
+name: {name}
+robot: {{model: turtlebot3_burger}}
+world: {{objects: [{{name: wall, box: [0.1, 2.0, 0.5], pose: {{x: 1.5}}}}]}}
+commands: {{{source}, rate: 20 Hz}}
+expect: [{{reach: {{x: 1.0, y: 0, tolerance: 5 cm}}}}, no_collision]
+duration: 6 s
+time_limit: 6 s
+"""
+
+FUNCTION: Final = """\
+from sim_action import Twist
+
+def control(observation):
+    x, _, _ = observation.pose.position_xyz
+    return Twist.planar(max(0.0, min(0.5, 1.0 - x)), 0.001 * observation.joints["wheel_left_joint"].velocity / 3.0)
+"""
+CLASS: Final = """\
+from sim_action import Twist
+
+class Controller:
+    def reset(self, robot):
+        self.wheel = next(name for name, joint in robot.joints.items() if joint.moves)
+
+    def step(self, observation):
+        x, _, _ = observation.pose.position_xyz
+        return Twist.planar(max(0.0, min(0.5, 1.0 - x)), 0.001 * observation.joints[self.wheel].velocity / 3.0)
+"""
+PYTHON: Final = """\
+import json, sys
+
+for line in sys.stdin:
+    seen, answer = json.loads(line), {}
+    if seen["type"] == "step":
+        left = max(0.0, min(0.5, 1.0 - seen["pose"]["position_xyz"][0]))
+        answer = {"twist": {"linear": left, "angular": 0.001 * seen["joints"]["wheel_left_joint"]["velocity"] / 3.0}}
+    print(json.dumps(answer), flush=True)
+"""
+NODE: Final = """\
+require("readline").createInterface({input: process.stdin}).on("line", line => {
+  const seen = JSON.parse(line);
+  let answer = {};
+  if (seen.type === "step") {
+    const linear = Math.max(0, Math.min(0.5, 1 - seen.pose.position_xyz[0]));
+    answer = {twist: {linear, angular: 0.001 * seen.joints.wheel_left_joint.velocity / 3}};
+  }
+  console.log(JSON.stringify(answer));
+});
+"""
+PERL: Final = """\
+$| = 1;
+while (<STDIN>) {
+  if (/"type":"step"/) {
+    my ($x) = /"position_xyz":\\[([^,]+)/;
+    my ($velocity) = /"wheel_left_joint":\\{"position":[^,]+,"velocity":([^,]+)/;
+    my $linear = 1 - $x;
+    $linear = 0.5 if $linear > 0.5;
+    $linear = 0 if $linear < 0;
+    printf "{\\"twist\\": {\\"linear\\": %.17g, \\"angular\\": %.17g}}\\n", $linear, 0.001 * $velocity / 3;
+  } else {
+    print "{}\\n";
+  }
+}
+"""
+LANGUAGES: Final = {
+    name: (f"[{name}, ctl{ending}]", ending, text)
+    for name, ending, text in (("node", ".js", NODE), ("perl", ".pl", PERL))
+    if shutil.which(name)
+}
+"""Those that there are on this machine, beside Python."""
+
+
+def write(folder: Path, name: str, source: str, more: str = "") -> None:
+    (folder / f"{name}.sim.yml").write_text(SCENARIO.format(name=name, source=source) + more)
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Of a call whose processes can be told from all others; `python` is the one of these tests."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    path = os.pathsep.join((str(Path(sys.executable).parent), kept.get("PATH", "")))
+    return {**kept, "PATH": path, "PYTHONPATH": str(ROOT), "MARK": str(folder)}
+
+
+def run(folder: Path, *options: str, variables: dict[str, str] | None = None) -> dict[str, Outcome]:
+    subprocess.run(
+        [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "2", *options],
+        cwd=folder,
+        env=variables or environment(folder),
+        capture_output=True,
+        timeout=120,
+        check=False,
+    )
+    return {outcome.name: outcome for outcome in Results.read(folder / "sim-results/results.json").outcomes}
+
+
+def processes_of(folder: Path) -> list[int]:
+    """Processes that were born of a call in this folder."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                    found.append(int(entry.name))
+            except OSError:
+                continue
+    return found
+
+
+def test_there_is_another_language_than_python() -> None:
+    assert LANGUAGES, "install perl, or node"
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_the_same_controller_gives_the_same_run_whatever_it_is_written_in(tmp_path: Path, engine: str) -> None:
+    (tmp_path / "function.py").write_text(FUNCTION)
+    (tmp_path / "class.py").write_text(CLASS)
+    (tmp_path / "ctl.py").write_text(PYTHON)
+    for name in ("function", "class"):
+        write(tmp_path, name, f"script: {name}.py")
+    write(tmp_path, "python", "process: python ctl.py")
+    for name, (command, ending, text) in LANGUAGES.items():
+        (tmp_path / f"ctl{ending}").write_text(text)
+        write(tmp_path, name, f"process: {command}")
+    outcomes = run(tmp_path, "--backend", engine)
+    assert outcomes.keys() == {"function", "class", "python", *LANGUAGES}
+    assert {outcome.status for outcome in outcomes.values()} == {"passed"}, outcomes
+    assert len({outcome.digest for outcome in outcomes.values()}) == 1
+    assert processes_of(tmp_path) == []
+
+
+def test_how_long_answers_take_changes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(PYTHON)
+    (tmp_path / "slow.py").write_text(
+        PYTHON.replace("    print", "    time.sleep(random.random() / 50)\n    print").replace(
+            "json,", "json, random, time,"
+        )
+    )
+    write(tmp_path, "quick", "process: python ctl.py")
+    write(tmp_path, "slow", "process: python slow.py")
+    outcomes = run(tmp_path)
+    assert outcomes["quick"].status == "passed"
+    assert outcomes["quick"].digest == outcomes["slow"].digest
+
+
+HEAD: Final = """\
+import json, os, signal, subprocess, sys, time
+def answers(count):
+    for _ in range(count):
+        sys.stdin.readline()
+        print("{}", flush=True)
+answers(3)
+"""
+LEAVE: Final = "if os.fork() == 0:\n    os.setsid()\n    os.fork()\n    time.sleep(600)\n"
+
+# Name -> what it does after three answers, the kind of the failure, and its cause.
+BAD: Final = {
+    "too slow": ("time.sleep(600)", "script", "gave no answer within 1 s of wall time (answer_within)"),
+    "raises": (
+        "print('hm', file=sys.stderr); {}['speed']",
+        "script",
+        "exit code 1, before the run was over; the last that it said: KeyError: 'speed'",
+    ),
+    "a gigabyte on stdout": ("while True: sys.stdout.write('x' * 65536)", "script", "a line of more than 1 MB"),
+    "a gigabyte of lines": ("while True: print('{}')", "script", "wrote a line that nobody had asked for, '{}'"),
+    "a gigabyte on stderr": (
+        "while True: sys.stderr.write('x' * 65536)",
+        "crash",
+        "more than 1 MB were printed (output_limit)",
+    ),
+    "nonsense": (
+        "sys.stdin.readline(); print('forward', flush=True)\nanswers(900)",
+        "script",
+        "answered 'forward', which is not JSON",
+    ),
+    "not a number": (
+        "sys.stdin.readline(); print(json.dumps({'twist': {'linear': float('nan')}}), flush=True)\nanswers(900)",
+        "script",
+        "which has NaN, which is no number that a motor can be given",
+    ),
+    "unknown joint": (
+        "sys.stdin.readline(); print(json.dumps({'velocity': {'wheel_lft_joint': 1}}), flush=True)\nanswers(900)",
+        "script",
+        "no moving joint 'wheel_lft_joint'; did you mean 'wheel_left_joint'?",
+    ),
+    "exits early": ("sys.exit(0)", "script", "ended by itself, with exit code 0, before the run was over"),
+    "killed": ("os.kill(os.getpid(), signal.SIGSEGV)", "script", "was ended by SIGSEGV"),
+    "kills its group": ("os.kill(0, signal.SIGKILL)", "script", "was ended by SIGKILL"),
+    "kills its parent": ("os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(600)", "crash", "ended by SIGKILL"),
+    "leaves children": (LEAVE + "sys.exit(7)", "script", "ended by itself, with exit code 7"),
+    "ignores SIGTERM": (
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: time.sleep(1)",
+        "script",
+        "gave no answer within 1 s of wall time (answer_within)",
+    ),
+    "closes stdout": ("os.close(1)\ntime.sleep(600)", "script", "closed its standard output, and goes on"),
+    "stops": ("os.kill(os.getpid(), signal.SIGSTOP)", "script", "gave no answer within 1 s"),
+}
+NEVER_READS: Final = "import time\ntime.sleep(600)\n"
+
+
+def write_bad(folder: Path, name: str, text: str) -> None:
+    stem = name.replace(" ", "_")
+    (folder / f"{stem}.py").write_text(text)
+    limits = "start_within: 5 s, answer_within: 1 s"
+    write(folder, name, f"process: [python, {stem}.py], {limits}", "output_limit: 1 MB\n")
+
+
+def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(PYTHON)
+    write(tmp_path, "0 good", "process: python ctl.py")
+    write(tmp_path, "z good", "process: python ctl.py")
+    for name, (body, _, _) in BAD.items():
+        write_bad(tmp_path, name, HEAD + body + "\n")
+    write_bad(tmp_path, "never reads", NEVER_READS)
+    outcomes = run(tmp_path)
+    # Asked at once: the call itself must have waited for all of them.
+    assert processes_of(tmp_path) == []
+    assert outcomes.keys() == {*BAD, "0 good", "z good", "never reads"}
+    assert (outcomes["0 good"].status, outcomes["z good"].status) == ("passed", "passed")
+    for name, (_, kind, cause) in BAD.items():
+        (failure,) = outcomes[name].failures
+        assert (name, failure.kind) == (name, kind), failure
+        assert cause in failure.message
+    (failure,) = outcomes["never reads"].failures
+    assert "gave no answer within 5 s of wall time (start_within); does it flush its output" in failure.message
+    assert "KeyError: 'speed'" in outcomes["raises"].failures[0].details
+    assert outcomes["raises"].output.startswith("hm\n")
+    assert len(outcomes["a gigabyte on stderr"].output) < 100_000
+    assert outcomes["leaves children"].status == "error"
+
+
+def test_what_a_program_leaves_behind_is_ended_and_costs_no_verdict(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(PYTHON.replace("import json, sys\n", f"import json, os, sys, time\n{LEAVE}"))
+    write(tmp_path, "untidy", "process: python ctl.py")
+    outcomes = run(tmp_path)
+    assert processes_of(tmp_path) == []
+    assert outcomes["untidy"].status == "passed"
+    assert any("that its script had left behind" in note for note in outcomes["untidy"].notes)
+
+
+def test_a_program_that_stays_after_the_end_is_ended_and_costs_no_verdict(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(
+        PYTHON.replace("import json, sys\n", "import json, sys, time\n") + "time.sleep(600)\n"
+    )
+    write(tmp_path, "stays", "process: python ctl.py")
+    outcomes = run(tmp_path)
+    assert processes_of(tmp_path) == []
+    assert outcomes["stays"].status == "passed"
+
+
+def test_a_call_that_is_killed_outright_leaves_no_program(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text("import signal, time\nsignal.signal(15, signal.SIG_IGN)\ntime.sleep(600)\n")
+    write(tmp_path, "waits", "process: python ctl.py, start_within: 600 s")
+    call = subprocess.Popen(
+        [sys.executable, "-m", "sim_action", "run", "."],
+        cwd=tmp_path,
+        env=environment(tmp_path),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    # The call, the supervisor, the scenario, and its program.
+    wait_for(4, tmp_path)
+    call.kill()
+    call.wait(30)
+    wait_for(0, tmp_path)
+
+
+def wait_for(count: int, folder: Path) -> None:
+    deadline = time.monotonic() + 30
+    while len(processes_of(folder)) != count and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert len(processes_of(folder)) == count
+
+
+def test_programs_are_refused_where_scripts_are(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(PYTHON)
+    write(tmp_path, "refused", "process: python ctl.py")
+    outcomes = run(tmp_path, "--allow-scripts", "false")
+    (failure,) = next(iter(outcomes.values())).failures
+    assert "scripts are not allowed to run here" in failure.message
+
+
+SEEN: Final = "import os\nopen('seen', 'w').write(os.environ.get('GITHUB_TOKEN', 'none'))\n"
+
+
+def test_a_program_sees_no_tokens(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(SEEN + PYTHON)
+    write(tmp_path, "curious", "process: python ctl.py")
+    run(tmp_path, variables={**environment(tmp_path), "GITHUB_TOKEN": "secret"})
+    assert (tmp_path / "seen").read_text() == "none"
+
+
+@pytest.mark.parametrize("system", ["darwin", "win32"])
+def test_programs_run_as_on_linux_where_python_has_what_it_has_on_other_systems(tmp_path: Path, system: System) -> None:
+    (tmp_path / "ctl.py").write_text(PYTHON)
+    write(tmp_path, "good", "process: python ctl.py")
+    for name in ("too slow", "raises", "a gigabyte of lines", "a gigabyte on stderr", "killed"):
+        write_bad(tmp_path, name, HEAD + BAD[name][0] + "\n")
+    variables = {**environment(tmp_path), **variables_of(system, tmp_path), "MARK": str(tmp_path)}
+    path = os.pathsep.join((str(plain_python(tmp_path)), variables["PATH"]))
+    outcomes = run(tmp_path, "--backend", "mujoco", variables={**variables, "PATH": path, "PATHEXT": ".exe"})
+    wait_for(0, tmp_path)
+    assert outcomes["good"].status == "passed", outcomes["good"]
+    for name in ("too slow", "raises", "a gigabyte of lines", "a gigabyte on stderr"):
+        (failure,) = outcomes[name].failures
+        assert BAD[name][2] in failure.message
+    assert outcomes["killed"].status == "error"
+    here = run(tmp_path, "--backend", "mujoco", "--output-dir", "sim-results")
+    assert here["good"].digest == outcomes["good"].digest
+
+
+def plain_python(folder: Path) -> Path:
+    """A folder with a `python` that is like none but this machine's, whatever PYTHONPATH says."""
+    (folder / "bin").mkdir()
+    # On Windows, the names of programs end so.
+    for name in ("python", "python.exe"):
+        program = folder / "bin" / name
+        program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -I "$@"\n')
+        program.chmod(0o700)
+    return folder / "bin"
