@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.engines import PACKAGES, SideBySide, engines
+from bench.script_cost import script_costs
 
 ROOT = Path(__file__).resolve().parent.parent
 RAW = ROOT / "bench/raw_loop.py"
@@ -152,6 +153,12 @@ def _model_cost() -> tuple[float, ...]:
     return tuple(map(float, ran.stdout.splitlines()[-1].split()))
 
 
+def scripts() -> Iterator[Ratio]:
+    """A controller in Python that is asked at 50 Hz, against the same twists without one; the loop alone."""
+    for cost in script_costs():
+        yield Ratio(f"a script at 50 Hz, against twists, {cost.engine}", cost.by_script, cost.by_twists, 1.15)
+
+
 def side_by_side(folder: Path) -> Iterator[SideBySide]:
     """Both engines."""
     suite = str(write_suite(folder / "both", 1))
@@ -166,7 +173,7 @@ def main() -> None:
         folder = Path(name)
         ratios = []
         single = (measure(folder) for measure in (whole_process, further_scenario, parallel))
-        for ratio in itertools.chain(start_up(folder), models(), single):
+        for ratio in itertools.chain(start_up(folder), models(), single, scripts()):
             print(ratio, flush=True)
             ratios.append(ratio)
         print("\nboth engines, for orientation:")
