@@ -42,7 +42,7 @@ format: $(VENV)/.dev
 	$(BIN)/ruff format .
 
 docs: $(VENV)/.dev ## what is generated from the code: the README's tables, the schema
-	$(BIN)/python docs/generate.py
+	$(BIN)/python -m docs.generate
 
 robots: $(VENV)/.dev ## the table of docs/robots.md, measured anew
 	$(BIN)/python -m docs.robots

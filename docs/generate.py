@@ -1,4 +1,7 @@
-"""Writes what is made from the code: the README's tables and the JSON Schemas. `--check` only says what is stale."""
+"""Writes what is made from the code: parts of the README and of docs/scenario.md, the JSON Schemas.
+
+`--check` only says what is stale.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +14,24 @@ from typing import Any
 
 import yaml
 
-from sim_action import catalogue
+from docs.reference import KEYS, attributes, keys, sections, table
+from sim_action import catalogue, readings
 from sim_action.catalogue import Entry, FieldEntry
+from sim_action.command import JointTargets
+from sim_action.commands import COMMANDS
+from sim_action.drives import DRIVES
 from sim_action.errors import ExitCode
+from sim_action.geometry import Pose, Twist
 from sim_action.models.findings import RULES
+from sim_action.observation import Contact, JointState, Observation
 from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import results_schema, scenario_schema, schema_text
-from sim_action.sensors.mounting import Mounting, SensorPose
+from sim_action.sensors import SENSORS
+from sim_action.sensors.mounting import Mounting
 from sim_action.world import Body, Ground, Physics, Placement, Robot
 
 ROOT = Path(__file__).resolve().parent.parent
-README = ROOT / "README.md"
+PAGES = (ROOT / "README.md", ROOT / "docs/scenario.md")
 SCHEMAS = {"docs/scenario.schema.json": scenario_schema, "docs/results.schema.json": results_schema}
 BLOCK = re.compile(r"(<!-- generated: ([a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -35,13 +45,7 @@ EXIT_CODES = {
 }
 
 
-def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    """A Markdown table."""
-    lines = [head, tuple("---" for _ in head), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
-
-
-def _keys(fields: Iterable[FieldEntry]) -> str:
+def _keys_in_a_cell(fields: Iterable[FieldEntry]) -> str:
     return "<br>".join(
         f"`{field.name}`: {field.takes}"
         + (f" [{field.default}]" if field.default else "")
@@ -51,7 +55,7 @@ def _keys(fields: Iterable[FieldEntry]) -> str:
 
 
 def _entries(entries: Iterable[Entry], kind: str) -> str:
-    rows = ((f"`{entry.name}`", entry.summary, _keys(entry.fields)) for entry in entries)
+    rows = ((f"`{entry.name}`", entry.summary, _keys_in_a_cell(entry.fields)) for entry in entries)
     return table((kind, "what it is", "keys: what they take [default]"), rows)
 
 
@@ -63,8 +67,6 @@ def _scenario_keys() -> str:
         ("world.ground.", Ground),
         ("world.objects[].", Body),
         ("physics.", Physics),
-        ("sensors[].", Mounting),
-        ("sensors[].pose.", SensorPose),
         ("expect[].", ExpectationOptions),
         ("trace.", TraceSettings),
     )
@@ -74,7 +76,7 @@ def _scenario_keys() -> str:
         for field in catalogue.fields(model)
         if field.name not in ("robot", "world", "physics", "commands", "sensors", "expect", "trace", "pose")
     )
-    return table(("key", "takes", "default", "meaning"), rows)
+    return table(KEYS, rows)
 
 
 def _inputs(action: str) -> str:
@@ -121,6 +123,12 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "assertions": lambda: _entries(catalogue.assertions(), "assertion"),
     "commands": lambda: _entries(catalogue.commands(), "command"),
     "sensors": lambda: _entries(catalogue.sensors(), "sensor"),
+    "drive-sections": lambda: sections("drives", DRIVES),
+    "command-sections": lambda: sections("commands", COMMANDS),
+    "sensor-sections": lambda: sections("sensors", SENSORS),
+    "sensor-keys": lambda: table(KEYS, keys(Mounting)),
+    "controller-types": lambda: attributes(Observation, Pose, Twist, JointState, Contact, JointTargets),
+    "readings": lambda: attributes(readings.ContactReading),
     "drives": lambda: _entries(catalogue.drives(), "drive"),
     "models": lambda: table(("robot", "what it is"), ((f"`{e.name}`", e.summary) for e in catalogue.models())),
     "scenario-keys": _scenario_keys,
@@ -137,8 +145,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
 
 def generated() -> dict[Path, str]:
     """Each file with what it should hold."""
-    readme = BLOCK.sub(lambda m: f"{m[1]}{BLOCKS[m[2]]()}{m[3]}", README.read_text(encoding="utf-8"))
-    return {README: readme} | {ROOT / name: schema_text(schema()) for name, schema in SCHEMAS.items()}
+    pages = {p: BLOCK.sub(lambda m: f"{m[1]}{BLOCKS[m[2]]()}{m[3]}", p.read_text(encoding="utf-8")) for p in PAGES}
+    return pages | {ROOT / name: schema_text(schema()) for name, schema in SCHEMAS.items()}
 
 
 def main() -> None:

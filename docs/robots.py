@@ -12,7 +12,8 @@ from xml.etree import ElementTree as ET
 
 from bench.robots import BURGER, REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from bench.step_cost import StepCost, step_cost
-from docs.generate import BLOCK, table
+from docs.generate import BLOCK
+from docs.reference import table
 from sim_action.errors import RefusedModel
 from sim_action.models import load_model
 from sim_action.robot_model import RobotModel

@@ -118,4 +118,6 @@ def _default(field: FieldInfo) -> str:
     if isinstance(value, float):
         quantity = next((item for item in field.metadata if isinstance(item, Quantity)), None)
         return units.display(value, quantity.dimensions[0].si if quantity else "")
+    if isinstance(value, bool):
+        return str(value).lower()
     return "" if value in (None, (), {}) or isinstance(value, BaseModel) else str(value)

@@ -21,7 +21,12 @@ IDENTITY: Final[Quaternion] = (0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a frame is and how it is turned, seen from its parent frame."""
+    """Where a frame is and how it is turned, seen from its parent frame.
+
+    Attributes:
+        position_xyz: m, of its origin.
+        orientation_xyzw: a unit quaternion; `yaw` is the heading in rad.
+    """
 
     position_xyz: Vector3 = ZERO
     orientation_xyzw: Quaternion = IDENTITY
@@ -35,7 +40,12 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """How fast a frame moves (m/s) and turns (rad/s)."""
+    """How fast a frame moves and turns; `Twist.planar(0.5, 0.2)` is that of a base, forward and to the left.
+
+    Attributes:
+        linear_xyz: m/s.
+        angular_xyz: rad/s, about each axis.
+    """
 
     linear_xyz: Vector3 = ZERO
     angular_xyz: Vector3 = ZERO

@@ -6,25 +6,33 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from docs.reference import example
 from docs.robots import without_figures
+from sim_action.commands import COMMANDS
+from sim_action.drives import DRIVES
 from sim_action.loading import load_scenario
 from sim_action.models.findings import RULES
+from sim_action.registry import Table
+from sim_action.sensors import SENSORS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+REFERENCE = (ROOT / "docs/scenario.md").read_text(encoding="utf-8")
+FAMILIES: dict[str, Table[Any]] = {"drives": DRIVES, "commands": COMMANDS, "sensors": SENSORS}
 ROBOTS = (ROOT / "docs/robots.md").read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+def blocks(language: str, page: str = README) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
 
 
 def test_tables_and_schema_are_fresh() -> None:
     checked = subprocess.run(
-        [sys.executable, "docs/generate.py", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "docs.generate", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert checked.returncode == 0, checked.stderr
 
@@ -66,6 +74,32 @@ def test_every_scenario_of_the_readme_loads(tmp_path: Path) -> None:
         path = tmp_path / "readme.sim.yml"
         path.write_text(text)
         load_scenario(path)
+
+
+@pytest.mark.parametrize(("family", "key"), [(family, key) for family, table in FAMILIES.items() for key in table])
+def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: str) -> None:
+    path = example(family, key)
+    scenario = load_scenario(path).scenario
+    named: dict[str, list[type]] = {
+        "drives": [type(scenario.robot.drive)],
+        "commands": [type(source) for source in scenario.commands],
+        "sensors": [type(mounted.sensor) for mounted in scenario.sensors],
+    }
+    assert FAMILIES[family].load(key) in named[family]
+    assert path.read_text(encoding="utf-8") in REFERENCE
+
+
+def test_the_first_scenario_of_the_reference_loads(tmp_path: Path) -> None:
+    (tmp_path / "first.sim.yml").write_text(blocks("yaml", REFERENCE)[0])
+    load_scenario(tmp_path / "first.sim.yml")
+
+
+def test_links_within_the_reference_lead_somewhere() -> None:
+    heads = re.findall(r"^#+ (.+)$", REFERENCE, re.MULTILINE)
+    anchors = {re.sub(r"[^\w -]", "", head.lower()).replace(" ", "-") for head in heads}
+    assert set(re.findall(r"\(#([\w-]+)\)", REFERENCE)) <= anchors
+    for name in re.findall(r"\(\.\./([\w/.-]+)\)", REFERENCE):
+        assert (ROOT / name).exists(), name
 
 
 def test_the_readmes_least_scenario_is_the_example() -> None:
