@@ -19,6 +19,7 @@ from sim_action import catalogue, readings
 from sim_action.catalogue import Entry, FieldEntry
 from sim_action.command import JointTargets
 from sim_action.commands import COMMANDS
+from sim_action.commands.robot_description import JointDescription, RobotDescription
 from sim_action.drives import DRIVES
 from sim_action.errors import ExitCode
 from sim_action.geometry import Pose, Twist
@@ -34,6 +35,18 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "docs/scenario.md")
 SCHEMAS = {"docs/scenario.schema.json": scenario_schema, "docs/results.schema.json": results_schema}
 BLOCK = re.compile(r"(<!-- generated: ([a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+CONTROLLER_TYPES = (
+    Observation,
+    Pose,
+    Twist,
+    JointState,
+    Contact,
+    JointTargets,
+    RobotDescription,
+    JointDescription,
+)
+READINGS = (readings.ContactReading, readings.ImuReading, readings.OdometryReading, readings.CameraImage)
 
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
@@ -127,8 +140,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "command-sections": lambda: sections("commands", COMMANDS),
     "sensor-sections": lambda: sections("sensors", SENSORS),
     "sensor-keys": lambda: table(KEYS, keys(Mounting)),
-    "controller-types": lambda: attributes(Observation, Pose, Twist, JointState, Contact, JointTargets),
-    "readings": lambda: attributes(readings.ContactReading),
+    "controller-types": lambda: attributes(*CONTROLLER_TYPES),
+    "readings": lambda: attributes(*READINGS),
     "drives": lambda: _entries(catalogue.drives(), "drive"),
     "models": lambda: table(("robot", "what it is"), ((f"`{e.name}`", e.summary) for e in catalogue.models())),
     "scenario-keys": _scenario_keys,
