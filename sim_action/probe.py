@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from sim_action.geometry import Pose, Twist
+from sim_action.geometry import Pose, Twist, Vector3
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Probe(Protocol):
@@ -18,3 +22,16 @@ class Probe(Protocol):
 
     def body_pose(self, body: str) -> Pose:
         """Of the middle of a body of the world, by its name; not of the ground."""
+
+    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Casts rays that meet the bodies of the world and the ground, and never the robot.
+
+        What `start_xyz` is inside of is not met, either: rays see surfaces from outside.
+
+        Args:
+            start_xyz: where all of them begin, in m, world frame.
+            ends_xyz: (N, 3) where they end, in m, world frame.
+
+        Returns:
+            (N,) the share of its way, 0 to 1, after which each ray meets a surface; inf: it meets none.
+        """

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 
 from sim_action import geometry
 from sim_action.backends import UNLIMITED_EFFORT
@@ -20,6 +21,7 @@ from sim_action.backends.glance import Glance
 from sim_action.backends.push import wrench
 from sim_action.backends.pybullet_links import link_pose, link_twist
 from sim_action.backends.pybullet_push import apply, pushed
+from sim_action.backends.pybullet_rays import cast_rays, hide_from_rays
 from sim_action.backends.pybullet_scene import (
     BASE,
     add_gear,
@@ -33,7 +35,7 @@ from sim_action.backends.pybullet_scene import (
 )
 from sim_action.command import BasePush, JointTargets
 from sim_action.errors import EngineError
-from sim_action.geometry import Pose, Twist
+from sim_action.geometry import Pose, Twist, Vector3
 from sim_action.observation import Contact, JointState, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
@@ -54,6 +56,8 @@ class PyBulletBackend:
             self._objects = {body.name: add_object(self._client, self._ground, body) for body in scene.world.objects}
             self._body_names = {self._ground: GROUND, **{number: name for name, number in self._objects.items()}}
             self._robot = load_robot(self._client, scene)
+            base = scene.model.links_by_name[scene.model.root]
+            hide_from_rays(self._client, self._robot, fixed=scene.bolted or base.mass == 0)
         except pybullet.error as error:
             self.close()
             raise EngineError(f"the engine refused the world: {error}") from None
@@ -122,6 +126,10 @@ class PyBulletBackend:
     def body_pose(self, body: str) -> Pose:
         """See Probe.body_pose."""
         return Pose(*pybullet.getBasePositionAndOrientation(self._objects[body], self._client))
+
+    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See Probe.cast_rays."""
+        return cast_rays(self._client, start_xyz, ends_xyz)
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""

@@ -36,6 +36,8 @@ def configure(client: int, rate: float) -> None:
         fixedTimeStep=1 / rate,
         contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
         deterministicOverlappingPairs=1,
+        # Bodies touch if each is in a group that the other one looks for: both, which is not the default.
+        collisionFilterMode=0,
         enableFileCaching=0,
         physicsClientId=client,
     )

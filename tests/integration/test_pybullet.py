@@ -161,3 +161,12 @@ def test_a_floating_joint_from_an_empty_root_says_that_the_robot_is_free(tmp_pat
     with scene(tmp_path, BALL.replace("</robot>", f"{floating}</robot>"), at(z=10)) as backend:
         trace = advance(backend, 0, 240)
     assert trace.base_linear_xyz[-1, 2] == pytest.approx(-GRAVITY, rel=1e-9)
+
+
+def test_a_bolted_base_touches_what_moves_and_not_what_is_fixed(tmp_path: Path) -> None:
+    wall = Body(name="wall", box=(1, 1, 1), pose=Placement(z=0.5))
+    crate = Body(name="crate", box=(0.2, 0.2, 0.2), mass=1, pose=Placement(z=1.3))
+    bolted = Robot(model="robot.urdf", base="fixed", pose=Placement(z=1.05))
+    with scene(tmp_path, BALL, bolted, World(objects=(wall, crate)), contacts=True) as backend:
+        backend.advance(0, [None] * 240)
+        assert {contact.body for contact in backend.collect().contacts} == {"crate"}

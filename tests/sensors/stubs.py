@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from sim_action.geometry import Pose, Twist
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.geometry import Pose, Twist, Vector3
 
 
 class OneLink:
@@ -16,6 +19,9 @@ class OneLink:
 
     def link_twist(self, link: str) -> Twist:
         return self._twist
+
+    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.full(len(ends_xyz), np.inf)
 
     def body_pose(self, body: str) -> Pose:
         return Pose()

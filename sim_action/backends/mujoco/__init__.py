@@ -13,6 +13,8 @@ from importlib.metadata import version
 from typing import Final
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from sim_action.backends.glance import Glance
 from sim_action.backends.mujoco.contacts import Contacts
@@ -21,10 +23,11 @@ from sim_action.backends.mujoco.model import Compiled
 from sim_action.backends.mujoco.motors import Motors
 from sim_action.backends.mujoco.objects import Objects
 from sim_action.backends.mujoco.push import Pusher
+from sim_action.backends.mujoco.rays import Rays
 from sim_action.backends.mujoco.states import States
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
-from sim_action.geometry import Pose, Twist
+from sim_action.geometry import Pose, Twist, Vector3
 from sim_action.observation import Contact, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
@@ -63,6 +66,7 @@ class MuJoCoBackend:
         self._states = States(compiled, self._joint_names, self._rate, self._motors.efforts)
         self._links = Links(compiled)
         self._objects = Objects(compiled)
+        self._rays = Rays(compiled)
         self._contacts = Contacts(compiled)
         self._watches_contacts = contacts and len(compiled.bodies) > 1
         # A live view of how often the engine has warned of what.
@@ -103,6 +107,10 @@ class MuJoCoBackend:
     def body_pose(self, body: str) -> Pose:
         """See Probe.body_pose."""
         return self._objects.pose(body)
+
+    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See Probe.cast_rays."""
+        return self._rays.cast(start_xyz, ends_xyz)
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""
