@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sim_action.geometry import Pose, Quaternion, Twist, Vector3
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
+
+_FULL_CIRCLE: Final = 2 * math.pi
+# Angles that are meant to be the same differ by rounding.
+_ANGLE_EPSILON: Final = 1e-9
 
 
 class Reading(Protocol):
@@ -107,3 +112,41 @@ class CameraImage:
     def columns(self) -> Mapping[str, Any]:
         """See Reading.columns."""
         return {"rgb": self.rgb, "depth": self.depth}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LidarScan:
+    """How far it is to what surrounds a sensor, in the plane of its x and y axes.
+
+    Attributes:
+        angle_min: of the first ray in rad, counter-clockwise about the sensor's z axis from its x axis.
+        angle_increment: rad from one ray to the next.
+        range_min, range_max: m, between which distances are measured.
+        ranges: (N,) m; inf: nothing is in range; -inf: something is nearer than `range_min` (ROS REP 117). Read only.
+    """
+
+    time: float
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    ranges: NDArray[np.float64]
+
+    @property
+    def angles(self) -> NDArray[np.float64]:
+        """(N,) rad, of each ray."""
+        import numpy as np
+
+        return self.angle_min + self.angle_increment * np.arange(len(self.ranges), dtype=np.float64)
+
+    def nearest(self, start_angle: float, end_angle: float) -> float:
+        """The shortest range in m from one angle counter-clockwise to the other, in rad; inf: nothing is there."""
+        width = end_angle - start_angle
+        if width < 0:
+            width %= _FULL_CIRCLE
+        within = (self.angles - start_angle + _ANGLE_EPSILON) % _FULL_CIRCLE <= width + 2 * _ANGLE_EPSILON
+        return float(self.ranges[within].min(initial=math.inf))
+
+    def columns(self) -> Mapping[str, Any]:
+        """See Reading.columns."""
+        return {"ranges": self.ranges}

@@ -88,6 +88,7 @@ SENSORS: Final = Table[type[Sensor]](
         "camera": "sim_action.sensors.camera:Camera",
         "contact": "sim_action.sensors.contact:ContactSensor",
         "imu": "sim_action.sensors.imu:Imu",
+        "lidar": "sim_action.sensors.lidar:Lidar",
         "odometry": "sim_action.sensors.odometry:Odometry",
     },
 )

@@ -1,0 +1,123 @@
+"""What a lidar makes of the ways that its rays have free."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim_action.geometry import Pose, Vector3, quaternion_from_rpy
+from sim_action.readings import LidarScan
+from sim_action.sensors import Mount, Sight
+from sim_action.sensors.lidar import Lidar
+from tests.scenarios import LEAST, told
+from tests.sensors.stubs import OneLink
+from tests.traces import START, scene
+
+
+class Fog(OneLink):
+    """Where every ray has the same way free, or its own; it keeps where they were to end."""
+
+    def __init__(self, share: float | NDArray[np.float64], link: Pose | None = None) -> None:
+        super().__init__(link)
+        self.share = share
+        self.ends: NDArray[np.float64] | None = None
+
+    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        self.ends = ends_xyz
+        return np.full(len(ends_xyz), self.share)
+
+
+def scans(lidar: Lidar, fog: Fog, *, seed: int = 0, pose: Pose | None = None, count: int = 1) -> list[LidarScan]:
+    there = replace(scene(), seed=seed)
+    measure = lidar.open(Mount(there, "base_scan", pose or Pose(), 10.0, there.generator("scan")))
+    read = [measure(Sight(replace(START, time=2.0), fog)) for _ in range(count)]
+    assert all(isinstance(scan, LidarScan) for scan in read)
+    return [scan for scan in read if isinstance(scan, LidarScan)]
+
+
+@pytest.mark.parametrize(
+    ("lidar", "degrees"),
+    [
+        (Lidar(rays=4), (-180, -90, 0, 90)),
+        (Lidar(rays=4, angle_min=0.0), (0, 90, 180, 270)),
+        (Lidar(rays=3, field_of_view=math.pi), (-90, 0, 90)),
+        (Lidar(rays=2, field_of_view=math.pi / 2, angle_min=1.0), (57.29578, 147.29578)),
+        (Lidar(rays=1), (0,)),
+        (Lidar(rays=1, field_of_view=0.1), (0,)),
+    ],
+)
+def test_rays_fan_out_over_the_field_of_view(lidar: Lidar, degrees: tuple[float, ...]) -> None:
+    fog = Fog(0.5, link=Pose((1, 2, 3), quaternion_from_rpy(0, 0, math.pi / 2)))
+    (scan,) = scans(lidar, fog, pose=Pose((0.5, 0, 0)))
+    assert np.degrees(scan.angles) == pytest.approx(degrees)
+    assert (scan.range_min, scan.range_max, scan.time) == (0.0, 10.0, 2.0)
+    turned = np.radians(degrees) + math.pi / 2
+    start = np.array([1, 2.5, 3])
+    assert fog.ends == pytest.approx(start + 10 * np.column_stack((np.cos(turned), np.sin(turned), 0 * turned)))
+
+
+def test_the_plane_is_that_of_the_sensor() -> None:
+    fog = Fog(0.5)
+    # On its side: what was to its left is above it.
+    scans(Lidar(rays=4, range=2.0), fog, pose=Pose(orientation_xyzw=quaternion_from_rpy(math.pi / 2, 0, 0)))
+    assert fog.ends == pytest.approx(np.array([[-2, 0, 0], [0, 0, -2], [2, 0, 0], [0, 0, 2]], dtype=np.float64))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9])
+def test_too_near_and_too_far_are_told_apart(noise: float) -> None:
+    shares = np.array([0.0, 0.0599, 0.0601, 1.0, np.inf])
+    lidar = Lidar(rays=5, min_range=0.12, range=2.0, noise=noise)
+    (scan,) = scans(lidar, Fog(shares))
+    assert scan.ranges == pytest.approx([-np.inf, -np.inf, 0.1202, 2.0, np.inf])
+    assert (scan.range_min, scan.range_max) == (0.12, 2.0)
+    with pytest.raises(ValueError, match="read-only"):
+        scan.ranges[0] = 1.0
+
+
+def test_noise_is_gaussian_and_comes_from_the_seed() -> None:
+    lidar = Lidar(rays=50_000, range=2.0, noise=0.01)
+    first, second = scans(lidar, Fog(0.5), count=2)
+    off = first.ranges - 1.0
+    assert off.mean() == pytest.approx(0, abs=4 * 0.01 / math.sqrt(50_000))
+    assert off.std() == pytest.approx(0.01, rel=0.02)
+    # Of a normal distribution, 4.55 % are further than two standard deviations from its mean.
+    assert (abs(off) > 0.02).mean() == pytest.approx(0.0455, abs=0.005)
+    assert abs(np.corrcoef(off, second.ranges)[0, 1]) < 0.03
+    again, other = (scans(lidar, Fog(0.5), seed=seed)[0] for seed in (0, 1))
+    assert again.ranges.tolist() == first.ranges.tolist()
+    assert abs(np.corrcoef(off, other.ranges)[0, 1]) < 0.03
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.1, 0.2), (1.0, 2.0)])
+def test_noise_does_not_lead_out_of_what_can_be_measured(share: float, told: float) -> None:
+    (scan,) = scans(Lidar(rays=1000, min_range=0.2, range=2.0, noise=0.1), Fog(share))
+    assert scan.ranges.min() >= 0.2
+    assert scan.ranges.max() <= 2.0
+    assert 300 < (scan.ranges == told).sum() < 700
+
+
+@pytest.mark.parametrize(
+    ("spec", "problem"),
+    [
+        ("rays: 0", "12:13: sensors.0.lidar.rays: "),
+        ("rays: 100001", "12:13: sensors.0.lidar.rays: "),
+        ("field_of_view: 361 deg", "12:13: sensors.0.lidar.field_of_view: expected at most 360 deg, found 361 deg"),
+        ("field_of_view: 0", "12:13: sensors.0.lidar.field_of_view: "),
+        ("range: 2, min_range: 2 m", "12:23: sensors.0.lidar.min_range: expected less than 'range', 2 m, found 2 m"),
+        ("range: 1001", "12:13: sensors.0.lidar.range: "),
+        ("noise: -1 cm", "12:13: sensors.0.lidar.noise: "),
+    ],
+)
+def test_what_no_lidar_can_be_is_told_on_its_line(spec: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, f"{LEAST}sensors:\n  - lidar: {{{spec}}}\n")
+    assert found.startswith(problem)
+
+
+def test_scans_that_no_trace_can_hold_are_told(tmp_path: Path) -> None:
+    (found,) = told(tmp_path, f"{LEAST}sensors: [{{lidar: {{rays: 100000}}, rate: 240 Hz, trace: true}}]\n")
+    assert "sensors.0.trace: until time_limit (30 s) its readings take 5760 MB" in found

@@ -1,0 +1,41 @@
+"""What controllers ask readings for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_action.readings import LidarScan
+
+SCAN = LidarScan(0.0, -math.pi, math.pi / 2, 0.1, 10.0, np.array([4.0, 3.0, 2.0, 5.0]))
+"""Behind, to the right, ahead, to the left."""
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "nearest"),
+    [
+        (0, 0, 2.0),
+        (-90, 90, 2.0),
+        (-90, -90, 3.0),
+        (45, 180, 4.0),
+        (90, 270, 3.0),
+        (170, -170, 4.0),
+        (-190, -170, 4.0),
+        (530, 550, 4.0),
+        (90, -90, 3.0),
+        (10, 80, math.inf),
+        (-180, 180, 2.0),
+        (1, 361, 2.0),
+        (0, 1000, 2.0),
+    ],
+)
+def test_the_nearest_is_sought_counter_clockwise(start: float, end: float, nearest: float) -> None:
+    assert SCAN.nearest(math.radians(start), math.radians(end)) == nearest
+
+
+def test_what_is_too_near_is_the_nearest() -> None:
+    scan = LidarScan(0.0, 0.0, 0.1, 0.1, 10.0, np.array([np.inf, -np.inf, 3.0]))
+    assert scan.nearest(0.0, 1.0) == -math.inf
+    assert scan.nearest(0.0, 0.0) == math.inf
