@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sim_action.command import JointTargets
@@ -105,3 +106,16 @@ time_limit: 10 s
     run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
     assert all(verdict.passed for verdict in run.verdicts)
     assert run.sim_time == pytest.approx(2.25, abs=0.02)
+
+
+def test_rays_meet_no_part_of_a_robot_whether_it_touches_or_is_only_seen(tmp_path: Path) -> None:
+    seen = "".join(
+        f'<geom type="sphere" pos="0 0 {0.2 + 0.1 * group}" size="0.1" group="{group}" contype="0" conaffinity="0"/>'
+        for group in range(6)
+    )
+    wall = Body(name="wall", box=(0.1, 2, 4), pose=Placement(x=1))
+    table = scene(tmp_path, TABLE.replace("<freejoint/>", f"<freejoint/>{seen}"), World(objects=(wall,)))
+    with running("mujoco", table) as backend:
+        for height in np.linspace(0.05, 1.2, 30):
+            (share,) = backend.cast_rays((-1, 0, height), np.array([[1, 0, height]]))
+            assert share == pytest.approx(0.975)
