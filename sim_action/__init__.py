@@ -1,8 +1,8 @@
 """YAML text -> Scenario -> Simulation(Backend, Commands, Monitors) -> Trace + Verdicts -> Outcome -> Reports.
 
-The names exported here are what a controller script needs: what it is given (`RobotDescription`, `Observation`) and
-what it may return (`Twist`, `JointTargets`). They are imported at first use, so that `sim-action --help` does not wait
-for them.
+The names exported here are what code of the user's needs: a controller is given a `RobotDescription` and an
+`Observation`, and may return a `Twist` or `JointTargets`; an assertion is given a `Trace` and returns a `Verdict`. They
+are imported at first use, so that `sim-action --help` does not wait for them.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from sim_action.geometry import Pose, Twist
     from sim_action.observation import Contact, JointState, Observation
     from sim_action.readings import ContactReading, ImuReading, OdometryReading
+    from sim_action.trace import Trace
+    from sim_action.verdict import Verdict
 
 __version__ = "0.1.0"
 
@@ -31,7 +33,9 @@ __all__ = [
     "OdometryReading",
     "Pose",
     "RobotDescription",
+    "Trace",
     "Twist",
+    "Verdict",
     "__version__",
 ]
 
@@ -47,7 +51,9 @@ _HOMES = {
     "OdometryReading": "sim_action.readings",
     "Pose": "sim_action.geometry",
     "RobotDescription": "sim_action.commands.robot_description",
+    "Trace": "sim_action.trace",
     "Twist": "sim_action.geometry",
+    "Verdict": "sim_action.verdict",
 }
 
 

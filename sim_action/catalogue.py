@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from sim_action import units
-from sim_action.assertions import ASSERTIONS
+from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
 from sim_action.models import BUILT_IN
@@ -95,13 +95,17 @@ def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:  # noqa: PLR09
     if get_origin(annotation) is tuple:
         several = get_args(annotation)[-1] is ...
         return f"list of {_takes(parts[0])}" if several else f"[{', '.join(_takes(part) for part in parts)}]"
-    if get_origin(annotation) is dict:
+    if get_origin(annotation) in (dict, Mapping):
         return f"map of name to {_takes(parts[1])}"
     if parts:
         return " or ".join(_takes(part) for part in parts)
+    if annotation is Assertion:
+        return "assertion"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return f"{{{', '.join(entry.name for entry in fields(annotation))}}}"
-    return {str: "text", bool: "true or false", int: "whole number", float: "number"}.get(annotation, str(annotation))
+    return {str: "text", bool: "true or false", int: "whole number", float: "number", Any: "anything"}.get(
+        annotation, str(annotation)
+    )
 
 
 def _kind(dimensions: tuple[units.Dimension, ...]) -> str:

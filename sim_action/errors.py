@@ -11,7 +11,7 @@
         ├── BadStart                   the robot cannot begin where the scenario puts it
         ├── BadSource             2    a command source cannot give what the scenario asks it for
         ├── SimulationUnstable         the simulated state is no longer physics
-        └── ScriptError                the user's controller raised or answered nonsense
+        └── ScriptError                code of the user's raised or answered nonsense
 
 Exit code 0 is a run in which all scenarios passed, 5 one that found none, 130 one that was interrupted.
 """
@@ -134,7 +134,7 @@ class SimulationUnstable(RunError):
 
 
 class ScriptError(RunError):
-    """The user's controller raised, or answered something that is not a command; `details`: its last words."""
+    """Code of the user's raised, or answered neither command nor verdict; `details`: its last words."""
 
     def __init__(self, message: str, location: Location | None = None, details: str = "") -> None:
         self.details = details

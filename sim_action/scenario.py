@@ -154,7 +154,13 @@ class Scenario(FrozenModel):
     @property
     def runs_user_code(self) -> bool:
         """Whether it needs an interpreter of its own."""
-        return self.robot.is_xacro or any(source.runs_user_code for source in self.commands)
+        of_sources = any(source.runs_user_code for source in self.commands)
+        return self.robot.is_xacro or of_sources or any(assertion.runs_user_code for assertion in self.assertions)
+
+    @property
+    def assertions(self) -> tuple[Assertion, ...]:
+        """All that look at the robot, also inside of others."""
+        return tuple(leaf for expected in self.expect for leaf in expected.assertion.leaves())
 
     def steps(self, seconds: float) -> int:
         """The first physics step at or after a sim time."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import count
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from sim_action.assertions import ASSERTIONS
+from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.drives import DRIVES, Drive
 from sim_action.messages import did_you_mean, shown
@@ -25,6 +26,8 @@ from sim_action.yaml_document import Document, KeyPath
 
 Model = TypeVar("Model", bound=BaseModel)
 Options = TypeVar("Options", bound=BaseModel)
+Reader = Callable[[type[Model], Any, KeyPath], Model | None]
+"""What makes a spec of a class out of plain values, and notes what is wrong."""
 
 
 class PartReader:
@@ -88,26 +91,26 @@ class PartReader:
         return tuple(sensor for _, sensor in found if sensor is not None)
 
     def _sensor(self, data: Any, path: KeyPath) -> MountedSensor | None:
-        found = self._with_options(SENSORS, Mounting, data, path)
+        found = self._with_options(SENSORS, Mounting, data, path, self.validated)
         if found is None:
             return None
         sensor, on = found
         return MountedSensor(sensor, on.name or sensor.key, on.link, on.pose.pose, on.rate, on.trace)
 
     def _with_options(
-        self, table: Table[type[Model]], beside: type[Options], data: Any, path: KeyPath
+        self, table: Table[type[Model]], beside: type[Options], data: Any, path: KeyPath, read: Reader[Model]
     ) -> tuple[Model, Options] | None:
         """A spec below its key, or the bare key where it needs none, and the options that stand beside it."""
         data = {data: None} if isinstance(data, str) else data
         key = self._family_key(table, data, path, beside=beside)
         if key is None:
             return None
-        spec = self.validated(table.load(key), {} if data[key] is None else data[key], (*path, key))
+        spec = read(table.load(key), {} if data[key] is None else data[key], (*path, key))
         options = self.validated(beside, {name: value for name, value in data.items() if name != key}, path)
         return None if spec is None or options is None else (spec, options)
 
     def _expectation(self, data: Any, path: KeyPath) -> Expectation | None:
-        found = self._with_options(ASSERTIONS, ExpectationOptions, data, path)
+        found = self._with_options(ASSERTIONS, ExpectationOptions, data, path, self._assertion)
         if found is None:
             return None
         assertion, options = found
@@ -121,6 +124,40 @@ class PartReader:
             before=float("inf") if options.before is None else options.before,
             severity=options.severity,
         )
+
+    def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:
+        """The assertion that stands below its key, with those that it consists of."""
+        if issubclass(kind, Combined):
+            return self._combined(kind, data, path)
+        spec = self.validated(kind, data, path)
+        if spec is not None:
+            self._problems.note_all(path, spec.file_problems(self._workspace))
+            if spec.runs_user_code and self._permissions.scripts_refused:
+                self._problems.note(path, self._permissions.scripts_refused)
+        return spec
+
+    def _combined(self, kind: type[Combined], data: Any, path: KeyPath) -> Combined | None:
+        try:
+            entries = kind.entries(data)
+        except ValueError as error:
+            self._problems.note(path, str(error))
+            return None
+        parts = [self._part(kind, entry, (*path, *place)) for place, entry in entries]
+        found = tuple(part for part in parts if part is not None)
+        return kind.made_of(found) if len(found) == len(parts) else None
+
+    def _part(self, whole: type[Combined], data: Any, path: KeyPath) -> Assertion | None:
+        """An assertion inside of another one: its options are those of the outermost."""
+        data = {data: None} if isinstance(data, str) else data
+        for option in [key for key in data if key in ExpectationOptions.model_fields] if isinstance(data, dict) else []:
+            self._problems.note(
+                (*path, option), f"'{option}' stands beside the outermost assertion, not in '{whole.key}'"
+            )
+            return None
+        key = self._family_key(ASSERTIONS, data, path)
+        if key is None:
+            return None
+        return self._assertion(ASSERTIONS.load(key), {} if data[key] is None else data[key], (*path, key))
 
     def _drive(self, data: Any, path: KeyPath) -> Drive | None:
         key = self._family_key(DRIVES, data, path)

@@ -10,7 +10,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
-from sim_action.assertions import ASSERTIONS
+from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
 from sim_action.outcome import Results
@@ -57,11 +58,23 @@ def scenario_schema() -> Schema:
     scenario["properties"]["sensors"]["items"] = {"$ref": "#/$defs/Sensor"}
     scenario["properties"]["commands"] = _commands(scenario["properties"]["commands"]["description"])
     definitions["Expectation"] = _one_of(ASSERTIONS, definitions.pop(ExpectationOptions.__name__)["properties"])
+    definitions |= _combined_assertions(definitions)
     definitions["Sensor"] = _one_of(SENSORS, definitions.pop(Mounting.__name__)["properties"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "sim-action scenario"}
     return {**head, **scenario, "$defs": _reachable(definitions, scenario)}
+
+
+def _combined_assertions(definitions: Schema) -> Schema:
+    """Assertions that consist of others, which have no options of their own."""
+    part = {"$ref": f"#/$defs/{Assertion.__name__}"}
+    kinds = [kind for name in ASSERTIONS if issubclass(kind := ASSERTIONS.load(name), Combined)]
+    combined = {
+        kind.__name__: {"description": definitions[kind.__name__]["description"], **kind.value_schema(part)}
+        for kind in kinds
+    }
+    return {Assertion.__name__: _one_of(ASSERTIONS, {}), **combined}
 
 
 def _described(definition: Schema) -> Schema:
@@ -86,10 +99,16 @@ def _drive_keys() -> Schema:
 def _one_of(table: Table[Any], options: Schema) -> Schema:
     """A name alone, where it needs nothing more; else a map of the name and what may stand beside it."""
     alone = [name for name in table if _needs_nothing(table.load(name))]
-    specs: Schema = {name: _ref(table.load(name)) for name in table}
+    specs: Schema = {name: _value(table.load(name)) for name in table}
     for name in alone:
         specs[name] = {"anyOf": [specs[name], {"type": "null"}]}
     return {"anyOf": [{"enum": alone}, _choice(specs, options)]}
+
+
+def _value(model: type[BaseModel]) -> Schema:
+    """A map of keys, or the value of the one that may stand alone."""
+    is_bare = getattr(model, "bare_value", None) is not None
+    return {"anyOf": [_ref(model), {"type": "string"}]} if is_bare else _ref(model)
 
 
 def _choice(keys: Schema, beside: Schema | None = None) -> Schema:

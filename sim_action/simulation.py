@@ -65,7 +65,7 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> Simulation
     """Runs a scenario to its end. Raises RunError where there can be no verdict."""
     drive = _drive_of(scenario, scene)
     scene = drive.prepared(scene) if drive else scene
-    contacts = any(expected.assertion.watches_contacts for expected in scenario.expect)
+    contacts = any(assertion.watches_contacts for assertion in scenario.assertions)
     backend = BACKENDS.load(chosen(scenario.backend))(scene, contacts=contacts)
     try:
         refuse_bad_start(scene, backend.overlaps())

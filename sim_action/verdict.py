@@ -20,9 +20,9 @@ class Verdict:
     """
 
     passed: bool
-    measured: float | None
-    limit: float | None
-    margin: float | None
-    unit: str
-    time: float | None
-    message: str
+    measured: float | None = None
+    limit: float | None = None
+    margin: float | None = None
+    unit: str = ""
+    time: float | None = None
+    message: str = ""

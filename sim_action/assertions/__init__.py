@@ -7,6 +7,7 @@ the simulation loop feeds block by block and a stored trace in one piece, with t
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, runtime_checkable
 
@@ -15,6 +16,7 @@ from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
 from sim_action.scene import Scene, SpecProblems
 from sim_action.verdict import Verdict
+from sim_action.workspace import Workspace
 
 if TYPE_CHECKING:
     from sim_action.trace import Trace
@@ -50,14 +52,32 @@ class Follower(Monitor, Protocol):
         """The monitor after moments up to the one that its window opens at; that one is observed too."""
 
 
+@runtime_checkable
+class Decisive(Monitor, Protocol):
+    """A monitor that says itself when it is decided.
+
+    Of others, a goal is decided when it comes true, and an invariant when it breaks.
+    """
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether no later moment can change what it says."""
+
+
 class Assertion(FrozenModel):
     """What all assertions are."""
 
     key: ClassVar[str]
     """Its name in YAML."""
 
+    bare_value: ClassVar[str | None] = None
+    """The key whose value, a text, may stand alone in the place of all keys."""
+
     watches_contacts: ClassVar[bool] = False
     """Whether its monitor reads `Trace.contacts`; they are computed only when asked for."""
+
+    runs_user_code: ClassVar[bool] = False
+    """Whether its monitor runs code of the user's: such a scenario gets an interpreter of its own."""
 
     @property
     @abstractmethod
@@ -68,9 +88,17 @@ class Assertion(FrozenModel):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """The fold's beginning; `start` is the settled state at t = 0."""
 
+    def file_problems(self, workspace: Workspace) -> SpecProblems:
+        """What is wrong with the files it names; nothing of the user's is run."""
+        yield from ()
+
     def problems(self, scene: Scene) -> SpecProblems:
         """What does not fit the scene."""
         yield from ()
+
+    def leaves(self) -> Iterator[Assertion]:
+        """The assertions that it consists of, which look at the robot: itself, if it is not made of others."""
+        yield self
 
 
 ASSERTIONS: Final = Table[type[Assertion]](
@@ -84,5 +112,10 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "max_speed": "sim_action.assertions.max_speed:MaxSpeed",
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
         "joint": "sim_action.assertions.joint:JointReading",
+        "stl": "sim_action.assertions.stl:Stl",
+        "any_of": "sim_action.assertions.any_of:AnyOf",
+        "all_of": "sim_action.assertions.all_of:AllOf",
+        "not": "sim_action.assertions.negation:Negation",
+        "assertion": "sim_action.assertions.user_code:UserAssertion",
     },
 )

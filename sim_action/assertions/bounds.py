@@ -72,6 +72,11 @@ class Bounds:
         """See Monitor.state."""
         return joined(self.invariant.state, State.HOLDS if self.at_least is None else self.goal.state)
 
+    @property
+    def is_decided(self) -> bool:
+        """See Decisive.is_decided: a lower bound that was reached is, unless there is an upper one to exceed."""
+        return self.state is State.BROKEN or (self.at_most is None and self.state is State.HOLDS)
+
     def observe(self, time: FloatArray, signal: FloatArray) -> Self:
         """The fold after these moments."""
         if not len(time):
@@ -124,6 +129,11 @@ class SignalMonitor:
     def state(self) -> State:
         """See Monitor.state."""
         return self.bounds.state
+
+    @property
+    def is_decided(self) -> bool:
+        """See Decisive.is_decided."""
+        return self.bounds.is_decided
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""

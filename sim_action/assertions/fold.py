@@ -5,6 +5,7 @@ A margin is the distance of a signal to its limit, positive on the good side.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
@@ -64,3 +65,15 @@ def joined(*states: State) -> State:
         if state in states:
             return state
     return State.HOLDS
+
+
+def joined_by_any(parts: Iterable[tuple[State, bool]]) -> State:
+    """The state of several folds of which one must be well; each with whether it is decided.
+
+    One that is not broken so far does not do, while another is waited for: it may break, and the other come true.
+    """
+    known = tuple(parts)
+    if any(state is State.HOLDS and decided for state, decided in known):
+        return State.HOLDS
+    states = {state for state, _ in known}
+    return State.BROKEN if states == {State.BROKEN} else State.PENDING if State.PENDING in states else State.HOLDS

@@ -40,6 +40,11 @@ class PathLengthMonitor:
         """See Monitor.state."""
         return self.bounds.state
 
+    @property
+    def is_decided(self) -> bool:
+        """See Decisive.is_decided."""
+        return self.bounds.is_decided
+
     def begin(self, trace: Trace) -> Self:
         """See Follower.begin: the way to where the window opens does not count."""
         return replace(self, position_xyz=_last_position(trace)) if len(trace) else self

@@ -18,7 +18,7 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Lets a monitor see the moments from `after` to `before` only; a goal still pending then is lost.
+    """Lets a monitor see the moments from `after` to `before` only; what is pending then is as its verdict says.
 
     Attributes:
         after: s of sim time.
@@ -34,8 +34,10 @@ class Window:
     @property
     def state(self) -> State:
         """See Monitor.state."""
-        lost = self.over and self.monitor.state is State.PENDING
-        return State.BROKEN if lost else self.monitor.state
+        state = self.monitor.state
+        if not self.over or state is not State.PENDING:
+            return state
+        return State.HOLDS if self.monitor.verdict().passed else State.BROKEN
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import random
-import runpy
-import sys
-import traceback
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, cast
 
@@ -20,19 +16,18 @@ from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.commands.script_file import (
     CLASS,
-    ScriptProblem,
     class_problem,
     controller_name,
-    names_bound_by,
-    read_script,
 )
 from sim_action.errors import ScriptError
 from sim_action.location import Location
 from sim_action.observation import Observation
+from sim_action.python_files import ScriptProblem, names_bound_by, read_script, run_file, script_error, told_at
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
 _WORD: Final = 2**32 - 1
+_WHO: Final = "the controller"
 
 
 class ScriptCommands(CommandSource):
@@ -94,9 +89,7 @@ class ScriptCommands(CommandSource):
         """See CommandSource.open. Raises ScriptError."""
         path = scene.workspace.file(self.script)
         _seed_global_generators(scene.seed)
-        sys.path.insert(0, str(path.parent))
-        with _told_at(path):
-            names = runpy.run_path(str(path))
+        names = run_file(path, _WHO)
         name, ask = self._found(names, path, scene)
         return _controller(name, ask, path, scene)
 
@@ -119,7 +112,7 @@ class ScriptCommands(CommandSource):
             hint = f"; write 'function: {name}'" if callable(found) else ""
             raise ScriptError(f"'{name}' of {path.name} is no class{hint}", Location(str(path)))
         robot = RobotDescription.of(scene, self.rate, f"script {self.script} {name}")
-        with _told_at(path):
+        with told_at(path, _WHO):
             controller = found()
             if (reset := getattr(controller, "reset", None)) is not None:
                 reset(robot)
@@ -145,7 +138,7 @@ def _controller(name: str, ask: Callable[[Observation], object], path: Path, sce
         try:
             answer = ask(observation)
         except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
-            raise _script_error(error, path) from None
+            raise script_error(error, path, _WHO) from None
         if problem := problem_with(answer, scene.model):
             raise ScriptError(f"{name}() returned {problem}", Location(str(path)))
         return motors.of(answer) if isinstance(answer, JointTargets) else cast("Command | None", answer)
@@ -159,21 +152,3 @@ def _seed_global_generators(seed: int) -> None:
     random.seed(seed)
     # It takes words of 32 bits.
     np.random.seed([seed & _WORD, seed >> 32])  # noqa: NPY002 - what scripts may use, not what we do
-
-
-@contextmanager
-def _told_at(path: Path) -> Iterator[None]:
-    """Whatever the user's code raises, or exits with, is told with its line."""
-    try:
-        yield
-    except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
-        raise _script_error(error, path) from None
-
-
-def _script_error(error: BaseException, path: Path) -> ScriptError:
-    """Says where in the user's file it happened, which is not where our own frames are."""
-    if isinstance(error, SyntaxError) and error.filename:
-        return ScriptError(f"SyntaxError: {error.msg}", Location(error.filename, error.lineno))
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    what = traceback.format_exception_only(error)[-1].strip()
-    return ScriptError(f"the controller raised {what}", Location(str(path), lines[-1] if lines else None))

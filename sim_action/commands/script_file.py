@@ -4,36 +4,13 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Collection, Iterator
-from pathlib import Path
 from typing import Final
 
 from sim_action.messages import did_you_mean
+from sim_action.python_files import ANYTHING, ScriptProblem, names_bound_by
 
 FUNCTION: Final = "control"
 CLASS: Final = "Controller"
-ANYTHING: Final = "*"
-"""Among the names that a script binds: it imports all names of another module."""
-
-_MOST_BYTES: Final = 1_000_000
-
-
-class ScriptProblem(ValueError):
-    """Why a script cannot be a controller, to be said after its name."""
-
-
-def read_script(path: Path) -> ast.Module:
-    """Raises OSError, ScriptProblem."""
-    with path.open("rb") as file:
-        source = file.read(_MOST_BYTES + 1)
-    if len(source) > _MOST_BYTES:
-        raise ScriptProblem(f": a script of more than {_MOST_BYTES // 1000} kB is not read")
-    try:
-        return ast.parse(source, filename=str(path))
-    except SyntaxError as error:
-        line = "" if error.lineno is None else f":{error.lineno}"
-        raise ScriptProblem(f"{line}: not valid Python: {error.msg}") from None
-    except (ValueError, RecursionError, MemoryError) as error:
-        raise ScriptProblem(f": not valid Python: {error}") from None
 
 
 def controller_name(names: Collection[str], function: str | None, class_name: str | None) -> str:
@@ -58,22 +35,6 @@ def controller_name(names: Collection[str], function: str | None, class_name: st
 def _must_have(names: Collection[str], name: str, missing: str) -> None:
     if name not in names and ANYTHING not in names:
         raise ScriptProblem(f" defines {missing}{did_you_mean(name, names)}")
-
-
-def names_bound_by(tree: ast.Module) -> set[str]:
-    """What the module defines, imports or assigns outside its functions and classes, also in an `if` or a `try`."""
-    names, waiting = set(), list[ast.AST](tree.body)
-    while waiting:
-        match node := waiting.pop():
-            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-                names.add(name)
-                continue
-            case ast.alias():
-                names.add(node.asname or node.name)
-            case ast.Name(ctx=ast.Store()):
-                names.add(node.id)
-        waiting += ast.iter_child_nodes(node)
-    return names
 
 
 def class_problem(tree: ast.Module, name: str) -> str | None:

@@ -1,0 +1,110 @@
+"""`not: {reach: ...}`: an assertion must not hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from pydantic import Field
+
+from sim_action.assertions import Assertion, Monitor, State
+from sim_action.assertions.combined import Combined, Place, begun, is_decided, short
+from sim_action.observation import Observation
+from sim_action.scene import Scene
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
+
+
+class Negation(Combined):
+    """An assertion must not hold.
+
+    The contrary of a goal is an invariant, which is broken when the goal comes true: `not: {reach: ...}` keeps
+    the robot away. The contrary of an invariant is a goal, which comes true when that is broken: `not:
+    no_collision` asks for one. What is goal and invariant at once is judged at the end of the run. The margin is
+    that of the assertion with the other sign.
+    """
+
+    key: ClassVar[str] = "not"
+
+    part: Annotated[Assertion, Field(description="the assertion itself, which is the value")]
+
+    @classmethod
+    def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
+        """See Combined.entries."""
+        return [((), data)]
+
+    @classmethod
+    def made_of(cls, parts: tuple[Assertion, ...]) -> Self:
+        """See Combined.made_of."""
+        (part,) = parts
+        return cls(part=part)
+
+    @classmethod
+    def value_schema(cls, part: dict[str, Any]) -> dict[str, Any]:
+        """See Combined.value_schema."""
+        return part
+
+    @property
+    def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
+        """See Combined.placed_parts."""
+        return [((), self.part)]
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return short(f"not {self.part.title}")
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        monitor = self.part.monitor(scene, start)
+        return NegationMonitor(self.part.title, monitor, monitor.state)
+
+
+@dataclass(frozen=True, slots=True)
+class NegationMonitor:
+    """The fold of the assertion itself, read the other way round.
+
+    Attributes:
+        began: its state before the first moment.
+        seen: whether there was a moment.
+    """
+
+    title: str
+    monitor: Monitor
+    began: State
+    seen: bool = False
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        if self.monitor.state is State.BROKEN:
+            return State.HOLDS
+        if self.monitor.state is State.HOLDS and self.is_decided:
+            return State.BROKEN
+        return State.HOLDS if self.began is State.PENDING else State.PENDING
+
+    @property
+    def is_decided(self) -> bool:
+        """See Decisive.is_decided."""
+        return is_decided(self.monitor, self.began)
+
+    def begin(self, trace: Trace) -> Self:
+        """See Follower.begin."""
+        return replace(self, monitor=begun(self.monitor, trace))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, monitor=self.monitor.observe(trace), seen=self.seen or len(trace) > 0)
+
+    def verdict(self) -> Verdict:
+        """That of the assertion, the other way round."""
+        verdict = self.monitor.verdict()
+        if not self.seen:
+            return replace(verdict, passed=False, message="no moment to measure")
+        margin = None if verdict.margin is None else 0.0 - verdict.margin
+        holds = "holds" if verdict.passed else "does not hold"
+        message = f"{self.title} {holds}: {verdict.message}"
+        return replace(verdict, passed=not verdict.passed, margin=margin, message=message)

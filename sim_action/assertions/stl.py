@@ -1,0 +1,107 @@
+"""`stl: always (speed < 0.5 m/s)`: signal temporal logic over what the robot does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Final, Self
+
+from pydantic import Field, model_validator
+
+from sim_action.assertions import Assertion, Monitor
+from sim_action.messages import shown
+from sim_action.observation import Observation
+from sim_action.scene import Scene, SpecProblems
+from sim_action.temporal_logic import dimensions
+from sim_action.temporal_logic.formula import (
+    Always,
+    Eventually,
+    Formula,
+    Interval,
+    Until,
+    comparisons,
+    everything,
+)
+from sim_action.temporal_logic.parser import parse
+from sim_action.temporal_logic.tokens import place
+
+_STEP_ROUNDING: Final = 1e-6
+_LONGEST_TITLE: Final = 100
+
+
+class Stl(Assertion):
+    """Signal temporal logic: what must be true of signals over time.
+
+    It is written as text. `speed < 0.5 m/s` compares signals: `time`, `x`, `y`, `z`, `roll`, `pitch`, `yaw`,
+    `tilt`, `speed`, `turn_rate`, `travel` (from where the robot settled, on the ground), and `position(JOINT)`,
+    `velocity(JOINT)`, `effort(JOINT)`; with `+`, `-`, `*`, `abs(...)`, and units as elsewhere. Comparisons are
+    joined by `not`, `and`, `or`, `implies`, and by `always`, `eventually`, `until`, each of which may have an
+    interval of sim time that counts from the moment it is judged at: `eventually[0 s, 2 s] (...)`, `always[3 s,
+    end] (...)`. It is judged at the first moment that counts, that is, at 0 or `after`.
+
+    The margin is the robustness: how far the signals are from making the formula false, or true if it is false;
+    `<` and `<=` are the same. Windows that reach beyond the end of the run are cut there.
+
+    `always` is an invariant, `eventually` a goal, and so are what `and`, `or`, `not` and `implies` make of them.
+    Windows within are waited for: `always (a implies eventually[0 s, 2 s] b)` is broken 2 s after the `a` that
+    nothing came of. What has no such end, such as an `until` without an interval or `always (eventually a)`, and
+    what looks ahead by more than a minute, is judged at the end of the run.
+    """
+
+    key: ClassVar[str] = "stl"
+    bare_value: ClassVar[str | None] = "formula"
+
+    formula: Annotated[str, Field(min_length=1, description="the text; it may stand alone as the value of `stl`")]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _takes_text_alone(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            return {"formula": data}
+        if not isinstance(data, dict):
+            raise ValueError(f"expected a formula such as 'always (speed < 0.5 m/s)', found {shown(data)}")  # noqa: TRY004 - pydantic's
+        return data
+
+    @model_validator(mode="after")
+    def _is_a_formula(self) -> Self:
+        _ = self.parsed
+        return self
+
+    @cached_property
+    def parsed(self) -> Formula:
+        """What the text says."""
+        return parse(self.formula)
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        text = f"{self.key} {' '.join(self.formula.split())}"
+        return text if len(text) <= _LONGEST_TITLE else f"{text[: _LONGEST_TITLE - 3]}..."
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Joints that are not there, metres compared with seconds, intervals between two physics steps."""
+        found = (*dimensions.problems(self.parsed, scene.model), *_empty(self.parsed, scene.physics.rate))
+        for at, message in found:
+            yield (), f"{message}; {place(self.formula, at)}"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        from sim_action.assertions.stl_monitor import StlMonitor
+
+        x, y, _ = start.pose.position_xyz
+        units = {comparison: dimensions.unit(comparison, scene.model) for comparison in comparisons(self.parsed)}
+        return StlMonitor.of(self.parsed, (x, y), units)
+
+
+def _empty(formula: Formula, rate: float) -> Iterator[tuple[int, str]]:
+    for part in everything(formula):
+        if isinstance(part, Always | Eventually | Until) and _has_no_step(part.interval, rate):
+            yield part.interval.at, f"no physics step (1 / {rate:g} s) is in the interval {part.interval}"
+
+
+def _has_no_step(interval: Interval, rate: float) -> bool:
+    if math.isinf(interval.end):
+        return False
+    first, last = interval.start * rate - _STEP_ROUNDING, interval.end * rate + _STEP_ROUNDING
+    return math.ceil(first) > math.floor(last)

@@ -1,0 +1,147 @@
+"""The fold around a class of the user's, which need not be one: it keeps the trace and asks about the whole of it."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Final, Literal, Self, get_args
+
+import numpy as np
+
+from sim_action.assertions import State
+from sim_action.errors import ScriptError
+from sim_action.location import Location
+from sim_action.messages import escaped_line
+from sim_action.python_files import run_file, told_at
+from sim_action.trace import Trace
+from sim_action.verdict import Verdict
+
+Kind = Literal["end", "invariant", "goal"]
+
+_BEGINNING: Final = {"end": State.HOLDS, "invariant": State.HOLDS, "goal": State.PENDING}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judge:
+    """An object of the user's class; raises ScriptError where that does, or answers nonsense."""
+
+    path: Path
+    name: str
+    kind: Kind
+    made: Any
+
+    @classmethod
+    def load(cls, path: Path, name: str, settings: Mapping[str, Any]) -> Self:
+        """Runs the file, and makes the object."""
+        found = run_file(path, f"the file of {name}").get(name)
+        where = Location(str(path))
+        if not isinstance(found, type) or not callable(getattr(found, "judge", None)):
+            raise ScriptError(f"{name} is no class with a method judge(self, trace)", where)
+        kind: Kind = getattr(found, "kind", "end")
+        if kind not in get_args(Kind):
+            raise ScriptError(f"{name}.kind is {kind!r}; it is one of {', '.join(get_args(Kind))}", where)
+        with told_at(path, f"{name}(...), made with its settings,"):
+            made = found(**settings)
+        return cls(path, name, kind, made)
+
+    def verdict(self, trace: Trace) -> Verdict:
+        """What it says of a trace."""
+        with told_at(self.path, f"{self.name}.judge()"):
+            answer = self.made.judge(trace)
+        try:
+            return _plain(answer)
+        except TypeError as error:
+            code = getattr(type(self.made).judge, "__code__", None)
+            line = None if code is None or code.co_filename != str(self.path) else code.co_firstlineno
+            message = escaped_line(f"{self.name}.judge() returned {error}")
+            raise ScriptError(message, Location(str(self.path), line)) from None
+
+
+def _plain(answer: object) -> Verdict:
+    """A verdict as reports take it: numpy's numbers are made Python's. Raises TypeError, which says what else it is."""
+    if not isinstance(answer, Verdict):
+        raise TypeError(f"a {type(answer).__name__}; it returns a sim_action.Verdict")
+    if not isinstance(answer.passed, bool | np.bool_):
+        raise TypeError(f"a Verdict whose 'passed' is {answer.passed!r}; it is True or False")
+    if not isinstance(answer.unit, str) or not isinstance(answer.message, str):
+        raise TypeError("a Verdict whose 'unit' or 'message' is no text")
+    numbers_found = {field.name: getattr(answer, field.name) for field in fields(Verdict)}
+    plain = {name: _number(name, numbers_found[name]) for name in ("measured", "limit", "margin", "time")}
+    message = escaped_line(answer.message) or ("holds" if answer.passed else "does not hold")
+    return Verdict(bool(answer.passed), **plain, unit=escaped_line(answer.unit), message=message)
+
+
+def _number(name: str, value: object) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
+        raise TypeError(f"a Verdict whose '{name}' is {value!r}; it is a finite number or None")
+    return float(value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """A trace, and those that came before it: to add to it copies nothing."""
+
+    trace: Trace
+    earlier: Seen | None = None
+
+    def whole(self) -> Trace:
+        """All of it in one piece."""
+        pieces = [self.trace]
+        link = self.earlier
+        while link is not None:
+            pieces.append(link.trace)
+            link = link.earlier
+        return Trace.concatenate(pieces[::-1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UserMonitor:
+    """Keeps every step, and asks the judge about all of them; what it has once said of a goal that came true stands.
+
+    Attributes:
+        decided: the verdict by which a goal came true, or an invariant was broken.
+    """
+
+    judge: Judge
+    seen: Seen | None = None
+    decided: Verdict | None = None
+
+    @classmethod
+    def opened(cls, path: Path, name: str, settings: Mapping[str, Any]) -> Self:
+        """The fold before the first moment. Raises ScriptError."""
+        return cls(Judge.load(path, name, settings))
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        if self.decided is None:
+            return _BEGINNING[self.judge.kind]
+        return State.HOLDS if self.decided.passed else State.BROKEN
+
+    @property
+    def is_decided(self) -> bool:
+        """See Decisive.is_decided."""
+        return self.decided is not None
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if self.decided is not None or not len(trace):
+            return self
+        later = replace(self, seen=Seen(trace, self.seen))
+        if self.judge.kind == "end":
+            return later
+        verdict = later.verdict()
+        return replace(later, decided=verdict) if verdict.passed == (self.judge.kind == "goal") else later
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        if self.decided is not None:
+            return self.decided
+        if self.seen is None:
+            return Verdict(passed=False, message="no moment to measure")
+        return self.judge.verdict(self.seen.whole())
