@@ -7,12 +7,16 @@ import pickle
 import pytest
 
 from sim_action.assertions import ASSERTIONS, Assertion, State
+from sim_action.assertions.all_of import AllOf
+from sim_action.assertions.any_of import AnyOf
 from sim_action.assertions.joint import JointReading
 from sim_action.assertions.max_speed import MaxSpeed
+from sim_action.assertions.negation import Negation
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.stay_within import StayWithin
+from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from tests.traces import WHEELS, monitor, scene, trace
@@ -23,6 +27,10 @@ GOALS: list[Assertion] = [
     Reach(x=5.0, y=5.0),
     JointReading(name=WHEELS[0], at_least=1.0),
     JointReading(name=WHEELS[0], near=1.0, tolerance=0.1),
+    Stl(formula="eventually (travel > 1 m)"),
+    AnyOf(parts=(Travel(at_least=1.0), Reach(x=5.0, y=5.0))),
+    AllOf(parts=(Travel(at_least=1.0), NoCollision())),
+    Negation(part=NoCollision()),
 ]
 INVARIANTS: list[Assertion] = [
     Travel(at_most=1.0),
@@ -32,6 +40,10 @@ INVARIANTS: list[Assertion] = [
     MaxSpeed(linear=1.0, angular=1.0),
     StayWithin(x=(-1.0, 1.0)),
     JointReading(name=WHEELS[0], at_most=1.0),
+    Stl(formula="always (speed < 1 m/s)"),
+    AnyOf(parts=(Travel(at_most=1.0), NoCollision())),
+    AllOf(parts=(Travel(at_most=1.0), NoCollision())),
+    Negation(part=Reach(x=5.0, y=5.0)),
 ]
 
 
@@ -61,7 +73,8 @@ def test_every_spec_pickles_fits_the_burger_and_is_titled_by_its_key(spec: Asser
 
 
 def test_every_assertion_of_the_table_is_tested_here() -> None:
-    assert {spec.key for spec in (*GOALS, *INVARIANTS)} == set(ASSERTIONS)
+    # A class of the user's needs a file: tests/assertions/test_assertion.py.
+    assert {spec.key for spec in (*GOALS, *INVARIANTS)} == set(ASSERTIONS) - {"assertion"}
 
 
 @pytest.mark.parametrize("spec", [*GOALS, *INVARIANTS], ids=named)

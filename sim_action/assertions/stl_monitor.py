@@ -278,7 +278,7 @@ def _told(decisive: Cause, unit: str) -> tuple[float, float, str]:
     left, right = units.display_apart(decisive.left, decisive.right, unit)
     when = f"at {decisive.time:.2f} s"
     if any(signals(comparison.right)):
-        message = f"{comparison} is what decides: {left} and {right} {when}"
+        message = f"{comparison} decides: {left} and {right} {when}"
         return decisive.left - decisive.right, 0.0, message
-    message = f"{comparison.left} {comparison.relation} {right} is what decides: {left} {when}"
+    message = f"{comparison.left} {comparison.relation} {right} decides: {left} {when}"
     return decisive.left, decisive.right, message

@@ -1,0 +1,208 @@
+"""Classes of the user's that judge a run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from sim_action.assertions import Monitor, State
+from sim_action.assertions.user_code import UserAssertion
+from sim_action.errors import ScriptError
+from sim_action.panel import Panel
+from sim_action.scene import Scene
+from sim_action.trace import Trace
+from sim_action.verdict import Verdict
+from sim_action.workspace import Workspace
+from tests.traces import START, expectation, piece, scenario, scene, trace
+
+P, H, B = State.PENDING, State.HOLDS, State.BROKEN
+
+SLOW = """\
+from sim_action import Verdict
+
+class Slow:
+    kind = "{kind}"
+    def __init__(self, limit=0.75):
+        self.limit = limit
+    def judge(self, trace):
+        fastest = trace.speed.max()
+        when = trace.time[trace.speed.argmax()]
+        return Verdict(fastest <= self.limit, fastest, self.limit, self.limit - fastest, "m/s", when, "fast")
+"""
+
+
+@pytest.fixture(autouse=True)
+def search_path() -> Iterator[None]:
+    """A class may import its neighbours: in a process of its own. Here it must not last."""
+    before = list(sys.path)
+    yield
+    sys.path[:] = before
+
+
+def ride() -> Trace:
+    return trace([1.0, 2.0, 3.0, 4.0], x=[1.0, 2.0, 3.0, 4.0], speed=[0.5, 1.0, 0.5, 0.25])
+
+
+def here(folder: Path) -> Scene:
+    there = scene()
+    return Scene(there.robot, there.model, there.world, there.physics, Workspace(folder, folder))
+
+
+def written(folder: Path, text: str, **settings: Any) -> UserAssertion:
+    (folder / "checks.py").write_text(text, encoding="utf-8")
+    return UserAssertion.model_validate({"class": "checks.py:Slow", "with": settings})
+
+
+def opened(folder: Path, text: str, **settings: Any) -> Monitor:
+    return written(folder, text, **settings).monitor(here(folder), START)
+
+
+def judging(body: str) -> str:
+    return f"import numpy as np\nimport sim_action as sim\n\nclass Slow:\n    def judge(self, trace):\n        {body}\n"
+
+
+def refusal(folder: Path, text: str, **settings: Any) -> ScriptError:
+    with pytest.raises(ScriptError) as raised:
+        opened(folder, text, **settings).observe(ride()).verdict()
+    return raised.value
+
+
+def states(folder: Path, text: str) -> list[State]:
+    monitor = opened(folder, text)
+    found = [monitor.state]
+    for index in range(len(ride())):
+        monitor = monitor.observe(piece(ride(), index, index + 1))
+        found.append(monitor.state)
+    return found
+
+
+def test_it_judges_the_whole_run_however_it_is_cut(tmp_path: Path) -> None:
+    monitor = opened(tmp_path, SLOW.format(kind="end"), limit=1.25)
+    expected = Verdict(True, 1.0, 1.25, 0.25, "m/s", 2.0, "fast")
+    for cuts in ([0, 4], [0, 1, 2, 3, 4], [0, 0, 3, 4]):
+        fold = monitor
+        for start, end in pairwise(cuts):
+            fold = fold.observe(piece(ride(), start, end))
+        assert fold.verdict() == expected
+        assert {type(value) for value in (fold.verdict().measured, fold.verdict().time)} == {float}
+        assert type(fold.verdict().passed) is bool
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"), [("end", [H, H, H, H, H]), ("invariant", [H, H, B, B, B]), ("goal", [P, H, H, H, H])]
+)
+def test_its_kind_says_when_it_is_asked(tmp_path: Path, kind: str, expected: list[State]) -> None:
+    assert states(tmp_path, SLOW.format(kind=kind)) == expected
+
+
+def test_what_was_decided_stands(tmp_path: Path) -> None:
+    """A goal that came true is not judged again, though it would not pass now."""
+    fold = opened(tmp_path, SLOW.format(kind="goal"))
+    for index in range(4):
+        fold = fold.observe(piece(ride(), index, index + 1))
+    assert fold.verdict().passed
+    assert fold.verdict().time == 1.0
+
+
+def test_the_panel_finds_the_moment_by_asking_about_shorter_runs(tmp_path: Path) -> None:
+    spec = written(tmp_path, SLOW.format(kind="invariant"))
+    panel, seen = Panel.open(scenario(expectation(spec)), here(tmp_path), START).observe_until_end(ride())
+    assert (panel.end, len(seen)) == ("broken", 2)
+    (verdict,) = panel.verdicts()
+    assert (verdict.passed, verdict.time) == (False, 2.0)
+
+
+def test_no_moment_is_no_pass(tmp_path: Path) -> None:
+    verdict = opened(tmp_path, SLOW.format(kind="end")).observe(trace([])).verdict()
+    assert (verdict.passed, verdict.message) == (False, "no moment to measure")
+
+
+def test_a_verdict_needs_no_more_than_whether_it_passed(tmp_path: Path) -> None:
+    text = judging("return sim.Verdict(bool(trace.time[-1] > 3))")
+    assert opened(tmp_path, text).observe(ride()).verdict() == Verdict(passed=True, message="holds")
+
+
+def test_a_message_is_one_printable_line(tmp_path: Path) -> None:
+    text = judging(r"return sim.Verdict(False, message='a\n::error::b\x1b[31m')")
+    assert opened(tmp_path, text).observe(ride()).verdict().message.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("body", "message", "line"),
+    [
+        ("return 1 / 0", "Slow.judge() raised ZeroDivisionError: division by zero", 6),
+        ("raise SystemExit", "Slow.judge() raised SystemExit", 6),
+        ("pass", "Slow.judge() returned a NoneType; it returns a sim_action.Verdict", 5),
+        ("return True", "Slow.judge() returned a bool; it returns a sim_action.Verdict", 5),
+        ("return sim.Verdict('yes')", "a Verdict whose 'passed' is 'yes'; it is True or False", 5),
+        ("return sim.Verdict(True, float('nan'))", "a Verdict whose 'measured' is nan; it is a finite number", 5),
+        ("return sim.Verdict(True, margin=np.inf)", "a Verdict whose 'margin' is inf; it is a finite number", 5),
+        ("return sim.Verdict(True, time='1 s')", "a Verdict whose 'time' is '1 s'; it is a finite number", 5),
+        ("return sim.Verdict(True, limit=True)", "a Verdict whose 'limit' is True; it is a finite number", 5),
+        ("return sim.Verdict(True, unit=3)", "a Verdict whose 'unit' or 'message' is no text", 5),
+    ],
+)
+def test_what_it_raises_or_answers_is_an_error_at_its_line(tmp_path: Path, body: str, message: str, line: int) -> None:
+    error = refusal(tmp_path, judging(body))
+    assert message in str(error)
+    assert error.location is not None
+    assert (error.location.file, error.location.line) == (str(tmp_path / "checks.py"), line)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 / 0", "the file of Slow raised ZeroDivisionError"),
+        ("Slow = 3", "Slow is no class with a method judge(self, trace)"),
+        ("class Slow: pass", "Slow is no class with a method judge(self, trace)"),
+        (
+            "class Slow:\n    kind = 'always'\n    def judge(self, trace): ...",
+            "Slow.kind is 'always'; it is one of end,",
+        ),
+        (
+            "class Slow:\n    def __init__(self):\n        raise ValueError('no')\n    def judge(self, trace): ...",
+            "Slow(...), made with its settings, raised ValueError: no",
+        ),
+    ],
+)
+def test_what_cannot_be_made(tmp_path: Path, text: str, message: str) -> None:
+    assert message in str(refusal(tmp_path, text))
+
+
+def test_a_setting_that_it_does_not_take(tmp_path: Path) -> None:
+    assert "unexpected keyword argument 'limt'" in str(refusal(tmp_path, SLOW.format(kind="end"), limt=3))
+
+
+def test_it_is_read_and_not_run_before(tmp_path: Path) -> None:
+    spec = written(tmp_path, SLOW + "\nopen('ran', 'w')\nraise SystemExit\n")
+    assert list(spec.file_problems(Workspace(tmp_path, tmp_path))) == []
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("checks.py:Slo", "checks.py defines no class 'Slo'; did you mean 'Slow'?"),
+        ("nothing.py:Slow", "'nothing.py' does not exist"),
+        ("../x.py:Slow", "is outside the workspace"),
+        ("broken.py:Slow", "broken.py:1: not valid Python"),
+    ],
+)
+def test_problems_with_the_file(tmp_path: Path, name: str, message: str) -> None:
+    written(tmp_path, SLOW)
+    (tmp_path / "broken.py").write_text("class")
+    ((path, told),) = UserAssertion.model_validate(name).file_problems(Workspace(tmp_path, tmp_path))
+    assert path == ()
+    assert message in told
+
+
+@pytest.mark.parametrize("name", ["checks.py", ":Slow", "checks.py:", ""])
+def test_a_name_without_file_or_class(name: str) -> None:
+    with pytest.raises(ValidationError, match="expected a file and a class"):
+        UserAssertion.model_validate(name)

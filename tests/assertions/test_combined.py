@@ -1,0 +1,167 @@
+"""Assertions of assertions: any_of, all_of, not."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.assertions import Assertion, Monitor, State
+from sim_action.assertions.all_of import AllOf
+from sim_action.assertions.any_of import AnyOf
+from sim_action.assertions.max_speed import MaxSpeed
+from sim_action.assertions.negation import Negation
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.path_length import PathLength
+from sim_action.assertions.reach import Reach
+from sim_action.assertions.travel import Travel
+from sim_action.assertions.upright import Upright
+from sim_action.assertions.window import Window
+from sim_action.trace import Trace
+from sim_action.verdict import Verdict
+from tests.traces import contact, judged, monitor, piece, scene, trace
+
+P, H, B = State.PENDING, State.HOLDS, State.BROKEN
+FAR, NEARER, BACK = Travel(at_least=3.0), Travel(at_least=2.0), Travel(at_most=1.0)
+
+
+def any_of(*parts: Assertion) -> AnyOf:
+    return AnyOf(parts=parts)
+
+
+def all_of(*parts: Assertion) -> AllOf:
+    return AllOf(parts=parts)
+
+
+def no(part: Assertion) -> Negation:
+    return Negation(part=part)
+
+
+def ride(*touches: float) -> Trace:
+    """1 m/s, a moment a second."""
+    time = [1.0, 2.0, 3.0, 4.0]
+    return trace(time, x=time, speed=[0.5, 1.0, 1.0, 1.0], contacts=[contact(touch) for touch in touches])
+
+
+def states(spec: Assertion, seen: Trace) -> list[State]:
+    opened = monitor(spec)
+    found = [opened.state]
+    for index in range(len(seen)):
+        opened = opened.observe(piece(seen, index, index + 1))
+        found.append(opened.state)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("spec", "expected"),
+    [
+        # Goals.
+        (any_of(FAR, NEARER), [P, P, H, H, H]),
+        (all_of(FAR, NEARER), [P, P, P, H, H]),
+        (no(NEARER), [H, H, B, B, B]),
+        # Invariants; the ride touches something at 3 s.
+        (any_of(NoCollision(), BACK), [H, H, H, B, B]),
+        (all_of(NoCollision(), BACK), [H, H, B, B, B]),
+        (no(NoCollision()), [P, P, P, H, H]),
+        # Both: what is not broken yet does not end the wait for the goal.
+        (any_of(NoCollision(), FAR), [P, P, P, H, H]),
+        (any_of(BACK, Reach(x=9.0, y=0.0)), [P, P, P, P, P]),
+        (all_of(NoCollision(), NEARER), [P, P, H, B, B]),
+        # A goal that an upper bound can still break is not decided; its contrary is judged at the end.
+        (any_of(Travel(at_least=1.0, at_most=2.0), FAR), [P, P, P, H, H]),
+        (no(Travel(at_least=1.0, at_most=2.0)), [H, H, H, H, H]),
+        # Twice the contrary.
+        (no(no(NEARER)), [P, P, H, H, H]),
+        (no(no(NoCollision())), [H, H, H, B, B]),
+        # The contrary of several: goals, invariants, both.
+        (no(any_of(FAR, NEARER)), [H, H, B, B, B]),
+        (no(all_of(FAR, NEARER)), [H, H, H, B, B]),
+        (no(any_of(NoCollision(), BACK)), [P, P, P, H, H]),
+        (no(all_of(NoCollision(), BACK)), [P, P, H, H, H]),
+        (no(any_of(NoCollision(), FAR)), [H, H, H, B, B]),
+        (no(all_of(NoCollision(), NEARER)), [H, H, H, H, H]),
+        (any_of(no(NEARER), no(NoCollision())), [P, P, P, H, H]),
+        (all_of(no(FAR), no(NoCollision())), [P, P, P, B, B]),
+    ],
+    ids=lambda value: value.title if isinstance(value, Assertion) else "",
+)
+def test_when_it_is_decided(spec: Assertion, expected: list[State]) -> None:
+    assert states(spec, ride(3.0)) == expected
+
+
+@pytest.mark.parametrize("good", [(True, True), (True, False), (False, True), (False, False)])
+def test_the_verdicts_of_all_any_and_not(good: tuple[bool, bool]) -> None:
+    parts = [NEARER if one else Travel(at_least=9.0) for one in good]
+    assert judged(all_of(*parts), ride()).passed == all(good)
+    assert judged(any_of(*parts), ride()).passed == any(good)
+    assert judged(no(parts[0]), ride()).passed is not good[0]
+
+
+def test_of_one_unit_the_margin_decides() -> None:
+    low, high = MaxSpeed(linear=1.25), MaxSpeed(linear=2.0)
+    told = "all 2 hold; max_speed 1.25 m/s: moved with at most 1 m/s, limit 1.25 m/s"
+    assert judged(all_of(high, low), ride()) == Verdict(True, 1.0, 1.25, 0.25, "m/s", 2.0, told)
+    assert judged(any_of(high, low), ride()).margin == 1.0
+    assert judged(any_of(low, MaxSpeed(linear=0.5)), ride()).margin == 0.25
+    assert judged(all_of(low, MaxSpeed(linear=0.25), MaxSpeed(linear=0.75)), ride()).message.startswith("1 of 3 hold; ")
+    none = judged(any_of(Travel(at_least=9.0), Travel(at_least=5.0)), ride())
+    assert (none.margin, none.limit) == (-1.0, 5.0)
+    assert none.message == "none of 2 hold; travel at least 5 m: travelled 4 m of 5 m in 4.0 s"
+
+
+def test_of_several_units_the_time_decides_and_the_message_names_it() -> None:
+    """Of what holds, all_of takes what came true last, any_of what did so first; of what does not, the reverse."""
+    slow, upright = MaxSpeed(linear=0.75), Upright()
+    assert judged(all_of(FAR, no(BACK), MaxSpeed(linear=2)), ride()).time == 3.0
+    assert judged(any_of(NEARER, no(NoCollision())), ride(1.0)).time == 1.0
+    failed = judged(all_of(upright, NoCollision(), slow), ride(4.0))
+    assert (failed.passed, failed.unit, failed.time) == (False, "m/s", 2.0)
+    assert failed.message.startswith("1 of 3 hold; max_speed 0.75 m/s: moved")
+    assert judged(any_of(slow, NoCollision()), ride(4.0)).unit == "contacts"
+
+
+def test_the_contrary_has_the_other_margin() -> None:
+    verdict = judged(no(NEARER), ride())
+    told = "travel at least 2 m holds: travelled 2 m in 2.00 s"
+    assert verdict == Verdict(False, 2.0, 2.0, 0.0, "m", 2.0, told)
+    touched = judged(no(NoCollision()), ride(3.0))
+    assert (touched.passed, touched.margin, touched.time) == (True, 1.0, 3.0)
+    assert touched.message.startswith("no_collision does not hold: base_footprint touched wall at 3.00 s")
+
+
+def test_no_moment_is_no_pass() -> None:
+    for spec in (no(NEARER), no(BACK), any_of(NEARER), all_of(NEARER)):
+        assert not judged(spec, trace([])).passed
+
+
+def test_parts_see_the_way_before_their_window_as_they_would_alone() -> None:
+    """A path counts from where the window opens, which a fold that carries on has to be told."""
+    for spec in (all_of(PathLength(at_most=1.5)), any_of(PathLength(at_most=1.5)), no(no(PathLength(at_most=1.5)))):
+        seen = Window(monitor(spec), 3.0).observe(ride())
+        assert seen.verdict().passed, spec.title
+        assert seen.verdict().measured == 1.0
+
+
+def test_problems_say_in_which_part_they_are() -> None:
+    spec = any_of(NEARER, no(NoCollision(allow=("wal",))), all_of(NoCollision(), NoCollision(allow=("base_scan", "x"))))
+    paths = [path for path, _ in spec.problems(scene())]
+    assert paths == [(1, "not", "no_collision", "allow", 0), (2, "all_of", 1, "no_collision", "allow", 1)]
+
+
+def test_what_parts_need_is_known_of_the_whole() -> None:
+    assert [leaf.key for leaf in any_of(NEARER, no(all_of(NoCollision(), BACK))).leaves()] == [
+        "travel",
+        "no_collision",
+        "travel",
+    ]
+
+
+def test_many_parts_have_a_short_title() -> None:
+    spec: Assertion = any_of(*[NEARER] * 1000)
+    assert len(spec.title) <= 100
+    assert len(no(spec).title) <= 100
+
+
+def test_a_fold_that_was_there_before_is_used_again() -> None:
+    opened: Monitor = monitor(any_of(NEARER, FAR))
+    before = opened.state
+    opened.observe(ride())
+    assert opened.state is before

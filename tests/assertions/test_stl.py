@@ -1,0 +1,244 @@
+"""Signal temporal logic over traces."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from sim_action.assertions import Decisive, Monitor, State
+from sim_action.assertions.stl import Stl
+from sim_action.assertions.window import Window
+from sim_action.temporal_logic.formula import Formula
+from sim_action.trace import Trace
+from sim_action.verdict import Verdict
+from tests.temporal_logic.formulas import meaning, plain_formulas, walks
+from tests.traces import judged, monitor, piece, scene, trace
+
+SCENE = scene()
+FAST = trace([1.0, 2.0, 3.0, 4.0], x=[0.25, 1.0, 2.0, 2.5], speed=[0.25, 0.75, 1.0, 0.5])
+
+
+def stl(text: str) -> Stl:
+    return Stl(formula=text)
+
+
+def states(text: str, seen: Trace) -> list[State]:
+    """Before the first moment, and after each."""
+    opened = monitor(stl(text))
+    found = [opened.state]
+    for index in range(len(seen)):
+        opened = opened.observe(piece(seen, index, index + 1))
+        found.append(opened.state)
+    return found
+
+
+P, H, B = State.PENDING, State.HOLDS, State.BROKEN
+
+
+def test_an_invariant_that_holds_says_when_it_was_nearest_to_its_limit() -> None:
+    verdict = judged(stl("always (speed < 1.25 m/s)"), FAST)
+    assert verdict == Verdict(True, 1.0, 1.25, 0.25, "m/s", 3.0, "speed < 1.25 m/s decides: 1 m/s at 3.00 s")
+
+
+def test_an_invariant_that_is_broken() -> None:
+    verdict = judged(stl("always (speed < 0.5 m/s)"), FAST)
+    assert verdict == Verdict(False, 1.0, 0.5, -0.5, "m/s", 3.0, "speed < 0.5 m/s decides: 1 m/s at 3.00 s")
+
+
+def test_a_goal_that_is_not_met_says_how_far_it_got() -> None:
+    verdict = judged(stl("eventually (travel >= 3 m)"), FAST)
+    assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin, verdict.time) == (False, 2.5, 3, -0.5, 4.0)
+    assert verdict.message == "travel >= 3 m decides: 2.5 m at 4.00 s, and the run was over"
+
+
+def test_two_signals_are_measured_by_their_difference() -> None:
+    verdict = judged(stl("always (x - y >= 2 * speed * 0.5 s)"), FAST)
+    assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin) == (True, 0.0, 0.0, 0.0)
+    assert (verdict.unit, verdict.time) == ("m", 1.0)
+    assert verdict.message == "x - y >= 2 * speed * 0.5 s decides: 0.25 m and 0.25 m at 1.00 s"
+
+
+def test_joints_angles_and_where_travel_begins() -> None:
+    seen = trace([1.0], x=[3.0], y=[4.0], yaw=[0.5], roll=[0.25], velocity=[7.0])
+    assert judged(stl("velocity(wheel_left_joint) < 8"), seen).unit == "rad/s"
+    assert judged(stl("velocity(wheel_left_joint) < 8"), seen).margin == 1.0
+    assert judged(stl("travel < 6 m"), seen).margin == 1.0
+    for text, margin in {"yaw > 0": 0.5, "roll > 0": 0.25, "tilt < 0.5": 0.25, "abs(pitch) < 1": 1.0}.items():
+        assert judged(stl(text), seen).margin == pytest.approx(margin), text
+
+
+def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
+    from sim_action.geometry import quaternion_from_rpy
+
+    turned = np.array([quaternion_from_rpy(0.3, -0.4, 2.0)])
+    seen = trace([1.0])
+    state = seen.state.copy()
+    state[:, 4:8] = turned
+    seen = Trace(seen.joint_names, state)
+    assert judged(stl("roll > 0"), seen).margin == pytest.approx(0.3)
+    assert judged(stl("pitch < 0"), seen).margin == pytest.approx(0.4)
+    assert judged(stl("yaw > 0"), seen).margin == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("always (speed < 2)", [H, H, H, H, H]),
+        ("always (speed < 0.8)", [H, H, H, B, B]),
+        ("eventually (speed > 0.8)", [P, P, P, H, H]),
+        ("eventually (speed > 3)", [P, P, P, P, P]),
+        ("speed < 0.5", [P, H, H, H, H]),
+        ("speed > 0.5", [P, B, B, B, B]),
+        # An interval that is over.
+        ("always[0 s, 1 s] (speed < 0.8)", [H, H, H, H, H]),
+        ("eventually[0 s, 1 s] (speed > 0.8)", [P, P, B, B, B]),
+        ("eventually[2 s, 3 s] (speed < 0.3)", [P, P, P, P, B]),
+        # What looks ahead is known when its window is over.
+        ("always (speed < 0.5 implies eventually[0 s, 1 s] (speed > 0.7))", [H, H, H, H, H]),
+        ("always (speed < 0.5 implies eventually[0 s, 1 s] (speed > 2))", [H, H, B, B, B]),
+        ("eventually (always[0 s, 1 s] (speed > 0.7))", [P, P, P, H, H]),
+        ("speed < 0.5 until[0 s, 2 s] speed > 0.7", [P, P, P, H, H]),
+        # The contrary.
+        ("not (always (speed < 0.8))", [P, P, P, H, H]),
+        ("not (eventually (speed > 0.8))", [H, H, H, B, B]),
+        # Joined.
+        ("always (speed < 2) and eventually (speed > 0.8)", [P, P, P, H, H]),
+        ("(always (speed < 0.8)) or eventually (x > 2.2)", [P, P, P, P, H]),
+        ("(always (speed < 0.7)) or always (speed < 0.9)", [H, H, H, B, B]),
+        ("(eventually (speed > 0.8)) implies always (speed < 0.9)", [H, H, H, B, B]),
+        ("(always (speed < 0.8)) implies eventually (x > 3)", [P, P, P, H, H]),
+        # Judged at the end of the run.
+        ("always (eventually (speed > 3))", [H, H, H, H, H]),
+        ("speed < 0.1 until speed > 3", [H, H, H, H, H]),
+        ("always (eventually[0 s, 90 s] (speed > 3))", [H, H, H, H, H]),
+    ],
+)
+def test_when_a_formula_is_decided(text: str, expected: list[State]) -> None:
+    assert states(text, FAST) == expected
+
+
+def test_what_is_judged_at_the_end_is_judged() -> None:
+    assert not judged(stl("always (eventually (speed > 3))"), FAST).passed
+    assert judged(stl("always (eventually (speed > 0.4))"), FAST).passed
+    assert judged(stl("speed < 0.5 until speed > 0.7"), FAST).passed
+
+
+def test_an_interval_that_the_run_never_came_to() -> None:
+    always, eventually = (judged(stl(f"{word}[9 s, 10 s] (speed < 1)"), FAST) for word in ("always", "eventually"))
+    assert always.passed
+    assert not eventually.passed
+    assert {always.margin, eventually.margin} == {None}
+    assert always.message == "the run ended before the interval that decides"
+
+
+def test_no_moment_is_no_pass() -> None:
+    verdict = judged(stl("always (speed < 1)"), trace([]))
+    assert (verdict.passed, verdict.message) == (False, "no moment to measure")
+
+
+def test_a_window_begins_it_and_cuts_it() -> None:
+    spec = stl("always[1 s, end] (speed < 0.9)")
+    seen = Window(monitor(spec), 2.0, 3.0).observe(FAST)
+    assert not seen.verdict().passed
+    assert seen.verdict().time == 3.0
+    assert Window(monitor(spec), 3.0, 4.0).observe(FAST).verdict().passed
+    # Pending when the window closes: as the verdict on what was seen is.
+    until_then = Window(monitor(stl("not (speed < 0.5 until[0 s, 9 s] x > 5)")), 0.0, 3.0)
+    assert until_then.observe(FAST.first(2)).state is State.PENDING
+    assert until_then.observe(FAST).state is State.HOLDS
+
+
+@settings(max_examples=300, deadline=None)
+@given(plain_formulas, walks)
+def test_the_margin_is_the_robustness_at_the_first_moment(formula: Formula, walk: list[tuple[int, int]]) -> None:
+    verdict = folded(formula, walk, []).verdict()
+    expected = meaning(formula, walk, 0)
+    assert verdict.passed == (expected >= 0)
+    assert verdict.margin == (None if math.isinf(expected) else expected)
+
+
+@settings(max_examples=300, deadline=None)
+@given(plain_formulas, walks, st.lists(st.integers(0, 20), max_size=8))
+def test_pieces_say_what_the_whole_says_and_a_decision_stands(
+    formula: Formula, walk: list[tuple[int, int]], at: list[int]
+) -> None:
+    whole = folded(formula, walk, [])
+    assert folded(formula, walk, at).verdict() == whole.verdict()
+    assert folded(formula, walk, at).state is whole.state
+    said, decided = [], False
+    for length in range(len(walk) + 1):
+        early = folded(formula, walk[:length], [])
+        assert isinstance(early, Decisive)
+        said.append(early.state)
+        if decided:
+            assert said[-1] is said[-2]
+        decided = early.is_decided
+        if decided:
+            assert early.verdict().passed == whole.verdict().passed == (early.state is State.HOLDS)
+    # What ended a run does not un-end it.
+    changes = [(a, b) for a, b in pairwise(said) if a is not b]
+    assert set(changes) <= {(P, H), (P, B), (H, B)}
+
+
+def folded(formula: Formula, walk: list[tuple[int, int]], at: list[int]) -> Monitor:
+    columns = list(zip(*walk, strict=True)) or [(), ()]
+    seen = trace([float(n) for n in range(len(walk))], x=list(columns[0]), y=list(columns[1]))
+    opened = monitor(stl(str(formula)), where=SCENE)
+    for start, end in pairwise(sorted([0, *(min(cut, len(walk)) for cut in at), len(walk)])):
+        opened = opened.observe(piece(seen, start, end))
+    return opened
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("always (speed < 0.5 m)", "'speed' is in m/s, '0.5 m' in m: they cannot be compared; at character 9"),
+        ("x + time < 1", "'x' is in m, 'time' in s: they cannot be compared"),
+        ("x * y < 1 m", "'x * y' is in m^2, '1 m' in m"),
+        ("position(wheel_left) < 1", "the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'?"),
+        ("position(scan_joint) < 1", "the model has no moving joint 'scan_joint'"),
+        ("always[1 ms, 2 ms] x < 1", "no physics step (1 / 240 s) is in the interval [0.001 s, 0.002 s]"),
+    ],
+)
+def test_what_does_not_fit_the_scene(text: str, message: str) -> None:
+    ((path, told),) = stl(text).problems(scene())
+    assert path == ()
+    assert message in told
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "turn_rate * 0.033 m < 1 m/s",  # an angle is a length over a length
+        "speed * 2 s < 3 - x",
+        "2 * x - 1 < 3",
+        "effort(wheel_left_joint) < 1 N m",
+        "velocity(wheel_left_joint) < 60 rpm",
+    ],
+)
+def test_what_fits(text: str) -> None:
+    assert list(stl(text).problems(scene())) == []
+
+
+def test_text_may_stand_alone_and_nothing_else_may() -> None:
+    assert Stl.model_validate("speed < 1") == stl("speed < 1")
+    for value in (5, ("speed < 1",), None):
+        with pytest.raises(ValidationError, match="expected a formula such as"):
+            Stl.model_validate(value)
+    with pytest.raises(ValidationError, match=r"unknown signal 'sped'.*at character 1"):
+        Stl.model_validate("sped < 1")
+
+
+def test_a_long_formula_has_a_short_title_and_pickles_after_use() -> None:
+    spec = stl(" and\n".join(["x < 1"] * 50))
+    assert len(spec.title) <= 100
+    assert "\n" not in spec.title
+    assert spec.parsed
+    assert pickle.loads(pickle.dumps(spec)) == spec

@@ -1,0 +1,54 @@
+"""Python files of the user's, as text and as code; what controllers and assertions make of them is tested there."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_action.errors import ScriptError
+from sim_action.python_files import PythonFileError, names_defined_in, run, script_error
+from sim_action.workspace import Workspace
+
+
+def names(folder: Path, text: str) -> set[str]:
+    (folder / "a.py").write_text(text, encoding="utf-8")
+    return names_defined_in(Workspace(folder, folder), "a.py")
+
+
+def test_names_are_those_outside_of_functions_and_classes(tmp_path: Path) -> None:
+    text = "import os\nfrom x import y as z\nclass A:\n    b = 1\ndef c():\n    d = 2\nif A:\n    e = 3\n"
+    assert names(tmp_path, text) == {"os", "z", "A", "c", "e"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("def f(:\n", "a.py:1: not valid Python"),
+        ("x = 1\0", "not valid Python"),
+        ("#" * 1_000_001, "more than 1000 kB"),
+        ("(" * 5000, "not valid Python"),
+    ],
+)
+def test_what_is_no_python(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(PythonFileError, match=message):
+        names(tmp_path, text)
+
+
+def test_running_gives_what_is_left_and_errors_their_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    file = tmp_path / "a.py"
+    file.write_text("x = 1\n")
+    assert run(file, "it")["x"] == 1
+    file.write_text("x = 1\nraise ValueError('no')\n")
+    with pytest.raises(ScriptError, match="it raised ValueError: no") as raised:
+        run(file, "it")
+    assert raised.value.location is not None
+    assert raised.value.location.line == 2
+
+
+def test_an_error_from_elsewhere_has_no_line(tmp_path: Path) -> None:
+    error = script_error(ValueError("no"), tmp_path / "a.py", "it")
+    assert error.location is not None
+    assert error.location.line is None
