@@ -60,7 +60,7 @@ class Negation(Combined):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
         monitor = self.part.monitor(scene, start)
-        return NegationMonitor(self.part.title, monitor, monitor.state)
+        return NegationMonitor(monitor, monitor.state)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,6 @@ class NegationMonitor:
         seen: whether there was a moment.
     """
 
-    title: str
     monitor: Monitor
     began: State
     seen: bool = False
@@ -105,6 +104,5 @@ class NegationMonitor:
         if not self.seen:
             return replace(verdict, passed=False, message="no moment to measure")
         margin = None if verdict.margin is None else 0.0 - verdict.margin
-        holds = "holds" if verdict.passed else "does not hold"
-        message = f"{self.title} {holds}: {verdict.message}"
+        message = f"{'holds' if verdict.passed else 'does not hold'}: {verdict.message}"
         return replace(verdict, passed=not verdict.passed, margin=margin, message=message)
