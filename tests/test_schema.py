@@ -43,6 +43,15 @@ def test_the_examples_are_valid(path: Path, validator: jsonschema.Draft202012Val
     [
         {"expect": [{"travel": {"at_least": "1.5 m"}, "before": 3, "severity": "warning"}]},
         {"expect": [{"no_collision": None}, {"upright": {"max_tilt": "20 deg"}}]},
+        {"expect": [{"stl": "always (speed < 1)", "after": 1}, {"stl": {"formula": "x < 1"}}]},
+        {"expect": [{"any_of": ["no_collision", {"not": {"all_of": [{"travel": {"at_least": 1}}]}}], "name": "n"}]},
+        {
+            "expect": [
+                {"not": "no_collision"},
+                {"assertion": "a.py:B"},
+                {"assertion": {"class": "a.py:B", "with": {"c": 1}}},
+            ]
+        },
         {"commands": {"twist": [{"linear": 1.0, "for": "2 s"}], "rate": "10 Hz"}},
         {"commands": [{"twist": [{"linear": 1.0}]}, {"script": "controller.py"}]},
         {"commands": {"joints": [{"at": "2 s", "position": {"a": "90 deg", "b": "1 cm"}, "effort": {"c": "1 N"}}]}},
@@ -63,6 +72,12 @@ def test_what_the_loader_takes_is_valid(change: dict[str, Any], validator: jsons
         {"expect": [{"travell": {"at_least": 1}}]},
         {"expect": [{"travel": {"at_least": 1}, "upright": {}}]},
         {"expect": [{"travel": {"at_least": "1.5 kg"}}]},
+        {"expect": [{"stl": 5}]},
+        {"expect": [{"any_of": []}]},
+        {"expect": [{"any_of": {"travel": {"at_least": 1}}}]},
+        {"expect": [{"all_of": [{"no_collision": None, "after": 1}]}]},
+        {"expect": [{"not": {"travel": {"at_lest": 1}}}]},
+        {"expect": [{"assertion": {"with": {}}}]},
         {"commands": {"rate": 10}},
         {"commands": {"joints": [{"position": {"a": 1}}]}},
         {"commands": {"joints": [{"at": 1, "position": {"a": "1 rad/s"}}]}},
