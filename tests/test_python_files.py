@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 
 from sim_action.errors import ScriptError
-from sim_action.python_files import PythonFileError, names_defined_in, run, script_error
-from sim_action.workspace import Workspace
+from sim_action.python_files import ScriptProblem, names_bound_by, read_script, run_file, script_error
 
 
 def names(folder: Path, text: str) -> set[str]:
     (folder / "a.py").write_text(text, encoding="utf-8")
-    return names_defined_in(Workspace(folder, folder), "a.py")
+    return names_bound_by(read_script(folder / "a.py"))
 
 
 def test_names_are_those_outside_of_functions_and_classes(tmp_path: Path) -> None:
@@ -25,14 +24,14 @@ def test_names_are_those_outside_of_functions_and_classes(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("def f(:\n", "a.py:1: not valid Python"),
+        ("def f(:\n", "^:1: not valid Python"),
         ("x = 1\0", "not valid Python"),
         ("#" * 1_000_001, "more than 1000 kB"),
         ("(" * 5000, "not valid Python"),
     ],
 )
 def test_what_is_no_python(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(PythonFileError, match=message):
+    with pytest.raises(ScriptProblem, match=message):
         names(tmp_path, text)
 
 
@@ -40,10 +39,10 @@ def test_running_gives_what_is_left_and_errors_their_line(tmp_path: Path, monkey
     monkeypatch.setattr(sys, "path", list(sys.path))
     file = tmp_path / "a.py"
     file.write_text("x = 1\n")
-    assert run(file, "it")["x"] == 1
+    assert run_file(file, "it")["x"] == 1
     file.write_text("x = 1\nraise ValueError('no')\n")
     with pytest.raises(ScriptError, match="it raised ValueError: no") as raised:
-        run(file, "it")
+        run_file(file, "it")
     assert raised.value.location is not None
     assert raised.value.location.line == 2
 

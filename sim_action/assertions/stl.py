@@ -43,10 +43,10 @@ class Stl(Assertion):
     The margin is the robustness: how far the signals are from making the formula false, or true if it is false;
     `<` and `<=` are the same. Windows that reach beyond the end of the run are cut there.
 
-    `always` is an invariant, `eventually` a goal, and so are what `and`, `or`, `not` and `implies` make of them.
-    Windows within are waited for: `always (a implies eventually[0 s, 2 s] b)` is broken 2 s after the `a` that
-    nothing came of. What has no such end, such as an `until` without an interval or `always (eventually a)`, and
-    what looks ahead by more than a minute, is judged at the end of the run.
+    `always` is an invariant, `eventually` and `until` are goals, and so are what `and`, `or`, `not` and `implies`
+    make of them. Windows within are waited for: `always (a implies eventually[0 s, 2 s] b)` is broken 2 s after
+    the `a` that nothing came of. What has no such end within, such as `always (eventually a)`, and what looks
+    ahead by more than a minute, is judged at the end of the run.
     """
 
     key: ClassVar[str] = "stl"
@@ -101,7 +101,5 @@ def _empty(formula: Formula, rate: float) -> Iterator[tuple[int, str]]:
 
 
 def _has_no_step(interval: Interval, rate: float) -> bool:
-    if math.isinf(interval.end):
-        return False
     first, last = interval.start * rate - _STEP_ROUNDING, interval.end * rate + _STEP_ROUNDING
-    return math.ceil(first) > math.floor(last)
+    return math.isfinite(last) and math.ceil(first) > math.floor(last)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Protocol, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import joined, joined_by_any
+from sim_action.assertions.stl_parts import Extreme, Part, lookahead
+from sim_action.assertions.stl_until import UntilFold
 from sim_action.temporal_logic.formula import (
     Always,
     And,
@@ -21,11 +23,11 @@ from sim_action.temporal_logic.formula import (
     Not,
     Or,
     Signal,
-    horizon,
+    Until,
     signals,
     signals_of,
 )
-from sim_action.temporal_logic.robustness import Cause, cause, robustness
+from sim_action.temporal_logic.robustness import Cause
 from sim_action.temporal_logic.samples import Samples
 from sim_action.verdict import Verdict
 
@@ -33,27 +35,6 @@ if TYPE_CHECKING:
     from sim_action.trace import Trace
 
 _AT_ONCE: Final = Interval(0.0, 0.0)
-# What looks further ahead, in s, would be computed anew with each block over too many moments.
-_MOST_LOOKAHEAD: Final = 60.0
-_TIME_ROUNDING: Final = 1e-9
-
-
-class Part(Protocol):
-    """A formula at the first moment, as far as it is known."""
-
-    @property
-    def state(self) -> State:
-        """See Monitor.state."""
-
-    @property
-    def is_decided(self) -> bool:
-        """See Decisive.is_decided."""
-
-    def observe(self, samples: Samples) -> Part:
-        """After the moments that follow."""
-
-    def outcome(self) -> tuple[float, Cause | None]:
-        """Its robustness, if nothing more came, and what decides it; infinite if no moment counts."""
 
 
 def opened(formula: Formula, *, contrary: bool = False) -> Part:
@@ -70,6 +51,9 @@ def opened(formula: Formula, *, contrary: bool = False) -> Part:
         case Always() | Eventually():
             inner = Not(formula.formula) if contrary else formula.formula
             return Extreme.of(inner, formula.interval, greatest=isinstance(formula, Eventually) != contrary)
+        case Until() if math.isfinite(lookahead(formula.before, formula.then)):
+            part = UntilFold.of(formula, strict=contrary)
+            return Contrary(part) if contrary else part
         case _:
             return Extreme.of(Not(formula) if contrary else formula, _AT_ONCE, greatest=True)
 
@@ -106,121 +90,29 @@ class Joined:
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
-    """Samples, and those that came before them: to add to it copies nothing."""
+class Contrary:
+    """A part that is waited for, the other way round: it holds while that is waited for."""
 
-    samples: Samples
-    earlier: Chain | None = None
-
-    def whole(self) -> Samples:
-        """All samples in one piece."""
-        pieces = [self.samples]
-        link = self.earlier
-        while link is not None:
-            pieces.append(link.samples)
-            link = link.earlier
-        return Samples.concatenate(pieces[::-1])
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """The least or the greatest robustness so far, and the samples from its moment on that it was computed from."""
-
-    value: float
-    samples: Samples
-
-
-@dataclass(frozen=True, slots=True)
-class Extreme:
-    """The least robustness of a formula over an interval (`always`), or the greatest (`eventually`).
-
-    Attributes:
-        reach: s that the formula looks ahead; infinite if it is judged at the end of the run.
-        begin: s of sim time, the first moment seen.
-        open: samples from the first moment on whose future is not known yet.
-        found: among the moments whose future is known.
-        closed: whether all moments of the interval are such.
-    """
-
-    formula: Formula
-    interval: Interval
-    greatest: bool
-    reach: float
-    begin: float | None = None
-    open: Chain | None = None
-    found: Found | None = None
-    closed: bool = False
-
-    @classmethod
-    def of(cls, formula: Formula, interval: Interval, *, greatest: bool) -> Self:
-        """The fold before the first moment."""
-        reach = horizon(formula)
-        return cls(formula, interval, greatest, reach if reach <= _MOST_LOOKAHEAD else math.inf)
+    part: Part
 
     @property
     def state(self) -> State:
-        """See Monitor.state: what is judged at the end of the run is neither waited for nor broken before."""
-        if self._is_settled:
-            return State.HOLDS if self.greatest else State.BROKEN
-        if not self.greatest or math.isinf(self.reach):
-            return State.HOLDS
-        return State.BROKEN if self.closed else State.PENDING
+        """See Monitor.state."""
+        return State.BROKEN if self.part.state is State.HOLDS else State.HOLDS
 
     @property
     def is_decided(self) -> bool:
         """See Decisive.is_decided."""
-        return self.closed or self._is_settled
+        return self.part.is_decided
 
-    @property
-    def _is_settled(self) -> bool:
-        """Whether one moment has settled it, whatever the others are."""
-        return self.found is not None and (self.found.value >= 0) == self.greatest
-
-    def observe(self, samples: Samples) -> Self:
+    def observe(self, samples: Samples) -> Contrary:
         """See Part.observe."""
-        if self.closed or not len(samples):
-            return self
-        begin = float(samples.time[0]) if self.begin is None else self.begin
-        if math.isinf(self.reach):
-            return replace(self, begin=begin, open=Chain(samples, self.open))
-        later = replace(self, begin=begin)
-        rows = samples if self.open is None else Samples.concatenate((self.open.samples, samples))
-        known = float(rows.time[-1]) - self.reach
-        end = int(rows.after(known))
-        return replace(
-            later,
-            open=Chain(rows.between(end, len(rows))) if end < len(rows) else None,
-            found=later._best(rows, end),  # noqa: SLF001 - its own
-            closed=begin + self.interval.end <= known + _TIME_ROUNDING,
-        )
+        return Contrary(self.part.observe(samples))
 
     def outcome(self) -> tuple[float, Cause | None]:
         """See Part.outcome."""
-        found = self.found
-        if self.open is not None and not self.closed:
-            rows = self.open.whole()
-            found = self._best(rows, len(rows))
-        if found is None:
-            return -math.inf if self.greatest else math.inf, None
-        return found.value, cause(self.formula, found.samples)
-
-    def _best(self, rows: Samples, end: int) -> Found | None:
-        """The extreme so far, or a better one among the rows before `end` that lie in the interval."""
-        assert self.begin is not None
-        first = int(rows.at_or_after(self.begin + self.interval.start))
-        last = min(end, int(rows.after(self.begin + self.interval.end)))
-        if first >= last:
-            return self.found
-        margins = robustness(self.formula, rows.between(first, len(rows)))[: last - first]
-        index = int(margins.argmax() if self.greatest else margins.argmin())
-        value = float(margins[index])
-        if self.found is not None and not (value > self.found.value if self.greatest else value < self.found.value):
-            return self.found
-        return Found(value, self._from(rows, first + index))
-
-    def _from(self, rows: Samples, index: int) -> Samples:
-        end = len(rows) if math.isinf(self.reach) else int(rows.after(float(rows.time[index]) + self.reach))
-        return rows.between(index, end)
+        value, decisive = self.part.outcome()
+        return -value, None if decisive is None else replace(decisive, margin=-decisive.margin)
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,7 +104,16 @@ def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
         ("always (speed < 0.5 implies eventually[0 s, 1 s] (speed > 0.7))", [H, H, H, H, H]),
         ("always (speed < 0.5 implies eventually[0 s, 1 s] (speed > 2))", [H, H, B, B, B]),
         ("eventually (always[0 s, 1 s] (speed > 0.7))", [P, P, P, H, H]),
-        ("speed < 0.5 until[0 s, 2 s] speed > 0.7", [P, P, P, H, H]),
+        # Until: a goal, which is lost when what must hold before does not.
+        ("speed < 0.5 until speed > 0.7", [P, P, H, H, H]),
+        ("speed < 0.5 until speed > 0.9", [P, P, B, B, B]),
+        ("speed < 1.5 until speed > 3", [P, P, P, P, P]),
+        ("speed < 0.5 until[0 s, 2 s] speed > 0.7", [P, P, H, H, H]),
+        ("speed < 0.9 until[2 s, 3 s] speed > 0.7", [P, P, P, H, H]),
+        ("speed < 1.5 until[0 s, 1 s] speed > 0.9", [P, P, B, B, B]),
+        ("x < 9 until eventually[0 s, 1 s] speed > 0.9", [P, P, P, H, H]),
+        ("not (speed < 0.5 until speed > 0.9)", [H, H, H, H, H]),
+        ("not (speed < 0.5 until speed > 0.7)", [H, H, B, B, B]),
         # The contrary.
         ("not (always (speed < 0.8))", [P, P, P, H, H]),
         ("not (eventually (speed > 0.8))", [H, H, H, B, B]),
@@ -116,7 +125,7 @@ def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
         ("(always (speed < 0.8)) implies eventually (x > 3)", [P, P, P, H, H]),
         # Judged at the end of the run.
         ("always (eventually (speed > 3))", [H, H, H, H, H]),
-        ("speed < 0.1 until speed > 3", [H, H, H, H, H]),
+        ("(always (speed < 0.8)) until speed > 3", [H, H, H, H, H]),
         ("always (eventually[0 s, 90 s] (speed > 3))", [H, H, H, H, H]),
     ],
 )
@@ -150,7 +159,7 @@ def test_a_window_begins_it_and_cuts_it() -> None:
     assert seen.verdict().time == 3.0
     assert Window(monitor(spec), 3.0, 4.0).observe(FAST).verdict().passed
     # Pending when the window closes: as the verdict on what was seen is.
-    until_then = Window(monitor(stl("not (speed < 0.5 until[0 s, 9 s] x > 5)")), 0.0, 3.0)
+    until_then = Window(monitor(stl("eventually[0 s, 9 s] always[0 s, 9 s] speed > 0.2")), 0.0, 3.0)
     assert until_then.observe(FAST.first(2)).state is State.PENDING
     assert until_then.observe(FAST).state is State.HOLDS
 
