@@ -40,7 +40,7 @@ def outcome(folder: Path, expectation: str, *arguments: str) -> dict[str, Any]:
         ("not (eventually (travel >= 30 cm))", ("failed", "broken"), 1.6),
         ("always (travel > 10 cm implies eventually[0 s, 1 s] travel > 45 cm)", ("failed", "broken"), 1.6),
         ("always (travel > 10 cm implies eventually[0 s, 2 s] travel > 45 cm)", ("passed", "time limit"), 4.0),
-        ("travel < 20 cm until[0 s, 2 s] x > 19 cm", ("passed", "goals met"), 2.0),
+        ("travel < 20 cm until[0 s, 2 s] x > 19 cm", ("passed", "goals met"), 1.05),
         ("always (eventually (speed > 0.1 m/s))", ("passed", "time limit"), 4.0),
     ],
 )
