@@ -16,6 +16,7 @@ import yaml
 
 from docs.reference import KEYS, attributes, keys, sections, table
 from sim_action import catalogue, readings
+from sim_action.assertions import ASSERTIONS
 from sim_action.catalogue import Entry, FieldEntry
 from sim_action.command import JointTargets
 from sim_action.commands import COMMANDS
@@ -80,7 +81,6 @@ def _scenario_keys() -> str:
         ("world.ground.", Ground),
         ("world.objects[].", Body),
         ("physics.", Physics),
-        ("expect[].", ExpectationOptions),
         ("trace.", TraceSettings),
     )
     rows = (
@@ -139,6 +139,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "drive-sections": lambda: sections("drives", DRIVES),
     "command-sections": lambda: sections("commands", COMMANDS),
     "sensor-sections": lambda: sections("sensors", SENSORS),
+    "assertion-sections": lambda: sections("assertions", ASSERTIONS),
+    "expectation-keys": lambda: table(KEYS, keys(ExpectationOptions)),
     "sensor-keys": lambda: table(KEYS, keys(Mounting)),
     "controller-types": lambda: attributes(*CONTROLLER_TYPES),
     "readings": lambda: attributes(*READINGS),

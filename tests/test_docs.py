@@ -12,6 +12,7 @@ import pytest
 
 from docs.reference import example
 from docs.robots import without_figures
+from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
 from sim_action.loading import load_scenario
@@ -22,7 +23,7 @@ from sim_action.sensors import SENSORS
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 REFERENCE = (ROOT / "docs/scenario.md").read_text(encoding="utf-8")
-FAMILIES: dict[str, Table[Any]] = {"drives": DRIVES, "commands": COMMANDS, "sensors": SENSORS}
+FAMILIES: dict[str, Table[Any]] = {"drives": DRIVES, "commands": COMMANDS, "sensors": SENSORS, "assertions": ASSERTIONS}
 ROBOTS = (ROOT / "docs/robots.md").read_text(encoding="utf-8")
 
 
@@ -84,6 +85,7 @@ def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: st
         "drives": [type(scenario.robot.drive)],
         "commands": [type(source) for source in scenario.commands],
         "sensors": [type(mounted.sensor) for mounted in scenario.sensors],
+        "assertions": [type(expected.assertion) for expected in scenario.expect],
     }
     assert FAMILIES[family].load(key) in named[family]
     assert path.read_text(encoding="utf-8") in REFERENCE

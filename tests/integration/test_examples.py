@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from sim_action.assertions import ASSERTIONS
 from sim_action.backends import installed
 
 ROOT = Path(__file__).parents[2]
@@ -38,12 +39,38 @@ def outcomes(folder: Path) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("engine", installed())
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_passes_on_every_engine(example: Path, engine: str, tmp_path: Path) -> None:
-    shutil.copytree(example.parent, tmp_path / "copy")
-    ran = sim_action(tmp_path, "run", "--backend", engine, f"copy/{example.name}")
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    ran = sim_action(tmp_path, "run", "--backend", engine, str(example.relative_to(ROOT)))
     assert ran.returncode == 0, ran.stdout + ran.stderr
     (outcome,) = outcomes(tmp_path)
     assert outcome["status"] == "passed"
     assert outcome["diagnostics"] == []
+
+
+def in_failing_form(text: str) -> tuple[str, int]:
+    """An example with an assertion that does not hold: what `fails with` says in place of the line above; its line."""
+    lines = text.splitlines()
+    number = next(index for index, line in enumerate(lines) if line.lstrip().startswith(FAILS_WITH))
+    key, _, _ = lines[number - 1].partition(": ")
+    lines[number - 1] = f"{key}: {lines[number].lstrip().removeprefix(FAILS_WITH)}"
+    return "\n".join(lines) + "\n", number
+
+
+FAILS_WITH = "# fails with: "
+
+
+@pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize("key", list(ASSERTIONS))
+def test_an_assertion_can_fail_on_every_engine(key: str, engine: str, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    path = tmp_path / f"examples/assertions/{key}.sim.yml"
+    text, line = in_failing_form(path.read_text())
+    path.write_text(text)
+    ran = sim_action(tmp_path, "run", "--backend", engine, str(path.relative_to(tmp_path)))
+    assert ran.returncode == 1, ran.stdout + ran.stderr
+    (outcome,) = outcomes(tmp_path)
+    failed = [told for told in outcome["expectations"] if not told["verdict"]["passed"]]
+    assert [(told["assertion"], told["location"]["line"]) for told in failed] == [(key, line)]
 
 
 def test_the_tutorials_robot_that_stands_still_fails_with_how_far_it_got(tmp_path: Path) -> None:
