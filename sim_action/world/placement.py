@@ -1,0 +1,26 @@
+"""Where something begins, in the world frame."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from sim_action import geometry
+from sim_action.quantities import FrozenModel, Metres, Radians
+
+
+class Placement(FrozenModel):
+    """Where something begins, in the world frame."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Annotated[Metres | None, Field(description="left out: it stands on the ground")] = None
+    roll: Radians = 0.0
+    pitch: Radians = 0.0
+    yaw: Radians = 0.0
+
+    @property
+    def orientation_xyzw(self) -> geometry.Quaternion:
+        """The rotation by roll, pitch and yaw."""
+        return geometry.quaternion_from_rpy(self.roll, self.pitch, self.yaw)
