@@ -5,15 +5,20 @@ The fields are the keys of a scenario file; the docstrings and descriptions are 
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Annotated, Final
 
+from pydantic import Field
+
+from sim_action.geometry import Vector3
 from sim_action.quantities import FrozenModel
-from sim_action.world.body import Body
-from sim_action.world.ground import GROUND, Ground
+from sim_action.world.body import Body, placed
+from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
+from sim_action.world.gravity import GRAVITY, Gravity
+from sim_action.world.ground import GROUND, Ground, Patch
 from sim_action.world.physics import FASTEST, Physics
 from sim_action.world.placement import Placement
 from sim_action.world.robot import Robot
-from sim_action.world.shapes import Cylinder, Sphere
+from sim_action.world.shapes import Cylinder, Ramp, Sphere, Stairs
 
 __all__ = [
     "FASTEST",
@@ -22,19 +27,34 @@ __all__ = [
     "Body",
     "Cylinder",
     "Ground",
+    "Heightfield",
+    "MeshFile",
+    "OccupancyMap",
+    "Patch",
     "Physics",
     "Placement",
+    "Ramp",
     "Robot",
     "Sphere",
+    "Stairs",
     "World",
+    "placed",
 ]
 
-GRAVITY: Final = 9.80665
-"""m/s^2, standard gravity (CGPM 1901)."""
+MAX_PATCHES: Final = 50
 
 
 class World(FrozenModel):
     """What surrounds the robot."""
 
+    gravity: Gravity = GRAVITY
     ground: Ground = Ground()
+    patches: Annotated[
+        tuple[Patch, ...], Field(max_length=MAX_PATCHES, description="areas of the ground with a friction of their own")
+    ] = ()
     objects: tuple[Body, ...] = ()
+
+    @property
+    def gravity_xyz(self) -> Vector3:
+        """In m/s^2, world frame."""
+        return self.gravity if isinstance(self.gravity, tuple) else (0.0, 0.0, -self.gravity)

@@ -2,29 +2,60 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.quantities import FrozenModel, Name, NonNegativeRatio, PositiveKilograms, PositiveMetres
+from sim_action.geometry import Pose
+from sim_action.parts import BoxPart, CylinderPart, Part, SpherePart, lowest
+from sim_action.quantities import FrozenModel, Name, PositiveKilograms
+from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
+from sim_action.world.ground import Friction
 from sim_action.world.placement import Placement
-from sim_action.world.shapes import Cylinder, Sphere
+from sim_action.world.shapes import LARGEST, Cylinder, Ramp, Size, Sphere, Stairs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map")
+
+_MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh")
+# Of pose: m from the origin of the world.
+_FARTHEST: Final = 10 * LARGEST
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
+Mass = Annotated[PositiveKilograms, Field(ge=1e-6, le=1e6)]
+
+
+def _listed(names: Sequence[str]) -> str:
+    quoted = [f"'{name}'" for name in names]
+    return f"{', '.join(quoted[:-1])} and {quoted[-1]}"
+
 
 class Body(FrozenModel):
-    """A box, a cylinder or a sphere."""
+    """A thing of one shape, which is fixed, or has a mass and moves."""
 
     name: Name
-    box: Annotated[tuple[PositiveMetres, PositiveMetres, PositiveMetres] | None, Field(description="full x, y, z")] = (
-        None
-    )
+    box: Annotated[tuple[Size, Size, Size] | None, Field(description="full x, y, z")] = None
     cylinder: Annotated[Cylinder | None, Field(description="upright, about its own z axis")] = None
     sphere: Sphere | None = None
-    pose: Annotated[Placement, Field(description="of the centre")] = Placement()
-    mass: Annotated[PositiveKilograms | None, Field(description="left out: it is fixed")] = None
-    friction: NonNegativeRatio = 0.5
+    ramp: Annotated[Ramp | None, Field(description="a wedge that rises along its own x axis; fixed")] = None
+    stairs: Annotated[Stairs | None, Field(description="steps that rise along their own x axis; fixed")] = None
+    mesh: Annotated[
+        MeshFile | None, Field(description="triangles of a file, as they are; with a mass, their convex hull")
+    ] = None
+    heightfield: Annotated[Heightfield | None, Field(description="ground of many heights; fixed")] = None
+    map: Annotated[OccupancyMap | None, Field(description="walls from a map of ROS's map_server; fixed")] = None
+    pose: Annotated[
+        Placement,
+        Field(
+            description="of the middle of the box around it; of a mesh or a map of its own origin, of a heightfield "
+            "of the middle at height 0"
+        ),
+    ] = Placement()
+    mass: Annotated[Mass | None, Field(description="left out: it is fixed")] = None
+    friction: Friction = 0.5
     color: Annotated[
         tuple[Share, Share, Share] | None,
         Field(description="red, green, blue, each 0 to 1, for cameras; left out: one of a row that has no red in it"),
@@ -32,6 +63,39 @@ class Body(FrozenModel):
 
     @model_validator(mode="after")
     def _has_one_shape(self) -> Self:
-        if sum(shape is not None for shape in (self.box, self.cylinder, self.sphere)) != 1:
-            raise ValueError("an object has exactly one of 'box', 'cylinder' and 'sphere'")
+        if sum(getattr(self, shape) is not None for shape in SHAPES) != 1:
+            raise ValueError(f"an object has exactly one of {_listed(SHAPES)}")
+        if self.mass is not None and self.shape not in _MAY_MOVE:
+            raise ValueError(f"'{self.shape}' is fixed: leave 'mass' out; {_listed(_MAY_MOVE)} can have one")
+        if max(abs(self.pose.x), abs(self.pose.y), abs(self.pose.z or 0.0)) > _FARTHEST:
+            raise ValueError(f"'pose' is more than {_FARTHEST:g} m away, where engines know no millimetres")
         return self
+
+    @property
+    def shape(self) -> str:
+        """The key of its shape."""
+        return next(shape for shape in SHAPES if getattr(self, shape) is not None)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether its shape is in a file, or takes arrays: what reads files makes its parts."""
+        return self.mesh is not None or self.heightfield is not None or self.map is not None
+
+    def parts(self) -> Sequence[Part]:
+        """What it is made of; not for what is read."""
+        if self.box is not None:
+            return (BoxPart(self.box),)
+        if self.cylinder is not None:
+            return (CylinderPart(self.cylinder.radius, self.cylinder.height),)
+        if self.sphere is not None:
+            return (SpherePart(self.sphere.radius),)
+        made = self.ramp or self.stairs
+        assert made is not None
+        return made.parts()
+
+
+def placed(body: Body, parts: Sequence[Part]) -> Pose:
+    """Where a body of these parts begins, in the world frame; without a z, it stands on the ground."""
+    at = body.pose
+    z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z
+    return Pose((at.x, at.y, z), at.orientation_xyzw)

@@ -1,0 +1,57 @@
+"""What surrounds the robot and is read from files or comes as arrays: meshes, heightfields, maps -> parts.
+
+Files are confined to the workspace, bounded, and read here alone: an engine gets numbers, never a path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from sim_action.parts import Part
+from sim_action.scene import SpecProblem
+from sim_action.surroundings.problems import ShapeError
+from sim_action.workspace import Workspace
+from sim_action.world import Body, World
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What was read.
+
+    Attributes:
+        parts: name of a body -> what it is made of, for those that are read.
+        problems: what is wrong, with the keys that lead there.
+    """
+
+    parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
+    problems: tuple[SpecProblem, ...] = ()
+
+
+def read_surroundings(world: World, workspace: Workspace) -> Surroundings:
+    """Reads the bodies of a world whose shapes are in files or arrays."""
+    parts: dict[str, tuple[Part, ...]] = {}
+    problems: list[SpecProblem] = []
+    for index, body in enumerate(world.objects):
+        if body.is_read:
+            try:
+                parts[body.name] = tuple(_parts(body, workspace))
+            except ShapeError as error:
+                problems.append((("world", "objects", index, body.shape, error.key), str(error)))
+    return Surroundings(parts, tuple(problems))
+
+
+def _parts(body: Body, workspace: Workspace) -> Iterator[Part]:
+    # All of it takes numpy, which most scenarios do without until they run.
+    if body.mesh is not None:
+        from sim_action.surroundings.mesh import mesh_parts
+
+        yield from mesh_parts(body.mesh, workspace, moves=body.mass is not None)
+    elif body.heightfield is not None:
+        from sim_action.surroundings.heightfield import grid_of
+
+        yield grid_of(body.heightfield, workspace)
+    elif body.map is not None:
+        from sim_action.surroundings.occupancy import walls
+
+        yield from walls(body.map, workspace)

@@ -1,0 +1,108 @@
+"""Maps of ROS's map_server: a YAML file and an image -> walls (the package's documentation, section 3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Annotated, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError
+
+from sim_action import geometry
+from sim_action.errors import InvalidScenario
+from sim_action.geometry import Pose
+from sim_action.messages import escaped_line
+from sim_action.parts import BoxPart
+from sim_action.quantities import FrozenModel
+from sim_action.spec_errors import spec_errors
+from sim_action.surroundings.images import MAX_BYTES, Grey, ImageError, read_image
+from sim_action.surroundings.problems import ShapeError, found_file, read_bytes
+from sim_action.surroundings.rectangles import rectangles
+from sim_action.workspace import Workspace
+from sim_action.world import OccupancyMap
+from sim_action.yaml_document import read_document
+
+MAX_WALLS: Final = 2_000
+"""Boxes of a map. An office of 50 m comes to a few hundred."""
+
+_MAX_YAML: Final = 100_000
+
+Metres = Annotated[float, Field(ge=-1e5, le=1e5)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class MapFile(FrozenModel):
+    """The keys of a map's YAML file; lengths in m, the yaw in rad."""
+
+    image: Annotated[str, Field(min_length=1)]
+    resolution: Annotated[float, Field(ge=1e-3, le=100)]
+    origin: tuple[Metres, Metres, Annotated[float, Field(ge=-1e3, le=1e3)]]
+    negate: bool | Annotated[int, Field(ge=0, le=1)] = 0
+    occupied_thresh: Share = 0.65
+    free_thresh: Share = 0.196
+    mode: str = "trinary"
+
+
+def walls(occupancy: OccupancyMap, workspace: Workspace) -> Iterator[BoxPart]:
+    """The walls of a map in the map's frame, from z = 0 up. Raises ShapeError."""
+    name = occupancy.file
+    path = found_file(workspace, name)
+    said = _map_file(name, read_bytes(path, name, _MAX_YAML))
+    beside = replace(workspace, directory=path.parent)
+    occupied = _occupied(said, _image(said.image, name, beside))
+    if not occupied.any():
+        raise ShapeError(f"'{name}' has no occupied cell: no pixel of '{said.image}' is dark enough (occupied_thresh)")
+    # Row 0 of an image is at the top.
+    found = rectangles(occupied[::-1], MAX_WALLS)
+    if found is None:
+        raise ShapeError(
+            f"'{name}' comes to more than {MAX_WALLS:,} boxes, although cells in line are one; "
+            "take single cells out of it, or give it a coarser resolution"
+        )
+    x, y, yaw = said.origin
+    origin = Pose((x, y, occupancy.height / 2), geometry.quaternion_from_rpy(0.0, 0.0, math.remainder(yaw, math.tau)))
+    for left, right, low, high in found:
+        width, depth = (right - left) * said.resolution, (high - low) * said.resolution
+        middle = ((left + right) / 2 * said.resolution, (low + high) / 2 * said.resolution, 0.0)
+        yield BoxPart((width, depth, occupancy.height), geometry.compose(origin, Pose(middle)))
+
+
+def _map_file(name: str, data: bytes) -> MapFile:
+    try:
+        document = read_document(name, data.decode("utf-8"))
+    except UnicodeDecodeError:
+        raise ShapeError(f"'{name}' is not UTF-8 text; is it the map's .yaml?") from None
+    except InvalidScenario as error:
+        raise ShapeError(escaped_line("; ".join(map(str, error.problems)))) from None
+    keys: Any = document.data
+    if not isinstance(keys, dict):
+        raise ShapeError(f"'{name}' holds no map of keys; a map_server's file says 'image:', 'resolution:', 'origin:'")
+    known = {key: value for key, value in keys.items() if key in MapFile.model_fields}
+    try:
+        said = MapFile.model_validate(known)
+    except ValidationError as error:
+        found = [document.problem(path, message) for path, message in spec_errors(MapFile, known, error)]
+        raise ShapeError("; ".join(map(str, found))) from None
+    if said.mode != "trinary":
+        raise ShapeError(str(document.problem(("mode",), f"'{said.mode}' is not read; the mode is 'trinary'")))
+    if said.free_thresh > said.occupied_thresh:
+        raise ShapeError(str(document.problem(("free_thresh",), "is above 'occupied_thresh'")))
+    return said
+
+
+def _image(image: str, name: str, beside: Workspace) -> Grey:
+    path = found_file(beside, image)
+    try:
+        return read_image(read_bytes(path, image, MAX_BYTES))
+    except ImageError as error:
+        raise ShapeError(f"'{image}', the image of '{name}', {error}") from None
+
+
+def _occupied(said: MapFile, image: Grey) -> NDArray[np.bool_]:
+    share = image.pixels / image.white
+    probability = share if said.negate else 1.0 - share
+    occupied: NDArray[np.bool_] = probability > said.occupied_thresh
+    return occupied
