@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +13,7 @@ from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line
 from sim_action.models import check_text, load_model
 from sim_action.models.library import ModelLibrary
+from sim_action.parts import Part
 from sim_action.permissions import Permissions
 from sim_action.problem_list import ProblemList
 from sim_action.regular_files import open_regular
@@ -20,6 +21,7 @@ from sim_action.robot_model import RobotModel
 from sim_action.scenario import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario_parts import PartReader
 from sim_action.scene import Scene
+from sim_action.surroundings import read_surroundings
 from sim_action.workspace import PathError, Workspace
 from sim_action.yaml_document import MAX_BYTES, Document, location_after, read_document
 
@@ -47,7 +49,7 @@ def load_scenario(
     document = read_document(file_name(path), _read_text(path))
     loader = _Loader(document, workspace, permissions, models or ModelLibrary(), evaluate=evaluate)
     scenario = loader.load()
-    return LoadedScenario(scenario, path, document, workspace, loader.model, loader.unchecked)
+    return LoadedScenario(scenario, path, document, workspace, loader.model, loader.unchecked, loader.parts)
 
 
 def load_all(
@@ -68,11 +70,11 @@ def load_all(
 def build_scene(loaded: LoadedScenario) -> Scene:
     """The scene of a scenario; its model is read if that has not been done. Raises ModelError."""
     model = loaded.model or load_model(loaded.scenario.robot, loaded.workspace)
-    return _scene(loaded.scenario, model, loaded.workspace)
+    return _scene(loaded.scenario, model, loaded.workspace, loaded.parts)
 
 
-def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace) -> Scene:
-    return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace, scenario.seed)
+def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace, parts: Mapping[str, tuple[Part, ...]]) -> Scene:
+    return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace, scenario.seed, parts=parts)
 
 
 def _read_text(path: Path) -> str:
@@ -107,6 +109,7 @@ class _Loader:
     ) -> None:
         self.model: RobotModel | None = None
         self.unchecked: tuple[str, ...] = ()
+        self.parts: Mapping[str, tuple[Part, ...]] = {}
         self._models = models
         self._evaluate = evaluate
         self._document = document
@@ -138,6 +141,10 @@ class _Loader:
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         self._problems.note_all((), scenario_checks.engine_problems(scenario))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
+        self._problems.note_all((), scenario_checks.patch_problems(scenario))
+        surroundings = read_surroundings(scenario.world, self._workspace)
+        self.parts = surroundings.parts
+        self._problems.note_all((), iter(surroundings.problems))
         try:
             if (scenario.robot.is_xacro or scenario.robot.is_mjcf) and not self._evaluate:
                 self._check_text(scenario.robot)
@@ -151,7 +158,8 @@ class _Loader:
         except ModelError as error:
             self._problems.note(("robot", "model"), str(error))
             return
-        self._check_scene(_scene(scenario, self.model, self._workspace), scenario, states_drive=states_drive)
+        scene = _scene(scenario, self.model, self._workspace, self.parts)
+        self._check_scene(scene, scenario, states_drive=states_drive)
 
     def _check_text(self, robot: DrivenRobot) -> None:
         """What can be said of a model that only the scenario's own process may read; the rest is checked there."""

@@ -89,6 +89,14 @@ class PresentContacts(Sequence[Contact]):
         return tuple, (self.settle(),)
 
 
+class Clash(NamedTuple):
+    """A body of the world that moves, inside another one or the ground: how deep in m, where it is deepest."""
+
+    body: str
+    other: str
+    depth: float
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
     """The robot at one moment.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
@@ -13,6 +14,7 @@ from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
+from sim_action.parts import Part
 from sim_action.quantities import (
     FrozenModel,
     Name,
@@ -187,6 +189,7 @@ class LoadedScenario:
         workspace: where its own files are found.
         model: of the robot, as it was read and checked; None if only the process that runs it may do so.
         unchecked: what nobody can know before it runs.
+        parts: name of a body of the world -> what it is made of, as its file was read and checked.
     """
 
     scenario: Scenario
@@ -195,6 +198,7 @@ class LoadedScenario:
     workspace: Workspace
     model: RobotModel | None = None
     unchecked: tuple[str, ...] = ()
+    parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
 
     @property
     def file(self) -> str:

@@ -19,6 +19,8 @@ from sim_action.world import GROUND
 from sim_action.yaml_document import KeyPath
 
 _TIME_ROUNDING: Final = 1e-9
+# m: patches that share an edge do not lie on each other.
+_EDGE: Final = 1e-9
 # Bytes that sensors may add to a trace: they are held several times over until it is stored.
 _MOST_KEPT: Final = 500_000_000
 
@@ -79,6 +81,16 @@ def name_problems(scenario: Scenario) -> SpecProblems:
     for index, name in enumerate(names):
         if name in names[:index]:
             yield ("world", "objects", index - 1, "name"), f"a second body named '{name}'; names are unique"
+
+
+def patch_problems(scenario: Scenario) -> SpecProblems:
+    """Patches of the ground that lie on each other: nobody could say what the friction is there."""
+    patches = scenario.world.patches
+    for index, patch in enumerate(patches):
+        for other, before in enumerate(patches[:index]):
+            bounds = zip(patch.bounds, before.bounds, strict=True)
+            if all(low < end - _EDGE and start < high - _EDGE for (low, high), (start, end) in bounds):
+                yield ("world", "patches", index), f"lies on world.patches[{other}]; move one, or make it smaller"
 
 
 def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Sequence[KeyPath]) -> SpecProblems:

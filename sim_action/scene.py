@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from sim_action import units
 from sim_action.mobility import Mobility
+from sim_action.parts import Part
 from sim_action.robot_model import WORLD, RobotModel
 from sim_action.workspace import Workspace
-from sim_action.world import Physics, Placement, Robot, World
+from sim_action.world import Body, Physics, Placement, Robot, World
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -29,6 +30,7 @@ class Scene:
         seed: of the scenario; `generator` makes what is drawn from it.
         rotors: joint -> inertia of its motor in kg m^2, as the joint feels it through the gears; left out: none.
         mobility: what its drive can do, if it has one.
+        parts: name of a body -> what it is made of, for bodies whose shapes were read from files.
     """
 
     robot: Robot
@@ -39,6 +41,7 @@ class Scene:
     seed: int = 0
     rotors: Mapping[str, float] = field(default_factory=dict)
     mobility: Mobility = field(default_factory=Mobility)
+    parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
 
     @property
     def bolted(self) -> bool:
@@ -63,6 +66,10 @@ class Scene:
             if name in joints
         }
         return self.model.positions(stated)
+
+    def parts_of(self, body: Body) -> Sequence[Part]:
+        """What a body of the world is made of."""
+        return self.parts[body.name] if body.is_read else body.parts()
 
     def generator(self, purpose: str) -> Generator:
         """Random numbers for one purpose: what others draw, and how many others there are, changes none of them."""

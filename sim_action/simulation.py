@@ -68,7 +68,8 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> Simulation
     contacts = any(assertion.watches_contacts for assertion in scenario.assertions)
     backend = BACKENDS.load(chosen(scenario.backend))(scene, contacts=contacts)
     try:
-        refuse_bad_start(scene, backend.overlaps())
+        at = backend.observe(0, contacts=False).pose
+        refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
         return _Loop(scenario, scene, drive, backend).run(progress)
     finally:
         backend.close()

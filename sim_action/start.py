@@ -13,9 +13,10 @@ from typing import Final
 from sim_action import geometry, units
 from sim_action.errors import BadStart
 from sim_action.geometry import Pose
-from sim_action.observation import Overlap
+from sim_action.observation import Clash, Overlap
+from sim_action.parts import GridPart, height_at
 from sim_action.scene import Scene, SpecProblems
-from sim_action.world import GROUND
+from sim_action.world import GROUND, placed
 
 DEPTH: Final = 0.005
 """In m. What is no deeper was meant to touch, as fingers do, and is eased apart while the robot settles."""
@@ -25,9 +26,12 @@ _TILTED: Final = math.radians(2)
 _SUNK: Final = 0.02
 
 
-def refuse_bad_start(scene: Scene, overlaps: Iterable[Overlap]) -> None:
-    """Raises BadStart if the robot, which has just been put in its place, is inside something."""
-    problems = tuple(_problems(scene, overlaps))
+def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashes: Iterable[Clash]) -> None:
+    """Raises BadStart if the robot, which has just been put in its place, or a body that moves is inside something.
+
+    `at`: the pose of the base link, world frame.
+    """
+    problems = (*_problems(scene, overlaps), *_buried(scene, at), *_clash_problems(scene, clashes))
     if problems:
         raise BadStart(problems)
 
@@ -65,6 +69,32 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
             yield ("robot", "pose"), f"{where}the ground; raise its z{or_not}"
         else:
             yield ("robot", "pose"), f"{where}'{body}'; move it, or world.objects[{indices[body]}].pose"
+
+
+def _buried(scene: Scene, at: Pose) -> SpecProblems:
+    """Below a heightfield, where nothing need touch it: an engine's surface has no inside."""
+    x, y, z = at.position_xyz
+    for body in scene.world.objects:
+        for part in scene.parts_of(body) if body.heightfield is not None else ():
+            assert isinstance(part, GridPart)
+            frame = placed(body, scene.parts_of(body))
+            ahead, left, up = geometry.compose(geometry.inverse(frame), Pose((x, y, z))).position_xyz
+            height = height_at(part, ahead, left)
+            if height is not None and up < height:
+                deep = units.display(height - up, "m")
+                yield ("robot", "pose"), f"the robot begins {deep} below the surface of '{body.name}'; raise its z"
+
+
+def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
+    """One for each body that begins deep in another."""
+    indices = {body.name: index for index, body in enumerate(scene.world.objects)}
+    told = set[str]()
+    for body, other, depth in sorted(clashes, key=lambda clash: -clash.depth):
+        if depth > DEPTH and body not in told:
+            told.add(body)
+            inside = "the ground" if other == GROUND else f"'{other}'"
+            message = f"'{body}' begins {units.display(depth, 'm')} deep in {inside}, which would throw it out; move it"
+            yield ("world", "objects", indices[body], "pose"), message
 
 
 def _bolted_links(scene: Scene) -> set[str]:

@@ -212,7 +212,7 @@ def test_a_time_limit_has_a_step(tmp_path: Path) -> None:
             "world.objects.1.name: a second body named 'a'",
         ),
         ("[{name: ground, sphere: {radius: 1}}]", "world.objects.0.name: a second body named 'ground'"),
-        ("[{name: a}]", "world.objects.0: an object has exactly one of 'box', 'cylinder' and 'sphere'"),
+        ("[{name: a}]", "world.objects.0: an object has exactly one of 'box', 'cylinder', 'sphere', 'ramp'"),
     ],
 )
 def test_bodies_are_told_apart_by_name_and_shape(objects: str, problem: str, tmp_path: Path) -> None:

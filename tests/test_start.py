@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
 import pytest
 
 from sim_action.errors import BadStart
 from sim_action.geometry import Pose, quaternion_from_rpy
-from sim_action.observation import Overlap
+from sim_action.observation import Clash, Overlap
+from sim_action.parts import GridPart
 from sim_action.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.scene import Scene
 from sim_action.start import DEPTH, moved_while_settling, refuse_bad_start
-from sim_action.world import GROUND, Body, Physics, Robot, World
+from sim_action.world import GROUND, Body, Heightfield, Physics, Placement, Robot, World
 from tests.traces import HERE
 
 CRATE = Body(name="crate", box=(1, 1, 1), mass=2)
@@ -57,10 +61,10 @@ def test_a_base_that_has_moved_before_the_run_begins_is_told(
     assert settled(down, pitch, z, base="fixed") is None
 
 
-def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1) -> list[str]:
+def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes: Sequence[Clash] = ()) -> list[str]:
     robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
     try:
-        refuse_bad_start(Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), overlaps)
+        refuse_bad_start(Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), Pose(), overlaps, clashes)
     except BadStart as error:
         return [".".join(map(str, path)) + f": {message}" for path, message in error.problems]
     return []
@@ -114,3 +118,24 @@ def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
 def test_what_is_bolted_to_the_world_may_be_in_what_is_fixed(link: str, body: str, is_told: bool) -> None:
     assert bool(told(Overlap(link, body, DEEP), base="fixed")) is is_told
     assert told(Overlap(link, body, DEEP), base="free")
+
+
+def test_a_body_that_begins_deep_in_another_is_told_once_and_one_that_lies_on_it_is_not() -> None:
+    clashes = (Clash("crate", "wall", 0.1), Clash("crate", GROUND, 0.3), Clash("crate", "wall", DEPTH))
+    assert told(clashes=clashes) == [
+        "world.objects.0.pose: 'crate' begins 0.3 m deep in the ground, which would throw it out; move it"
+    ]
+    assert told(clashes=clashes[2:]) == []
+
+
+@pytest.mark.parametrize(("x", "z", "is_buried"), [(0.0, 0.4, True), (0.0, 0.6, False), (3.0, 0.1, False)])
+def test_a_robot_below_a_heightfield_is_told_though_it_touches_nothing(x: float, z: float, is_buried: bool) -> None:
+    field = Heightfield(heights=((0.5, 0.5), (0.5, 0.5)), size=(2, 2))
+    body = Body(name="hill", heightfield=field, pose=Placement(z=0))
+    parts = {"hill": (GridPart((2, 2), np.full((2, 2), 0.5)),)}
+    scene = Scene(Robot(model="arm.urdf"), ARM, World(objects=(body,)), Physics(), HERE, parts=parts)
+    if not is_buried:
+        refuse_bad_start(scene, Pose((x, 0, z)), (), ())
+        return
+    with pytest.raises(BadStart, match=r"begins 0.1 m below the surface of 'hill'"):
+        refuse_bad_start(scene, Pose((x, 0, z)), (), ())

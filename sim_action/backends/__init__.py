@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.command import JointTargets
 from sim_action.errors import UsageError
-from sim_action.observation import Observation, Overlap
+from sim_action.observation import Clash, Observation, Overlap
 from sim_action.probe import Probe
 from sim_action.registry import Table
 from sim_action.scene import Scene
@@ -49,6 +49,9 @@ class Backend(Probe, Protocol):
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """Which links are inside which bodies at present, the ground among those; each pair of them once."""
+
+    def clashes(self) -> tuple[Clash, ...]:
+        """Which bodies with a mass are inside which others at present, the ground among those; each pair once."""
 
     def close(self) -> None:
         """Frees the engine."""

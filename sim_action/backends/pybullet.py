@@ -36,7 +36,7 @@ from sim_action.backends.pybullet_scene import (
 from sim_action.command import BasePush, JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist, Vector3
-from sim_action.observation import Contact, JointState, Observation, Overlap
+from sim_action.observation import Clash, Contact, JointState, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.world import GROUND
@@ -51,10 +51,14 @@ class PyBulletBackend:
         self._client = pybullet.connect(pybullet.DIRECT)
         self._glance = Glance()
         try:
-            configure(self._client, scene.physics.rate)
-            self._ground = add_ground(self._client, scene.world.ground)
-            self._objects = {body.name: add_object(self._client, self._ground, body) for body in scene.world.objects}
-            self._body_names = {self._ground: GROUND, **{number: name for name, number in self._objects.items()}}
+            configure(self._client, scene.physics.rate, scene.world.gravity_xyz)
+            self._ground, tiles = add_ground(self._client, scene.world)
+            self._objects = {
+                body.name: add_object(self._client, body, scene.parts_of(body)) for body in scene.world.objects
+            }
+            self._body_names = dict.fromkeys((self._ground, *tiles), GROUND)
+            self._body_names |= {number: name for name, added in self._objects.items() for number, _ in added}
+            self._moving = {self._objects[body.name][0][0] for body in scene.world.objects if body.mass is not None}
             self._robot = load_robot(self._client, scene)
             base = scene.model.links_by_name[scene.model.root]
             hide_from_rays(self._client, self._robot, fixed=scene.bolted or base.mass == 0)
@@ -62,7 +66,7 @@ class PyBulletBackend:
             self.close()
             raise EngineError(f"the engine refused the world: {error}") from None
         self._rate = scene.physics.rate
-        self._watches_contacts = contacts and len(self._body_names) > 1
+        self._watches_contacts = contacts and bool(self._objects)
         self._read_joints(scene)
         self._place_robot(scene)
         self._held_efforts: dict[int, float] = {}
@@ -125,7 +129,9 @@ class PyBulletBackend:
 
     def body_pose(self, body: str) -> Pose:
         """See Probe.body_pose."""
-        return Pose(*pybullet.getBasePositionAndOrientation(self._objects[body], self._client))
+        number, piece = self._objects[body][0]
+        found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
+        return geometry.compose(found, geometry.inverse(piece)) if piece != Pose() else found
 
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """See Probe.cast_rays."""
@@ -140,6 +146,18 @@ class PyBulletBackend:
                 pair = self._link_names[point[3]], name
                 deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
         return tuple(Overlap(link, name, depth) for (link, name), depth in deepest.items() if depth > 0)
+
+    def clashes(self) -> tuple[Clash, ...]:
+        """See Backend.clashes."""
+        deepest: dict[tuple[str, str], float] = {}
+        for number in self._moving:
+            for other in self._body_names:
+                if other == number or (other in self._moving and other < number):
+                    continue
+                for point in pybullet.getClosestPoints(number, other, 0.0, physicsClientId=self._client):
+                    pair = self._body_names[number], self._body_names[other]
+                    deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
+        return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
 
     def close(self) -> None:
         """See Backend.close."""

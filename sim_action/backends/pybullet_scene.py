@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pybullet
 
 from sim_action import geometry
+from sim_action.backends.pybullet_bodies import pieces
 from sim_action.geometry import Pose, Vector3
+from sim_action.parts import Part
 from sim_action.robot_model import Mimic, Surface
 from sim_action.scene import Scene
-from sim_action.world import FASTEST, GRAVITY, Body, Ground, Placement
+from sim_action.world import FASTEST, Body, Placement, World, placed
+from sim_action.world.tiles import ground_tiles
 
 BASE: Final = -1
 """The number of a body's base link."""
@@ -29,9 +32,9 @@ _GEAR_FORCE: Final = 1e5
 _GEAR_CORRECTION: Final = 0.8
 
 
-def configure(client: int, rate: float) -> None:
+def configure(client: int, rate: float, gravity_xyz: Vector3) -> None:
     """Sets what holds for everything."""
-    pybullet.setGravity(0, 0, -GRAVITY, client)
+    pybullet.setGravity(*gravity_xyz, client)
     pybullet.setPhysicsEngineParameter(
         fixedTimeStep=1 / rate,
         contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
@@ -43,21 +46,43 @@ def configure(client: int, rate: float) -> None:
     )
 
 
-def add_ground(client: int, ground: Ground) -> int:
-    """Adds the plane z = 0; returns the engine's number for it."""
+def add_ground(client: int, world: World) -> tuple[int, list[int]]:
+    """Adds the plane z = 0; returns the engine's number for it, and those of the tiles that take its place."""
     shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
-    body = int(pybullet.createMultiBody(0, shape, physicsClientId=client))
-    _set_dynamics(client, body, BASE, lateralFriction=ground.friction)
-    return body
+    plane = int(pybullet.createMultiBody(0, shape, physicsClientId=client))
+    _set_dynamics(client, plane, BASE, lateralFriction=world.ground.friction)
+    tiles = [
+        number
+        for tile in ground_tiles(world.ground, world.patches)
+        for number, _ in add_pieces(client, [tile.part], Pose(), tile.friction)
+    ]
+    if tiles:
+        # What is asked for how far it is from the ground asks the plane, which nothing touches.
+        pybullet.setCollisionFilterGroupMask(plane, BASE, 0, 0, physicsClientId=client)
+    return plane, tiles
 
 
-def add_object(client: int, ground: int, body: Body) -> int:
-    """Adds a box, cylinder or sphere where it begins; returns the engine's number for it."""
-    shape = pybullet.createCollisionShape(**_shape(body), physicsClientId=client)
-    number = int(pybullet.createMultiBody(body.mass or 0.0, shape, physicsClientId=client))
-    _set_dynamics(client, number, BASE, lateralFriction=body.friction)
-    place(client, number, ground, body.pose)
-    return number
+def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int, Pose]]:
+    """Adds a body where it begins; returns the engine's number for each of its pieces, and its pose in the body."""
+    return add_pieces(client, parts, placed(body, parts), body.friction, body.mass or 0.0)
+
+
+def add_pieces(
+    client: int, parts: Sequence[Part], pose: Pose, friction: float, mass: float = 0.0
+) -> list[tuple[int, Pose]]:
+    """Adds what a body is made of; its pose is that of the body."""
+    added = []
+    for piece in pieces(client, parts, mass):
+        # One that is more than a shape at a place costs time at every step, which adds up.
+        plain = int(len(parts) > 1)
+        number = int(pybullet.createMultiBody(mass, piece.shape, useMaximalCoordinates=plain, physicsClientId=client))
+        _set_dynamics(client, number, BASE, lateralFriction=friction)
+        for name, value in piece.dynamics.items():
+            pybullet.changeDynamics(number, BASE, **{name: value}, physicsClientId=client)
+        at = geometry.compose(pose, piece.pose)
+        pybullet.resetBasePositionAndOrientation(number, at.position_xyz, at.orientation_xyzw, client)
+        added.append((number, piece.pose))
+    return added
 
 
 def load_robot(client: int, scene: Scene) -> int:
@@ -129,12 +154,3 @@ def _set_dynamics(client: int, body: int, link: int, **dynamics: float) -> None:
     none = {"linearDamping": 0, "angularDamping": 0}
     pybullet.changeDynamics(body, link, **none, maxJointVelocity=FASTEST, physicsClientId=client)
     pybullet.changeDynamics(body, link, physicsClientId=client, **dynamics)
-
-
-def _shape(body: Body) -> dict[str, Any]:
-    if body.box is not None:
-        return {"shapeType": pybullet.GEOM_BOX, "halfExtents": [size / 2 for size in body.box]}
-    if body.cylinder is not None:
-        return {"shapeType": pybullet.GEOM_CYLINDER, "radius": body.cylinder.radius, "height": body.cylinder.height}
-    assert body.sphere is not None
-    return {"shapeType": pybullet.GEOM_SPHERE, "radius": body.sphere.radius}

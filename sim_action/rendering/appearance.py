@@ -7,13 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
-from sim_action.rendering.hulls import read_hulls
+from sim_action.parts import BoxPart, CylinderPart, GridPart, HullPart, SpherePart, grid_surface
+from sim_action.parts import Part as BodyPart
+from sim_action.rendering.hulls import hull_about_its_middle, read_hulls
 from sim_action.rendering.picture import Colour
 from sim_action.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron, Solid
+from sim_action.rendering.triangles import Triangle
 from sim_action.robot_model import RobotModel, Shape
-from sim_action.world import Body, World
+from sim_action.scene import Scene
 
 ROBOT: Final[Colour] = (0.8, 0.8, 0.8)
 
@@ -51,20 +56,31 @@ def robot_parts(model: RobotModel) -> Iterator[Part]:
                 yield Part(link.name, solid, pose, ROBOT)
 
 
-def world_parts(world: World) -> Iterator[Part]:
+def world_parts(scene: Scene) -> Iterator[Part]:
     """The bodies of the world, without the ground."""
-    for number, body in enumerate(world.objects):
-        yield Part(body.name, _solid(body), Pose(), body.color or PALETTE[number % len(PALETTE)])
+    for number, body in enumerate(scene.world.objects):
+        colour = body.color or PALETTE[number % len(PALETTE)]
+        for part in scene.parts_of(body):
+            for solid, pose in _of_part(part):
+                yield Part(body.name, solid, pose, colour)
 
 
-def _solid(body: Body) -> Solid:
-    if body.box is not None:
-        x, y, z = body.box
-        return Polyhedron.box((x / 2, y / 2, z / 2))
-    if body.cylinder is not None:
-        return Cylinder(body.cylinder.radius, body.cylinder.height / 2)
-    assert body.sphere is not None
-    return Ellipsoid((body.sphere.radius,) * 3)
+def _of_part(part: BodyPart) -> Iterator[tuple[Solid, Pose]]:
+    if isinstance(part, BoxPart):
+        x, y, z = part.size_xyz
+        yield Polyhedron.box((x / 2, y / 2, z / 2)), part.pose
+    elif isinstance(part, CylinderPart):
+        yield Cylinder(part.radius, part.height / 2), Pose()
+    elif isinstance(part, SpherePart):
+        yield Ellipsoid((part.radius,) * 3), Pose()
+    elif isinstance(part, HullPart):
+        hull, at_xyz = hull_about_its_middle(np.array(part.points_xyz))
+        yield hull, Pose(at_xyz)
+    else:
+        surface = grid_surface(part) if isinstance(part, GridPart) else part
+        for corners in surface.points_xyz[surface.triangles]:
+            triangle, at_xyz = Triangle.about_its_middle(corners)
+            yield triangle, Pose(at_xyz)
 
 
 def _solids(shape: Shape) -> Iterator[tuple[Solid, Pose]]:

@@ -62,12 +62,14 @@ class Camera(Sensor):
         from sim_action.rendering.rays import Pinhole
 
         pinhole = Pinhole(self.width, self.height, self.field_of_view, self.near, self.far)
-        links, bodies = list(robot_parts(mount.scene.model)), list(world_parts(mount.scene.world))
+        links, bodies = list(robot_parts(mount.scene.model)), list(world_parts(mount.scene))
 
         def placed(probe: Probe) -> list[Placed]:
-            frames = {owner: probe.link_pose(owner) for owner in {part.owner for part in links}}
-            robot = [Placed(part.solid, compose(frames[part.owner], part.pose), part.colour) for part in links]
-            return robot + [Placed(part.solid, probe.body_pose(part.owner), part.colour) for part in bodies]
+            found = []
+            for parts, pose_of in ((links, probe.link_pose), (bodies, probe.body_pose)):
+                frames = {owner: pose_of(owner) for owner in {part.owner for part in parts}}
+                found += [Placed(part.solid, compose(frames[part.owner], part.pose), part.colour) for part in parts]
+            return found
 
         def measure(sight: Sight) -> CameraImage:
             eye = compose(sight.probe.link_pose(mount.link), mount.pose)

@@ -11,7 +11,6 @@ from sim_action.geometry import Pose, Quaternion, Vector3
 from sim_action.quantities import NonNegativeMetresPerSecondSquared, NonNegativeRadiansPerSecond
 from sim_action.readings import ImuReading
 from sim_action.sensors import Measure, Mount, Sensor, Sight
-from sim_action.world import GRAVITY
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -22,8 +21,9 @@ class Imu(Sensor):
 
     A reading has `orientation_xyzw` (of the sensor in the world, the truth), `angular_velocity_xyz` (rad/s, of the
     moment) and `linear_acceleration_xyz` (m/s^2), both in the sensor's own frame. The acceleration is what
-    accelerometers feel, with gravity: at rest 9.80665 upwards. It is the mean since the reading before, from how the
-    velocity of the sensor has changed; the first reading is one at rest. By the scenario's seed, noise is drawn for
+    accelerometers feel, with gravity: at rest 9.80665 upwards, or against what `world.gravity` is. It is the mean since
+    the reading before, from how the velocity of the sensor has changed; the first reading is one at rest. By the
+    scenario's seed, noise is drawn for
     each axis of each reading, and an offset, the bias, once for each axis of a run. The noise density that a data sheet
     has, times the root of `rate`, is such a noise.
     """
@@ -48,7 +48,7 @@ class Imu(Sensor):
         def measure(sight: Sight) -> ImuReading:
             nonlocal before
             now = _State(mount, sight)
-            turning, felt = now.turning(), now.specific_force(before or now)
+            turning, felt = now.turning(), now.specific_force(before or now, mount.scene.world.gravity_xyz)
             before = now
             return ImuReading(
                 sight.robot.time,
@@ -75,13 +75,14 @@ class _State:
         """Angular velocity in rad/s, sensor frame."""
         return geometry.rotate(geometry.conjugate(self.pose.orientation_xyzw), self.angular_xyz)
 
-    def specific_force(self, before: _State) -> Vector3:
+    def specific_force(self, before: _State, gravity_xyz: Vector3) -> Vector3:
         """The mean since `before` in m/s^2, sensor frame."""
         period = (self.time - before.time) or 1.0
-        ax, ay, az = ((now - then) / period for now, then in zip(self.linear_xyz, before.linear_xyz, strict=True))
+        changes = zip(self.linear_xyz, before.linear_xyz, gravity_xyz, strict=True)
+        ax, ay, az = ((now - then) / period - pull for now, then, pull in changes)
         # A sensor that turns adds up in a frame that turns with it: in the mean, that of half the way.
         midway = _midway(before.pose.orientation_xyzw, self.pose.orientation_xyzw)
-        return geometry.rotate(geometry.conjugate(midway), (ax, ay, az + GRAVITY))
+        return geometry.rotate(geometry.conjugate(midway), (ax, ay, az))
 
 
 def _midway(first: Quaternion, second: Quaternion) -> Quaternion:

@@ -11,7 +11,9 @@ from sim_action.models.urdf import read_urdf
 from sim_action.rendering.appearance import PALETTE, ROBOT, Part, robot_parts, world_parts
 from sim_action.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron
 from sim_action.robot_model import Link, RobotModel, Shape
-from sim_action.world import Body, Sphere, World
+from sim_action.scene import Scene
+from sim_action.workspace import Workspace
+from sim_action.world import Body, Physics, Robot, Sphere, World
 from tests.mesh_files import obj
 
 BODY = """\
@@ -21,6 +23,9 @@ BODY = """\
   <collision><origin xyz="1 2 3"/><geometry>{}</geometry></collision>
 </link></robot>
 """
+
+
+NO_ROBOT = RobotModel("it", "it.urdf", (), (), urdf="")
 
 
 def only_part(folder: Path, shape: str) -> Part:
@@ -62,7 +67,8 @@ def test_other_shapes_are_seen_as_boxes_and_planes_not_at_all() -> None:
 def test_bodies_have_their_own_colour_or_one_of_a_row() -> None:
     bodies = [Body(name=f"b{number}", sphere=Sphere(radius=1)) for number in range(8)]
     bodies[1] = Body(name="red", sphere=Sphere(radius=1), color=(1, 0, 0))
-    parts = list(world_parts(World(objects=tuple(bodies))))
+    world, here = World(objects=tuple(bodies)), Workspace(Path(), Path())
+    parts = list(world_parts(Scene(Robot(model="it"), NO_ROBOT, world, Physics(), here)))
     assert [part.colour for part in parts[:3]] == [PALETTE[0], (1, 0, 0), PALETTE[2]]
     assert parts[6].colour == PALETTE[0]
     assert [part.owner for part in parts[:2]] == ["b0", "red"]

@@ -28,7 +28,7 @@ from sim_action.backends.mujoco.states import States
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist, Vector3
-from sim_action.observation import Contact, Observation, Overlap
+from sim_action.observation import Clash, Contact, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 
@@ -68,7 +68,7 @@ class MuJoCoBackend:
         self._objects = Objects(compiled)
         self._rays = Rays(compiled)
         self._contacts = Contacts(compiled)
-        self._watches_contacts = contacts and len(compiled.bodies) > 1
+        self._watches_contacts = contacts and bool(scene.world.objects)
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
         self._touches: list[Contact] = []
@@ -115,6 +115,10 @@ class MuJoCoBackend:
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""
         return self._contacts.overlaps()
+
+    def clashes(self) -> tuple[Clash, ...]:
+        """See Backend.clashes."""
+        return self._contacts.clashes()
 
     def close(self) -> None:
         """See Backend.close; the engine's memory goes with what holds it."""

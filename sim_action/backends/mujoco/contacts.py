@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sim_action.backends.mujoco.model import Compiled
-from sim_action.observation import Contact, Overlap
+from sim_action.observation import Clash, Contact, Overlap
 from sim_action.world import GROUND
 
 
@@ -40,14 +40,32 @@ class Contacts:
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""
+        deepest: dict[tuple[str, str], float] = {}
+        for one, other, depth in self._present():
+            link, body = (one, other) if one in self._links else (other, one)
+            if link in self._links:
+                pair = self._links[link], self._bodies[body]
+                deepest[pair] = max(deepest.get(pair, 0.0), depth)
+        return tuple(Overlap(link, body, depth) for (link, body), depth in deepest.items() if depth > 0)
+
+    def clashes(self) -> tuple[Clash, ...]:
+        """See Backend.clashes."""
+        deepest: dict[tuple[str, str], float] = {}
+        for one, other, depth in self._present():
+            if one not in self._links and other not in self._links:
+                body, fixed = (one, other) if self._moves(one) else (other, one)
+                pair = self._bodies[body], self._bodies[fixed]
+                deepest[pair] = max(deepest.get(pair, 0.0), depth)
+        return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
+
+    def _moves(self, geom: int) -> bool:
+        return bool(self._model.body_dofnum[self._model.geom_bodyid[geom]])
+
+    def _present(self) -> Iterator[tuple[int, int, float]]:
+        """Geoms that touch now, and how deep they are in each other in m."""
         # Contacts are those of the last step, and have a part in the next: present ones are looked for on a copy.
         present = mujoco.MjData(self._model)
         present.qpos[:] = self._data.qpos
         mujoco.mj_fwdPosition(self._model, present)
-        deepest: dict[tuple[str, str], float] = {}
-        for geoms, distance in zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True):
-            link, body = geoms if geoms[0] in self._links else reversed(geoms)
-            if link in self._links:
-                pair = self._links[link], self._bodies[body]
-                deepest[pair] = max(deepest.get(pair, 0.0), -distance)
-        return tuple(Overlap(link, body, depth) for (link, body), depth in deepest.items() if depth > 0)
+        for (one, other), distance in zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True):
+            yield one, other, -distance

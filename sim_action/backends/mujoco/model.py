@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -10,14 +10,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.backends.mujoco.bodies import add_ground, add_object, object_name
 from sim_action.backends.mujoco.native_robot import add_native_robot
 from sim_action.backends.mujoco.robot import add_robot, engine_name
-from sim_action.backends.mujoco.shapes import GEOM, add_geom, lowest, object_shape, wxyz
+from sim_action.backends.mujoco.shapes import lowest_geom, wxyz
 from sim_action.backends.mujoco.touch import FRICTION_RATIO, Skin, add_pairs, soften
-from sim_action.geometry import Pose
-from sim_action.robot_model import Surface
+from sim_action.geometry import Pose, Vector3
 from sim_action.scene import Scene
-from sim_action.world import GRAVITY, GROUND, Body, Placement
+from sim_action.world import placed
 
 IMPEDANCE: Final = 0.9999
 """Of motors, limits and gears: as hard as the engine takes them. They yield by 1e-4 of what would move them."""
@@ -58,15 +58,17 @@ class Compiled:
         root, rate = scene.model.root, scene.physics.rate
         # A base of no mass is held still, as Bullet does.
         fixed = scene.bolted or scene.model.links_by_name[root].mass == 0
-        spec = _empty(rate)
+        spec = _empty(rate, scene.world.gravity_xyz)
         robot = _add_robot(spec, scene, fixed=fixed)
         for name, inertia in scene.rotors.items():
             spec.joint(engine_name(name)).armature += inertia
-        world = [_add_ground(spec, scene), *(_add_object(spec, body) for body in scene.world.objects)]
-        soft = add_pairs(spec, rate, robot, world)
+        world = [*add_ground(spec, scene.world)]
+        for body in scene.world.objects:
+            world += add_object(spec, body, scene.parts_of(body))
+        soft = add_pairs(spec, rate, math.hypot(*scene.world.gravity_xyz), robot, world)
         model = spec.compile()
         soften(model, rate, soft)
-        others = sum(skin.moves for skin in world)
+        others = sum(body.mass is not None for body in scene.world.objects)
         joints = [model.joint(engine_name(joint.name)).id for joint in scene.model.moving_joints]
         compiled = cls(
             model=model,
@@ -85,24 +87,28 @@ class Compiled:
 
     def _place(self, scene: Scene) -> None:
         self.data.qpos[self.positions] = list(scene.joint_positions.values())
-        self._put(self.base, scene.placement, list(self.links), free=not self.fixed)
-        for geom, body in zip(list(self.bodies)[1:], scene.world.objects, strict=True):
-            self._put(int(self.model.geom_bodyid[geom]), body.pose, [geom], free=body.mass is not None)
+        at = scene.placement
+        pose = Pose((at.x, at.y, at.z or 0.0), at.orientation_xyzw)
+        position = self._put(self.base, pose, free=not self.fixed)
+        if at.z is None:
+            position[2] = -(lowest_geom(self.model, self.data, list(self.links)) or 0.0)
+        for body in scene.world.objects:
+            pose = placed(body, scene.parts_of(body))
+            self._put(self.model.body(object_name(body)).id, pose, free=body.mass is not None)
         mujoco.mj_forward(self.model, self.data)
 
-    def _put(self, body: int, placement: Placement, geoms: Sequence[int], *, free: bool) -> None:
-        """Puts a body where the scenario wants it; without a z, onto the ground."""
+    def _put(self, body: int, pose: Pose, *, free: bool) -> Any:
+        """Puts a body somewhere; returns its position, to be changed."""
         start = self.model.jnt_qposadr[self.model.body_jntadr[body]] if free else 0
         position = self.data.qpos[start : start + 3] if free else self.model.body_pos[body]
         turned = self.data.qpos[start + 3 : start + 7] if free else self.model.body_quat[body]
-        position[:] = placement.x, placement.y, placement.z or 0.0
-        turned[:] = wxyz(placement.orientation_xyzw)
+        position[:] = pose.position_xyz
+        turned[:] = wxyz(pose.orientation_xyzw)
         mujoco.mj_kinematics(self.model, self.data)
-        if placement.z is None:
-            position[2] = -(lowest(self.model, self.data, geoms) or 0.0)
+        return position
 
 
-def _empty(rate: float) -> Any:
+def _empty(rate: float, gravity_xyz: Vector3) -> Any:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.compiler.fusestatic = False
@@ -112,7 +118,7 @@ def _empty(rate: float) -> Any:
     spec.compiler.boundinertia = _LEAST_INERTIA
     option = spec.option
     option.timestep = 1 / rate
-    option.gravity = [0, 0, -GRAVITY]
+    option.gravity = list(gravity_xyz)
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = FRICTION_RATIO
@@ -135,17 +141,3 @@ def _add_robot(spec: Any, scene: Scene, *, fixed: bool) -> list[Skin]:
     if scene.model.mjcf:
         return add_native_robot(spec, scene.model, _hard(scene.physics.rate), fixed=fixed)
     return add_robot(spec, scene.model, fixed=fixed)
-
-
-def _add_ground(spec: Any, scene: Scene) -> Skin:
-    name = add_geom(spec.worldbody, GROUND, Pose(), type=GEOM.mjGEOM_PLANE, size=[0, 0, 1])
-    return Skin(name, GROUND, Surface(scene.world.ground.friction), moves=False)
-
-
-def _add_object(spec: Any, body: Body) -> Skin:
-    name = f"object/{body.name}"
-    added = spec.worldbody.add_body(name=name)
-    if body.mass is not None:
-        added.add_freejoint()
-    add_geom(added, name, Pose(), **object_shape(body), mass=body.mass or 0.0)
-    return Skin(name, body.name, Surface(body.friction), moves=body.mass is not None)

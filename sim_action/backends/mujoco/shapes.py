@@ -1,4 +1,4 @@
-"""Collision shapes as geoms, and how far below its origin a body reaches."""
+"""Collision shapes of a robot as geoms, and how low they reach."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import numpy as np
 from sim_action.backends.mujoco.hulls import read_hulls
 from sim_action.geometry import Pose, Quaternion
 from sim_action.trace import FloatArray
-from sim_action.world import Body
 
 GEOM: Final = mujoco.mjtGeom
 
@@ -41,17 +40,7 @@ def add_geom(body: Any, name: str, pose: Pose, **properties: Any) -> str:
     return name
 
 
-def object_shape(body: Body) -> dict[str, Any]:
-    """Type and size of a body of the world."""
-    if body.box is not None:
-        return {"type": GEOM.mjGEOM_BOX, "size": [size / 2 for size in body.box]}
-    if body.cylinder is not None:
-        return {"type": GEOM.mjGEOM_CYLINDER, "size": [body.cylinder.radius, body.cylinder.height / 2, 0]}
-    assert body.sphere is not None
-    return {"type": GEOM.mjGEOM_SPHERE, "size": [body.sphere.radius, 0, 0]}
-
-
-def lowest(model: Any, data: Any, geoms: Sequence[int]) -> float | None:
+def lowest_geom(model: Any, data: Any, geoms: Sequence[int]) -> float | None:
     """The z in m of the lowest point of geoms, world frame; None if there are none."""
     return min((_lowest(model, data, geom) for geom in geoms), default=None)
 

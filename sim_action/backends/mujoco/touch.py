@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from sim_action.robot_model import Surface
-from sim_action.world import GRAVITY
 
 FRICTION_RATIO: Final = 100.0
 """How much less friction gives way than what presses bodies together, lest robots creep down slopes."""
@@ -36,18 +35,24 @@ class Skin(NamedTuple):
     moves: bool = True
 
 
-def add_pairs(spec: Any, rate: float, robot: Sequence[Skin], world: Sequence[Skin]) -> dict[str, Surface]:
-    """Lets everything touch, but for the robot's links each other; returns pairs that are soft, for `soften`."""
+def add_pairs(
+    spec: Any, rate: float, gravity: float, robot: Sequence[Skin], world: Sequence[Skin]
+) -> dict[str, Surface]:
+    """Lets everything touch, but for the robot's links each other; returns pairs that are soft, for `soften`.
+
+    `gravity`: m/s^2, that gives things a weight.
+    """
     among_others = (pair for pair in itertools.combinations(world, 2) if any(skin.moves for skin in pair))
     pairs = [*itertools.product(robot, world), *among_others]
     soft: dict[str, Surface] = {}
+    hard = _hard(rate, gravity)
     for number, (one, other) in enumerate(pairs):
         surface, name = _combined(one.surface, other.surface), str(number)
         # The engine takes no coefficient of 0.
         dimensions = 3 if surface.friction > 0 else 1
         slides = [surface.friction, surface.friction, 0, 0, 0]
         names = {"name": name, "geomname1": one.geom, "geomname2": other.geom}
-        spec.add_pair(**names, condim=dimensions, friction=slides, **_hard(rate))
+        spec.add_pair(**names, condim=dimensions, friction=slides, **hard)
         if surface.stiffness:
             soft[name] = surface
     return soft
@@ -91,10 +96,10 @@ def _time(rate: float) -> float:
     return max(_CONVERGES_IN, _CONVERGES_IN_STEPS / rate)
 
 
-def _hard(rate: float) -> dict[str, Any]:
+def _hard(rate: float, gravity: float) -> dict[str, Any]:
     """As hard as a contact can be without letting go, and so much larger that a weight does not press it in."""
     time = _time(rate)
-    depth = GRAVITY * time**2 * (1 - _IMPEDANCE) / _IMPEDANCE**2
+    depth = gravity * time**2 * (1 - _IMPEDANCE) / _IMPEDANCE**2
     return {
         "solref": [time, 1.0],
         "solimp": [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0],

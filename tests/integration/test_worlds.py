@@ -1,0 +1,277 @@
+"""What stands still: ramps, stairs, meshes, heightfields, maps, patches and gravity, on every engine."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_action.geometry import Vector3
+from sim_action.world import (
+    GRAVITY,
+    Body,
+    Heightfield,
+    MeshFile,
+    OccupancyMap,
+    Patch,
+    Placement,
+    Ramp,
+    Stairs,
+    World,
+)
+from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
+from tests.integration.test_backends import BALL, CRATE, one_link
+from tests.worlds import with_files, write_map
+
+pytestmark = on_every_engine
+
+MOON = 1.62
+SMALL_BALL = one_link('<sphere radius="0.05"/>', moment=0.001)
+CUBE = one_link('<box size="0.1 0.1 0.1"/>', moment=0.002)
+
+
+def slippery(friction: float) -> str:
+    """A crate, flat and heavy."""
+    return CRATE.replace("<collision>", f'<contact><lateral_friction value="{friction}"/></contact><collision>')
+
+
+def resting(engine: str, folder: Path, world: World, urdf: str, steps: int = 960, **pose: float) -> Vector3:
+    """Where a robot comes to lie."""
+    scene = with_files(scene_of(folder, urdf, at(**pose), world))
+    with running(engine, scene) as backend:
+        trace = advance(backend, 0, steps)
+    x, y, z = trace.base_position_xyz[-1].tolist()
+    return (x, y, z)
+
+
+@pytest.mark.parametrize("gravity", [MOON, 9.80665, 25.0])
+def test_things_fall_as_gravity_says(engine: str, gravity: float, tmp_path: Path) -> None:
+    scene = scene_of(tmp_path, BALL, at(z=10), World(gravity=gravity))
+    with running(engine, scene) as backend:
+        trace = advance(backend, 0, 200)
+    assert trace.base_position_xyz[-1, 2] == pytest.approx(10 - gravity / 240**2 * 200 * 201 / 2, abs=1e-6)
+
+
+def test_gravity_may_point_anywhere_or_be_none(engine: str, tmp_path: Path) -> None:
+    for gravity in ((1.0, -2.0, 3.0), 0.0):
+        scene = scene_of(tmp_path, BALL, at(z=10), World.model_validate({"gravity": gravity}))
+        with running(engine, scene) as backend:
+            trace = advance(backend, 0, 240)
+        assert trace.base_linear_xyz[-1] == pytest.approx(gravity or (0, 0, 0), abs=1e-6)
+
+
+def test_a_ball_lies_on_the_moon_as_high_as_on_earth(engine: str, tmp_path: Path) -> None:
+    assert resting(engine, tmp_path, World(gravity=MOON), BALL)[2] == pytest.approx(0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(10, 0.0), (20, 0.1), (30, 0.3)])
+def test_a_crate_slides_down_a_ramp_as_its_angle_says(engine: str, angle: int, friction: float, tmp_path: Path) -> None:
+    slope = math.radians(angle)
+    ramp = Body(name="ramp", ramp=Ramp(length=8, width=2, angle=slope), friction=1.0)
+    # Near its top, which is at x = 4, and turned as the ramp is.
+    x, height = 2.5, (2.5 + 4) * math.tan(slope)
+    robot = at(x=x, z=height + 0.05 / math.cos(slope) + 1e-4, pitch=-slope)
+    scene = scene_of(tmp_path, slippery(friction), robot, World(objects=(ramp,)), rate=1000)
+    with running(engine, scene) as backend:
+        advance(backend, 0, 200)
+        before = backend.observe(0, contacts=False).twist.linear_xyz
+        trace = advance(backend, 200, 500)
+    gained = (trace.speed[-1] - math.hypot(*before)) / 0.5
+    assert gained == pytest.approx(GRAVITY * (math.sin(slope) - friction * math.cos(slope)), rel=0.01)
+
+
+def test_a_ball_rolls_down_a_ramp(engine: str, tmp_path: Path) -> None:
+    slope = math.radians(15)
+    ramp = Body(name="ramp", ramp=Ramp(length=8, width=2, angle=slope), friction=1.0)
+    robot = at(x=2.0, z=6 * math.tan(slope) + 0.1 / math.cos(slope))
+    with running(engine, scene_of(tmp_path, BALL, robot, World(objects=(ramp,)))) as backend:
+        trace = advance(backend, 0, 240)
+    # A ball has 5/7 of the acceleration of what slides without friction.
+    assert trace.speed[-1] == pytest.approx(5 / 7 * GRAVITY * math.sin(slope), rel=0.01)
+
+
+def test_a_ramp_turns_with_its_pose_and_begins_at_the_ground(engine: str, tmp_path: Path) -> None:
+    ramp = Body(name="ramp", ramp=Ramp(length=2, width=1, height=1), pose=Placement(yaw=math.pi / 2), friction=0.0)
+    x, y, z = resting(engine, tmp_path, World(objects=(ramp,)), SMALL_BALL, 240, y=0.5, z=1.2)
+    assert (x, z) == pytest.approx((0, 0.05), abs=0.02)
+    assert y < -1
+
+
+def test_each_step_of_stairs_is_as_high_as_it_says(engine: str, tmp_path: Path) -> None:
+    stairs = Body(name="stairs", stairs=Stairs(steps=20, rise=0.1, run=0.3, width=1), pose=Placement(x=3))
+    for step in (0, 7, 16, 19):
+        x, z = 0.15 + 0.3 * step, 0.1 * step
+        found = resting(engine, tmp_path, World(objects=(stairs,)), CUBE, 480, x=x, z=z + 0.2)
+        assert found == pytest.approx((x, 0, z + 0.15), abs=2e-3)
+
+
+def test_a_body_of_many_parts_has_one_name(engine: str, tmp_path: Path) -> None:
+    stairs = Body(name="stairs", stairs=Stairs(steps=40, rise=0.1, run=0.3, width=1), pose=Placement(x=6))
+    scene = scene_of(tmp_path, SMALL_BALL, at(x=11.55, z=3.9 + 0.05), World(objects=(stairs,)))
+    with running(engine, scene, contacts=True) as backend:
+        trace = advance(backend, 0, 60)
+        inside = {contact.body for contact in backend.observe(60, contacts=True).contacts}
+    assert {contact.body for contact in trace.contacts} == inside == {"stairs"}
+
+
+HILLS = [[0.3, 0.3, 0.3, 0.3, 0.3], [0.3, 0.1, 0.0, 0.2, 0.3], [0.3, 0.1, 0.0, 0.1, 0.3], [0.3, 0.3, 0.3, 0.3, 0.3]]
+
+
+HILLY = World(objects=(Body(name="hills", heightfield=Heightfield(heights=tuple(map(tuple, HILLS)), size=(4.0, 3.0))),))
+
+
+def test_a_ball_comes_to_rest_in_a_pit(engine: str, tmp_path: Path) -> None:
+    # It rolls to and fro without loss but where the pit bends.
+    found = resting(engine, tmp_path, HILLY, SMALL_BALL, 7200, x=-0.4, y=0.1, z=0.3)
+    assert found[0] == pytest.approx(0, abs=0.05)
+    assert found[2] == pytest.approx(0.05, abs=0.01)
+
+
+@pytest.mark.parametrize(("x", "y"), [(-2 + 1e-3, 0.5), (0.5, -0.5), (0.3, 1.2), (1.6, 0.2), (-0.7, 0.31)])
+def test_heights_are_where_the_rows_say_and_straight_between(engine: str, x: float, y: float, tmp_path: Path) -> None:
+    scene = with_files(scene_of(tmp_path, SMALL_BALL, at(x=50), HILLY))
+    with running(engine, scene) as backend:
+        share = backend.cast_rays((x, y, 2.0), np.array([[x, y, -2.0]]))[0]
+    assert 2 - 4 * share == pytest.approx(height_of_hills(x, y), abs=2e-4)
+
+
+def height_of_hills(x: float, y: float) -> float:
+    """Over triangles, each cell folded from its lowest x and y to its highest."""
+    column, row = x + 2, y + 1.5
+    i, j = int(column), int(row)
+    u, v = column - i, row - j
+    (a, b), (d, c) = (HILLS[3 - (j + up)][i : i + 2] for up in (0, 1))
+    return a + u * (b - a) + v * (c - b) if u >= v else a + v * (d - a) + u * (c - d)
+
+
+def test_a_box_rests_on_a_flat_heightfield_at_its_height(engine: str, tmp_path: Path) -> None:
+    flat = Heightfield(heights=((0.5,) * 4,) * 4, size=(4, 4))
+    world = World(objects=(Body(name="plateau", heightfield=flat, pose=Placement(z=0)),))
+    found = resting(engine, tmp_path, world, CUBE, 480, x=0.2, y=0.1, z=0.6)
+    assert found[2] == pytest.approx(0.55, abs=1e-3)
+
+
+def bowl(folder: Path) -> MeshFile:
+    """A box without a lid, 2 x 2 x 0.5 m, walls without a thickness: its hull would be full."""
+    corners = [(x, y, z) for z in (0, 50) for x, y in ((-100, -100), (100, -100), (100, 100), (-100, 100))]
+    quads = [(0, 1, 2, 3), *((n, n + 4, (n + 1) % 4 + 4, (n + 1) % 4) for n in range(4))]
+    faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    vertices = [[f"vertex {x} {y} {z}" for x, y, z in (corners[point] for point in face)] for face in faces]
+    lines = [f"facet normal 0 0 0 outer loop {' '.join(three)} endloop endfacet" for three in vertices]
+    (folder / "bowl.stl").write_text("solid bowl\n" + "\n".join(lines) + "\nendsolid bowl\n")
+    return MeshFile(file="bowl.stl", scale=0.01)
+
+
+def test_a_hollow_mesh_is_hollow(engine: str, tmp_path: Path) -> None:
+    world = World(objects=(Body(name="bowl", mesh=bowl(tmp_path), pose=Placement(x=5, z=0.2)),))
+    found = resting(engine, tmp_path, world, SMALL_BALL, 480, x=5.3, y=0.2, z=0.6)
+    assert found == pytest.approx((5.3, 0.2, 0.25), abs=2e-3)
+
+
+def test_the_walls_of_a_hollow_mesh_stop_from_inside(engine: str, tmp_path: Path) -> None:
+    world = World(objects=(Body(name="bowl", mesh=bowl(tmp_path), friction=0.0),))
+    scene = with_files(scene_of(tmp_path, SMALL_BALL, at(z=0.06), world))
+    with running(engine, scene, contacts=True) as backend:
+        advance(backend, 0, 60)
+        push(backend, (1.0, 0.3, 0))
+        trace = advance(backend, 60, 480)
+    assert trace.base_position_xyz[:, 0].max() == pytest.approx(0.95, abs=0.01)
+    assert {contact.body for contact in trace.contacts} == {"bowl"}
+
+
+def wedge_mesh(folder: Path) -> MeshFile:
+    (folder / "wedge.obj").write_text(
+        "v 0 0 0\nv 3 0 0\nv 3 0 3\nv 0 1 0\nv 3 1 0\nv 3 1 3\n"
+        "f 1 2 3\nf 4 6 5\nf 1 4 5\nf 1 5 2\nf 2 5 6\nf 2 6 3\nf 1 3 6\nf 1 6 4\n"
+    )
+    return MeshFile(file="wedge.obj", scale=0.1)
+
+
+def test_a_mesh_with_a_mass_is_its_hull_and_weighs_where_that_is(engine: str, tmp_path: Path) -> None:
+    # On a knife edge below its centre of mass, at 2/3 of its length, it stays; at the middle of its box it does not.
+    for x, stays in ((0.2, True), (0.15, False)):
+        edge = Body(name="edge", box=(0.01, 0.4, 0.1), pose=Placement(x=x, y=0.05))
+        wedge = Body(name="wedge", mesh=wedge_mesh(tmp_path), mass=2.0, pose=Placement(z=0.1001), friction=1.0)
+        scene = with_files(scene_of(tmp_path, SMALL_BALL, at(x=5), World(objects=(edge, wedge))))
+        with running(engine, scene) as backend:
+            advance(backend, 0, 240)
+            pose = backend.body_pose("wedge")
+        tilt = abs(pose.orientation_xyzw[1])
+        assert (tilt < 0.02) == stays, (x, pose)
+
+
+ROOM = np.full((40, 60), 254, np.uint8)
+ROOM[[0, -1], :] = ROOM[:, [0, -1]] = 0
+ROOM[10, 20:30] = 0
+ROOM[25:30, 45] = 205  # unknown
+
+
+@pytest.mark.parametrize(
+    ("way", "stop"),
+    [((1, 0), 60 - 1), ((-1, 0), 1), ((0, 1), 40 - 11), ((0, -1), 1)],
+    ids=["right", "left", "up", "down"],
+)
+def test_walls_are_where_the_map_says(engine: str, way: tuple[int, int], stop: int, tmp_path: Path) -> None:
+    name = write_map(tmp_path, ROOM, origin=[-1.0, -0.5, 0.0])
+    walls = Body(name="walls", map=OccupancyMap(file=name, height=0.4), friction=0.0)
+    scene = with_files(scene_of(tmp_path, SMALL_BALL, at(x=0, y=0), World(objects=(walls,)), rate=1000))
+    with running(engine, scene, contacts=True) as backend:
+        push(backend, (2.0 * way[0], 2.0 * way[1], 0))
+        trace = advance(backend, 0, 1500)
+    touch = trace.contacts[0]
+    axis = 0 if way[0] else 1
+    assert touch.body == "walls"
+    assert touch.position_xyz[axis] == pytest.approx(stop * 0.05 + (-1.0, -0.5)[axis], abs=5e-3)
+
+
+def test_a_map_is_turned_by_its_origin_and_ends_at_its_height(engine: str, tmp_path: Path) -> None:
+    name = write_map(tmp_path, ROOM, origin=[1.0, 2.0, math.pi / 2])
+    walls = Body(name="walls", map=OccupancyMap(file=name, height=0.4))
+    # The cell in row 10 from the top and column 25, seen from the lower left corner, which the map turns about.
+    across, up = 25.5 * 0.05, (40 - 10.5) * 0.05
+    found = resting(engine, tmp_path, World(objects=(walls,)), CUBE, 240, x=1 - up, y=2 + across, z=0.5)
+    assert found[2] == pytest.approx(0.45, abs=2e-3)
+
+
+def stopping(engine: str, folder: Path, world: World, urdf: str, speed: float, **pose: float) -> float:
+    """How far a crate slides in x."""
+    with running(engine, scene_of(folder, urdf, at(**pose), world, rate=1000)) as backend:
+        start = advance(backend, 0, 100).base_position_xyz[-1, 0]
+        push(backend, (speed, 0, 0))
+        trace = advance(backend, 100, 6000)
+    assert trace.speed[-1] < 2e-3
+    assert abs(trace.base_position_xyz[-1, 1]) < 0.02
+    return float(trace.base_position_xyz[-1, 0] - start)
+
+
+ICE = World(patches=(Patch(x=2, size=(4, 2), friction=0.1), Patch(x=2, y=2, size=(4, 2), friction=3.0)))
+
+
+@pytest.mark.parametrize(("x", "friction"), [(1.0, 0.1), (-4.0, 1.0)], ids=["on the patch", "off it"])
+def test_a_crate_stops_as_the_friction_of_where_it_is_says(
+    engine: str, x: float, friction: float, tmp_path: Path
+) -> None:
+    found = stopping(engine, tmp_path, ICE, slippery(0.5), 1.0, x=x)
+    assert found == pytest.approx(1 / (2 * friction * 0.5 * GRAVITY), rel=0.02)
+
+
+@pytest.mark.parametrize(("speed", "x"), [(0.5, -1.15), (2.0, -0.7)])
+def test_the_edge_of_a_patch_is_no_step(engine: str, speed: float, x: float, tmp_path: Path) -> None:
+    # The same friction on both sides of the edge at x = 0, which the slow one comes to with 0.1 mm a step.
+    world = World(patches=(Patch(x=2, size=(4, 2), friction=1.0),))
+    friction = speed**2 / (2 * GRAVITY * 1.0)
+    found = stopping(engine, tmp_path, world, slippery(friction), speed, x=x)
+    assert found == pytest.approx(1.0, rel=0.03)
+
+
+def test_a_patch_is_ground_to_contacts_and_no_deeper(engine: str, tmp_path: Path) -> None:
+    scene = scene_of(tmp_path, BALL, at(x=1.0), ICE)
+    with running(engine, scene, contacts=True) as backend:
+        assert all(overlap.depth < 1e-4 for overlap in backend.overlaps())
+        trace = advance(backend, 0, 240)
+        found = backend.observe(240, contacts=True)
+    assert {contact.body for contact in found.contacts} == {"ground"}
+    assert trace.contacts == ()
+    assert found.pose.position_xyz[2] == pytest.approx(0.1, abs=1e-4)
