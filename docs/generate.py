@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import BaseModel
 
 from docs.reference import KEYS, attributes, keys, sections, table
 from sim_action import catalogue, readings
@@ -26,11 +27,12 @@ from sim_action.errors import ExitCode
 from sim_action.geometry import Pose, Twist
 from sim_action.models.findings import RULES
 from sim_action.observation import Contact, JointState, Observation
+from sim_action.registry import Table
 from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import results_schema, scenario_schema, schema_text
 from sim_action.sensors import SENSORS
 from sim_action.sensors.mounting import Mounting
-from sim_action.world import Body, Ground, Physics, Placement, Robot
+from sim_action.world import Body, Ground, Patch, Physics, Placement, Robot, World
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "docs/scenario.md")
@@ -48,6 +50,23 @@ CONTROLLER_TYPES = (
     JointDescription,
 )
 READINGS = (readings.ContactReading, readings.ImuReading, readings.OdometryReading, readings.CameraImage)
+
+# Keys of a scenario whose own keys have rows or sections of their own.
+TOLD_BELOW = (
+    *("robot", "world", "physics", "commands", "sensors", "expect", "trace", "pose"),
+    *("ground", "patches", "objects"),
+)
+WORLDS = Table[type[BaseModel]](
+    "world",
+    {
+        "ramp": "sim_action.world:Ramp",
+        "stairs": "sim_action.world:Stairs",
+        "mesh": "sim_action.world:MeshFile",
+        "heightfield": "sim_action.world:Heightfield",
+        "map": "sim_action.world:OccupancyMap",
+        "patches": "sim_action.world:Patch",
+    },
+)
 
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
@@ -78,7 +97,9 @@ def _scenario_keys() -> str:
         ("", Scenario),
         ("robot.", Robot),
         ("robot.pose.", Placement),
+        ("world.", World),
         ("world.ground.", Ground),
+        ("world.patches[].", Patch),
         ("world.objects[].", Body),
         ("physics.", Physics),
         ("trace.", TraceSettings),
@@ -87,7 +108,7 @@ def _scenario_keys() -> str:
         (f"`{prefix}{field.name}`", field.takes, field.default, field.description)
         for prefix, model in parts
         for field in catalogue.fields(model)
-        if field.name not in ("robot", "world", "physics", "commands", "sensors", "expect", "trace", "pose")
+        if field.name not in TOLD_BELOW
     )
     return table(KEYS, rows)
 
@@ -138,6 +159,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "sensors": lambda: _entries(catalogue.sensors(), "sensor"),
     "drive-sections": lambda: sections("drives", DRIVES),
     "command-sections": lambda: sections("commands", COMMANDS),
+    "world-sections": lambda: sections("worlds", WORLDS),
     "sensor-sections": lambda: sections("sensors", SENSORS),
     "assertion-sections": lambda: sections("assertions", ASSERTIONS),
     "expectation-keys": lambda: table(KEYS, keys(ExpectationOptions)),

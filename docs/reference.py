@@ -14,7 +14,7 @@ from sim_action import catalogue
 from sim_action.registry import Table
 
 ROOT = Path(__file__).resolve().parent.parent
-LANGUAGES = {".py": "python", ".js": "javascript", ".pl": "perl", ".csv": "csv"}
+LANGUAGES = {".yaml": "yaml", ".py": "python", ".js": "javascript", ".pl": "perl", ".csv": "csv"}
 KEYS = ("key", "takes", "default", "meaning")
 LONGEST = 40  # lines of a file beside an example that are shown
 
