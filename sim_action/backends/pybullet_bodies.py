@@ -22,6 +22,8 @@ from sim_action.geometry import Pose
 from sim_action.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 
 _MOST_SHAPES: Final = 16
+# m, around a hull: without any, a third of all rays would go through it.
+_MARGIN: Final = 1e-5
 _ROUND: Final = geometry.quaternion_from_rpy(0.0, 0.0, math.pi / 2)
 
 
@@ -92,7 +94,7 @@ def _properties(part: BoxPart | CylinderPart | SpherePart | SurfacePart) -> dict
 
 def _hull(client: int, part: HullPart, mass: float) -> Piece:
     points = np.array(part.points_xyz)
-    no_margin = {"collisionMargin": 0.0}
+    no_margin = {"collisionMargin": _MARGIN}
     if not mass:
         return Piece(_shape(client, shapeType=pybullet.GEOM_MESH, vertices=points.tolist()), Pose(), no_margin)
     # The engine would have its mass in the middle, and spread as that of the box around it.

@@ -1,0 +1,151 @@
+"""Robots in worlds that are more than a plane, from the text of a scenario to its verdict, on every engine."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_action.errors import BadStart
+from sim_action.loading import build_scene, load_scenario
+from sim_action.simulation import SimulationRun, simulate
+from tests.integration.engines import on_every_engine, running
+from tests.worlds import write_map
+
+pytestmark = on_every_engine
+
+SCENARIO = """
+name: it
+robot: {{model: turtlebot3_burger, pose: {pose}}}
+world: {world}
+commands: {{rate: 10 Hz, twist: [{twist}]}}
+sensors: [{sensor}]
+expect: [upright]
+duration: {seconds} s
+time_limit: {seconds} s
+backend: {engine}
+"""
+DEFAULTS = {"pose": "{}", "world": "{}", "twist": "{linear: 0.2}", "sensor": "imu", "seconds": 5}
+
+
+def run(engine: str, folder: Path, **said: object) -> SimulationRun:
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+    path = folder / "it.sim.yml"
+    path.write_text(SCENARIO.format(**{**DEFAULTS, **said, "engine": engine}))
+    loaded = load_scenario(path)
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+def came(run: SimulationRun) -> tuple[float, float]:
+    """How far in x, and how high, the base link."""
+    moved = run.trace.base_position_xyz[-1] - run.trace.base_position_xyz[0]
+    return float(moved[0]), float(moved[2])
+
+
+def ramp(friction: float, angle: str = "10 deg") -> str:
+    shape = f"{{length: 2 m, width: 1 m, angle: {angle}}}"
+    return f"{{objects: [{{name: ramp, ramp: {shape}, pose: {{x: 1.3}}, friction: {friction}}}]}}"
+
+
+def test_a_burger_climbs_a_ramp_that_its_wheels_hold_on(engine: str, tmp_path: Path) -> None:
+    ahead, up = came(run(engine, tmp_path, world=ramp(1.0), seconds=7))
+    # From where its wheels touch it, it goes along the slope.
+    assert ahead == pytest.approx(0.3 + (1.38 - 0.3) * math.cos(math.radians(10)), abs=0.03)
+    assert up == pytest.approx((ahead - 0.3) * math.tan(math.radians(10)), abs=0.01)
+
+
+def test_a_burger_slips_where_friction_is_less_than_the_tangent_of_the_slope(engine: str, tmp_path: Path) -> None:
+    friction = 0.8 * math.tan(math.radians(10))
+    _, up = came(run(engine, tmp_path, world=ramp(friction), seconds=7))
+    assert up < 0.06
+
+
+def test_stairs_stop_a_burger_and_are_what_it_touched(engine: str, tmp_path: Path) -> None:
+    stairs = "{steps: 5, rise: 8 cm, run: 30 cm, width: 1 m}"
+    found = run(engine, tmp_path, world=f"{{objects: [{{name: stairs, stairs: {stairs}, pose: {{x: 1.25}}}}]}}")
+    ahead, up = came(found)
+    # The foremost part of it are its wheels.
+    assert ahead == pytest.approx(0.5 - 0.033, abs=0.03)
+    assert abs(up) < 0.01
+
+
+def test_a_robot_on_the_moon_stands_as_high_and_feels_less(engine: str, tmp_path: Path) -> None:
+    earth, moon = (
+        run(engine, tmp_path, world=f"{{gravity: {gravity}}}", sensor="{imu: {}, trace: true}", twist="{linear: 0}")
+        for gravity in ("9.80665", "1.62 m/s^2")
+    )
+    heights = [found.trace.base_position_xyz[-1, 2] for found in (earth, moon)]
+    assert heights[1] == pytest.approx(heights[0], abs=1e-4)
+    # MuJoCo comes to rest as springs do.
+    felt = [found.trace.sensors["imu"].columns["linear_acceleration_xyz"][-1] for found in (earth, moon)]
+    assert felt[0] == pytest.approx([0, 0, 9.80665], abs=0.02)
+    assert felt[1] == pytest.approx([0, 0, 1.62], abs=0.02)
+
+
+def test_without_gravity_wheels_turn_and_nothing_moves(engine: str, tmp_path: Path) -> None:
+    found = run(engine, tmp_path, world="{gravity: 0}")
+    ahead, up = came(found)
+    assert (ahead, up) == pytest.approx((0, 0), abs=0.02)
+    assert not [note for note in found.notes if "not at rest" in note]
+
+
+def test_a_body_that_begins_in_another_is_told_with_its_line(engine: str, tmp_path: Path) -> None:
+    wall = "{name: wall, box: [1, 1, 1], pose: {x: 3}}"
+    world = f"{{objects: [{wall}, {{name: ball, sphere: {{radius: 0.1}}, mass: 1, pose: {{x: 2.5, z: 0.5}}}}]}}"
+    with pytest.raises(BadStart, match=r"'ball' begins .* deep in 'wall'") as caught:
+        run(engine, tmp_path, world=world)
+    assert caught.value.problems[0][0] == ("world", "objects", 1, "pose")
+    lies = world.replace("z: 0.5", "z: 1.1")
+    assert run(engine, tmp_path, world=lies, seconds=1).sim_time == 1
+
+
+def test_two_bodies_in_each_other_are_told_once(engine: str, tmp_path: Path) -> None:
+    ball = "sphere: {radius: 0.1}, mass: 1, pose: {x: 3, z: 1}"
+    with pytest.raises(BadStart) as caught:
+        run(engine, tmp_path, world=f"{{objects: [{{name: a, {ball}}}, {{name: b, {ball}}}]}}")
+    assert len(caught.value.problems) == 1
+
+
+def test_a_robot_below_a_heightfield_is_told(engine: str, tmp_path: Path) -> None:
+    field = "{heights: [[0, 0.5, 0], [0, 0.5, 0], [0, 0.5, 0]], size: [4, 4]}"
+    with pytest.raises(BadStart, match="below the surface of 'hill'; raise its z"):
+        run(engine, tmp_path, world=f"{{objects: [{{name: hill, heightfield: {field}}}]}}")
+
+
+ROOM = np.full((60, 60), 254)
+ROOM[[0, -1], :] = ROOM[:, [0, -1]] = 0
+
+
+def eyes(engine: str, folder: Path, world: str) -> tuple[float, float]:
+    """What a camera and a ray see ahead of the robot, in m along x from the origin of the world."""
+    found = run(engine, folder, world=world, twist="{linear: 0}", seconds=1, sensor=CAMERA)
+    depth = found.trace.sensors["camera"].columns["depth"][-1]
+    eye = found.trace.base_position_xyz[-1]
+    path = folder / "it.sim.yml"
+    with running(engine, build_scene(load_scenario(path))) as backend:
+        x, y, z = eye[0] + 0.2, eye[1], eye[2] + 0.23
+        share = backend.cast_rays((x, y, z), np.array([[x + 10, y, z]]))[0]
+    return float(eye[0] + 0.2 + depth[30, 40]), float(x + 10 * share)
+
+
+CAMERA = "{camera: {width: 81, height: 61}, pose: {x: 0.2, z: 0.23}, trace: true}"
+
+
+@pytest.mark.parametrize(
+    ("shape", "at"),
+    [
+        ("stairs: {steps: 10, rise: 10 cm, run: 20 cm, width: 1}, pose: {x: 2}", 1.4),
+        ("ramp: {length: 2, width: 1, height: 0.5}, pose: {x: 2}", 1 + 0.23 * 4),
+        ("map: {file: map.yaml, height: 1 m}", 1.95),
+        ("mesh: {file: sheet.obj}, pose: {x: 1.5}", 1.5),
+        ("heightfield: {heights: [[0, 1], [0, 1]], size: [2, 2]}, pose: {x: 2}", 1 + 0.23 * 2),
+    ],
+)
+def test_cameras_and_rays_see_what_there_is(engine: str, shape: str, at: float, tmp_path: Path) -> None:
+    write_map(tmp_path, ROOM, resolution=0.05, origin=[-1, -1.5, 0])
+    (tmp_path / "sheet.obj").write_text("v 0 -1 0\nv 0 1 0\nv 0 1 1\nv 0 -1 1\nf 1 2 3\nf 1 3 4\n")
+    seen = eyes(engine, tmp_path, f"{{objects: [{{name: it, {shape}}}]}}")
+    assert seen == pytest.approx((at, at), abs=0.02)
+    assert seen[0] == pytest.approx(seen[1], abs=6e-3)
