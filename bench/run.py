@@ -19,6 +19,7 @@ from pathlib import Path
 from bench.engines import PACKAGES, SideBySide, engines
 from bench.lidar import lidar_cost
 from bench.script_cost import script_costs
+from bench.world_cost import BOXES, world_costs
 
 ROOT = Path(__file__).resolve().parent.parent
 RAW = ROOT / "bench/raw_loop.py"
@@ -171,6 +172,13 @@ def lidars() -> Iterator[Ratio]:
         yield Ratio(f"{engine}: a lidar that nobody listens to, against none", unheard, none, 1.05)
 
 
+def worlds() -> Iterator[Ratio]:
+    """A run in a map of 200 boxes, against the same beside a single box."""
+    for cost in world_costs():
+        yield Ratio(f"{cost.engine}: a run in a map of {BOXES} boxes, against one box", cost.mapped, cost.bare, 1.6)
+    yield Ratio("reading a map of 1,000 x 1,000 cells, against a run in it", cost.reading, cost.mapped, 4)
+
+
 def side_by_side(folder: Path) -> Iterator[SideBySide]:
     """Both engines."""
     suite = str(write_suite(folder / "both", 1))
@@ -185,7 +193,7 @@ def main() -> None:
         folder = Path(name)
         ratios = []
         single = (measure(folder) for measure in (whole_process, further_scenario, parallel))
-        for ratio in itertools.chain(start_up(folder), models(), single, scripts(), lidars()):
+        for ratio in itertools.chain(start_up(folder), models(), single, scripts(), lidars(), worlds()):
             print(ratio, flush=True)
             ratios.append(ratio)
         print("\nboth engines, for orientation:")

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
 from sim_action import geometry
 from sim_action.errors import InvalidScenario
@@ -34,13 +34,18 @@ Metres = Annotated[float, Field(ge=-1e5, le=1e5)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
+def _as_number(value: object) -> object:
+    """Of true and false, 1 and 0: files say either."""
+    return int(value) if isinstance(value, bool) else value
+
+
 class MapFile(FrozenModel):
     """The keys of a map's YAML file; lengths in m, the yaw in rad."""
 
     image: Annotated[str, Field(min_length=1)]
     resolution: Annotated[float, Field(ge=1e-3, le=100)]
     origin: tuple[Metres, Metres, Annotated[float, Field(ge=-1e3, le=1e3)]]
-    negate: bool | Annotated[int, Field(ge=0, le=1)] = 0
+    negate: Annotated[int, Field(ge=0, le=1), BeforeValidator(_as_number)] = 0
     occupied_thresh: Share = 0.65
     free_thresh: Share = 0.196
     mode: str = "trinary"
@@ -102,7 +107,7 @@ def _image(image: str, name: str, beside: Workspace) -> Grey:
 
 
 def _occupied(said: MapFile, image: Grey) -> NDArray[np.bool_]:
-    share = image.pixels / image.white
-    probability = share if said.negate else 1.0 - share
-    occupied: NDArray[np.bool_] = probability > said.occupied_thresh
+    shades = np.arange(image.white + 1) / image.white
+    probability = shades if said.negate else 1.0 - shades
+    occupied: NDArray[np.bool_] = (probability > said.occupied_thresh)[image.pixels]
     return occupied

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
@@ -11,6 +11,8 @@ from sim_action.world.shapes import LARGEST, Size
 
 Factor = Annotated[PositiveRatio, Field(le=1e6)]
 Height = Annotated[Metres, Field(ge=-LARGEST, le=LARGEST)]
+_LEAST_SAMPLES: Final = 2
+
 File = Annotated[str, Field(min_length=1)]
 
 
@@ -37,8 +39,8 @@ class Heightfield(FrozenModel):
     """
 
     heights: Annotated[
-        tuple[Annotated[tuple[Height, ...], Field(min_length=2)], ...] | None,
-        Field(min_length=2, description="rows from the highest y to the lowest, each from the lowest x to the highest"),
+        tuple[tuple[Height, ...], ...] | None,
+        Field(description="rows from the highest y to the lowest, each from the lowest x to the highest"),
     ] = None
     image: Annotated[
         File | None, Field(description="a .pgm or a grey .png instead, of 8 or 16 bits: black is low, white is high")
@@ -53,6 +55,8 @@ class Heightfield(FrozenModel):
         if (self.image is None) != (self.height is None):
             raise ValueError("'height' says how high the white of an 'image' is; 'heights' are in m already")
         lengths = [len(row) for row in self.heights or ()]
+        if self.heights is not None and min([len(lengths), *lengths]) < _LEAST_SAMPLES:
+            raise ValueError("'heights' has at least two rows, and each of them at least two samples")
         odd = next((row for row, length in enumerate(lengths) if length != lengths[0]), None)
         if odd is not None:
             raise ValueError(f"'heights' is ragged: row 0 has {lengths[0]} samples, row {odd} has {lengths[odd]}")

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from sim_action.convex_hull import mass_properties
 from sim_action.geometry import Vector3
+from sim_action.parts import HullPart
 from sim_action.world import (
     GRAVITY,
     Body,
     Heightfield,
     MeshFile,
     OccupancyMap,
-    Patch,
     Placement,
     Ramp,
     Stairs,
@@ -202,6 +204,25 @@ def test_a_mesh_with_a_mass_is_its_hull_and_weighs_where_that_is(engine: str, tm
         assert (tilt < 0.02) == stays, (x, pose)
 
 
+def test_a_mesh_with_a_mass_is_as_inert_as_its_hull_is_filled_evenly(engine: str, tmp_path: Path) -> None:
+    wedge = Body(name="wedge", mesh=wedge_mesh(tmp_path), mass=2.0)
+    scene = with_files(scene_of(tmp_path, SMALL_BALL, at(x=5), World(objects=(wedge,))))
+    (part,) = scene.parts["wedge"]
+    assert isinstance(part, HullPart)
+    expected = sorted(np.linalg.eigvalsh(2 * mass_properties(np.array(part.points_xyz)).inertia))
+    with running(engine, scene) as backend:
+        assert sorted(moments_of(backend, "wedge")) == pytest.approx(expected, rel=1e-6)
+
+
+def moments_of(backend: Any, body: str) -> list[float]:
+    if backend.version.startswith("mujoco"):
+        model = backend._contacts._model
+        return list(model.body_inertia[model.body(f"object/{body}").id])
+    import pybullet
+
+    return list(pybullet.getDynamicsInfo(backend._objects[body][0][0], -1, backend._client)[2])
+
+
 ROOM = np.full((40, 60), 254, np.uint8)
 ROOM[[0, -1], :] = ROOM[:, [0, -1]] = 0
 ROOM[10, 20:30] = 0
@@ -233,45 +254,3 @@ def test_a_map_is_turned_by_its_origin_and_ends_at_its_height(engine: str, tmp_p
     across, up = 25.5 * 0.05, (40 - 10.5) * 0.05
     found = resting(engine, tmp_path, World(objects=(walls,)), CUBE, 240, x=1 - up, y=2 + across, z=0.5)
     assert found[2] == pytest.approx(0.45, abs=2e-3)
-
-
-def stopping(engine: str, folder: Path, world: World, urdf: str, speed: float, **pose: float) -> float:
-    """How far a crate slides in x."""
-    with running(engine, scene_of(folder, urdf, at(**pose), world, rate=1000)) as backend:
-        start = advance(backend, 0, 100).base_position_xyz[-1, 0]
-        push(backend, (speed, 0, 0))
-        trace = advance(backend, 100, 6000)
-    assert trace.speed[-1] < 2e-3
-    assert abs(trace.base_position_xyz[-1, 1]) < 0.02
-    return float(trace.base_position_xyz[-1, 0] - start)
-
-
-ICE = World(patches=(Patch(x=2, size=(4, 2), friction=0.1), Patch(x=2, y=2, size=(4, 2), friction=3.0)))
-
-
-@pytest.mark.parametrize(("x", "friction"), [(1.0, 0.1), (-4.0, 1.0)], ids=["on the patch", "off it"])
-def test_a_crate_stops_as_the_friction_of_where_it_is_says(
-    engine: str, x: float, friction: float, tmp_path: Path
-) -> None:
-    found = stopping(engine, tmp_path, ICE, slippery(0.5), 1.0, x=x)
-    assert found == pytest.approx(1 / (2 * friction * 0.5 * GRAVITY), rel=0.02)
-
-
-@pytest.mark.parametrize(("speed", "x"), [(0.5, -1.15), (2.0, -0.7)])
-def test_the_edge_of_a_patch_is_no_step(engine: str, speed: float, x: float, tmp_path: Path) -> None:
-    # The same friction on both sides of the edge at x = 0, which the slow one comes to with 0.1 mm a step.
-    world = World(patches=(Patch(x=2, size=(4, 2), friction=1.0),))
-    friction = speed**2 / (2 * GRAVITY * 1.0)
-    found = stopping(engine, tmp_path, world, slippery(friction), speed, x=x)
-    assert found == pytest.approx(1.0, rel=0.03)
-
-
-def test_a_patch_is_ground_to_contacts_and_no_deeper(engine: str, tmp_path: Path) -> None:
-    scene = scene_of(tmp_path, BALL, at(x=1.0), ICE)
-    with running(engine, scene, contacts=True) as backend:
-        assert all(overlap.depth < 1e-4 for overlap in backend.overlaps())
-        trace = advance(backend, 0, 240)
-        found = backend.observe(240, contacts=True)
-    assert {contact.body for contact in found.contacts} == {"ground"}
-    assert trace.contacts == ()
-    assert found.pose.position_xyz[2] == pytest.approx(0.1, abs=1e-4)
