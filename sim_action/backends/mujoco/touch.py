@@ -42,7 +42,9 @@ def add_pairs(
 
     `gravity`: m/s^2, that gives things a weight.
     """
-    among_others = (pair for pair in itertools.combinations(world, 2) if any(skin.moves for skin in pair))
+    # A map has thousands of fixed parts, which touch none of each other.
+    moving, fixed = [skin for skin in world if skin.moves], [skin for skin in world if not skin.moves]
+    among_others = (*itertools.combinations(moving, 2), *itertools.product(moving, fixed))
     pairs = [*itertools.product(robot, world), *among_others]
     soft: dict[str, Surface] = {}
     hard = _hard(rate, gravity)
