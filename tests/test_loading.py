@@ -18,6 +18,7 @@ from sim_action.loading import build_scene, load_all, load_scenario
 from sim_action.location import Location
 from sim_action.permissions import Permissions
 from tests.scenarios import FULL, LEAST, load, told
+from tests.worlds import write_map
 
 
 def test_the_least_scenario_is_filled_with_defaults(tmp_path: Path) -> None:
@@ -250,3 +251,36 @@ def test_the_problems_of_one_file_are_one_error(tmp_path: Path) -> None:
     (tmp_path / "s.sim.yml").write_text("name: a\n")
     with pytest.raises(InvalidScenario, match=r"(?s)robot.*expect.*time_limit"):
         load_scenario(tmp_path / "s.sim.yml")
+
+
+@pytest.mark.parametrize(
+    ("world", "problem"),
+    [
+        (
+            "{patches: [{size: [1, 1], friction: 0}, {x: 0.9, size: [1, 1], friction: 0}]}",
+            "11:48: world.patches.1: lies on world.patches[0]",
+        ),
+        (
+            "{objects: [{name: a, map: {file: none.yaml}}]}",
+            "11:35: world.objects.0.map.file: 'none.yaml' does not exist",
+        ),
+        (
+            "{objects: [{name: a, heightfield: {image: /etc/passwd, height: 1, size: [1, 1]}}]}",
+            "11:43: world.objects.0.heightfield.image: '/etc/passwd' is outside the workspace",
+        ),
+        ("{gravity: -9.81}", "11:9: world.gravity: one number is downwards"),
+    ],
+)
+def test_what_is_wrong_with_a_world_is_told_on_its_line(world: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, LEAST + f"world: {world}\n")
+    assert problem in found
+
+
+def test_patches_that_touch_do_not_lie_on_each_other_and_files_are_read_once(tmp_path: Path) -> None:
+    file = write_map(tmp_path, [[0, 254], [0, 254]], resolution=1)
+    patches = "[{size: [1, 1], friction: 0}, {x: 1, size: [1, 1], friction: 0}]"
+    path = tmp_path / "s.sim.yml"
+    path.write_text(LEAST + f"world: {{patches: {patches}, objects: [{{name: a, map: {{file: {file}}}}}]}}\n")
+    loaded = load_scenario(path)
+    (tmp_path / file).unlink()
+    assert len(build_scene(loaded).parts["a"]) == 1
