@@ -20,7 +20,7 @@ from sim_action.quantities import FrozenModel
 from sim_action.spec_errors import spec_errors
 from sim_action.surroundings.images import MAX_BYTES, Grey, ImageError, read_image
 from sim_action.surroundings.problems import ShapeError, found_file, read_bytes
-from sim_action.surroundings.rectangles import rectangles
+from sim_action.surroundings.rectangles import Rectangle, rectangles
 from sim_action.workspace import Workspace
 from sim_action.world import OccupancyMap
 from sim_action.yaml_document import read_document
@@ -67,12 +67,16 @@ def walls(occupancy: OccupancyMap, workspace: Workspace) -> Iterator[BoxPart]:
             f"'{name}' comes to more than {MAX_WALLS:,} boxes, although cells in line are one; "
             "take single cells out of it, or give it a coarser resolution"
         )
+    for cells in found:
+        yield _wall(cells, said, occupancy.height)
+
+
+def _wall(cells: Rectangle, said: MapFile, height: float) -> BoxPart:
     x, y, yaw = said.origin
-    origin = Pose((x, y, occupancy.height / 2), geometry.quaternion_from_rpy(0.0, 0.0, math.remainder(yaw, math.tau)))
-    for left, right, low, high in found:
-        width, depth = (right - left) * said.resolution, (high - low) * said.resolution
-        middle = ((left + right) / 2 * said.resolution, (low + high) / 2 * said.resolution, 0.0)
-        yield BoxPart((width, depth, occupancy.height), geometry.compose(origin, Pose(middle)))
+    origin = Pose((x, y, height / 2), geometry.quaternion_from_rpy(0.0, 0.0, math.remainder(yaw, math.tau)))
+    left, right, low, high = (cell * said.resolution for cell in cells)
+    middle = Pose(((left + right) / 2, (low + high) / 2, 0.0))
+    return BoxPart((right - left, high - low, height), geometry.compose(origin, middle))
 
 
 def _map_file(name: str, data: bytes) -> MapFile:
