@@ -27,8 +27,9 @@ class Camera(Sensor):
     `width / 2 - f y / x` and in row `height / 2 - f z / x`, counted from the edges of the picture.
 
     It sees the ground (grey squares of 0.5 m), the objects of the world in their `color`, and the robot itself, all as
-    what collides: a mesh as the hull of at most 64 of its points, or, in MJCF, as the box around it. There are no
-    shadows, no blur and no noise. What the camera is inside of is not seen. Every engine gives the same picture.
+    what collides: a hull of a mesh as that of at most 64 of its points, or, in MJCF, as the box around it; heightfields
+    and hollow meshes as their triangles, each of which takes 0.1 ms of a picture. There are no shadows, no blur and no
+    noise. What the camera is inside of is not seen. Every engine gives the same picture.
 
     `trace: true` keeps 7 bytes for each pixel of each picture: at 160x120 and 10 Hz, 13 MB for 10 s. A trace keeps
     500 MB of pictures at the most.
