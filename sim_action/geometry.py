@@ -127,3 +127,14 @@ def inverse(pose: Pose) -> Pose:
     back = conjugate(pose.orientation_xyzw)
     x, y, z = rotate(back, pose.position_xyz)
     return Pose((-x, -y, -z), back)
+
+
+def twist_between(here: Pose, there: Pose, seconds: float) -> Twist:
+    """The velocity that brings a frame from one pose to another, the short way round; in their parent's frame."""
+    moved = [(to - at) / seconds for at, to in zip(here.position_xyz, there.position_xyz, strict=True)]
+    qx, qy, qz, qw = multiply(there.orientation_xyzw, conjugate(here.orientation_xyzw))
+    sine = math.hypot(qx, qy, qz)
+    # A quaternion and its negative are the same rotation.
+    rate = 2 * math.atan2(math.copysign(sine, qw), abs(qw)) / (sine * seconds) if sine else 0.0
+    vx, vy, vz = moved
+    return Twist((vx, vy, vz), (qx * rate, qy * rate, qz * rate))

@@ -21,6 +21,7 @@ from sim_action.geometry import (
     quaternion_from_rpy,
     rotate,
     rpy_from_quaternion,
+    twist_between,
 )
 
 QUARTER = math.pi / 2
@@ -105,3 +106,26 @@ def test_a_planar_twist_goes_forward_and_turns_left() -> None:
 def test_a_quaternion_of_unit_length_comes_of_every_angle() -> None:
     rotation: Quaternion = quaternion_from_rpy(0.3, -0.4, 0.5)
     assert math.hypot(*rotation) == pytest.approx(1.0)
+
+
+@given(vectors, vectors, st.tuples(angles, angles, angles), st.floats(1e-3, 10))
+def test_a_twist_brings_one_pose_to_the_other(start: Vector3, end: Vector3, rpy: Vector3, seconds: float) -> None:
+    roll, pitch, yaw = rpy
+    here = Pose(start, quaternion_from_rpy(pitch, yaw, roll))
+    there = Pose(end, quaternion_from_rpy(roll, pitch, yaw))
+    twist = twist_between(here, there, seconds)
+    moved = [at + speed * seconds for at, speed in zip(start, twist.linear_xyz, strict=True)]
+    assert moved == pytest.approx(end, abs=1e-9)
+    turn = math.hypot(*twist.angular_xyz) * seconds
+    assert turn <= math.pi + 1e-9  # the short way round
+    x, y, z = (rate * seconds / (turn or 1.0) for rate in twist.angular_xyz)
+    sine = math.sin(turn / 2)
+    turned = multiply((x * sine, y * sine, z * sine, math.cos(turn / 2)), here.orientation_xyzw)
+    probe = (1.0, 2.0, 3.0)
+    assert rotate(turned, probe) == pytest.approx(rotate(there.orientation_xyzw, probe), abs=1e-6)
+
+
+def test_what_stays_has_no_twist() -> None:
+    pose = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(0.1, 0.2, 0.3))
+    assert math.hypot(*twist_between(pose, pose, 0.1).angular_xyz) < 1e-12
+    assert twist_between(pose, pose, 0.1).linear_xyz == (0.0, 0.0, 0.0)

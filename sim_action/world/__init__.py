@@ -12,6 +12,7 @@ from pydantic import Field
 from sim_action.geometry import Vector3
 from sim_action.quantities import FrozenModel
 from sim_action.world.body import Body, placed
+from sim_action.world.disturbance import Disturbance
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.gravity import GRAVITY, Gravity
 from sim_action.world.ground import GROUND, Ground, Patch
@@ -19,6 +20,7 @@ from sim_action.world.physics import FASTEST, Physics
 from sim_action.world.placement import Placement
 from sim_action.world.robot import Robot
 from sim_action.world.shapes import Cylinder, Ramp, Sphere, Stairs
+from sim_action.world.timed_path import PathPoint
 
 __all__ = [
     "FASTEST",
@@ -26,11 +28,13 @@ __all__ = [
     "GROUND",
     "Body",
     "Cylinder",
+    "Disturbance",
     "Ground",
     "Heightfield",
     "MeshFile",
     "OccupancyMap",
     "Patch",
+    "PathPoint",
     "Physics",
     "Placement",
     "Ramp",
@@ -53,6 +57,7 @@ class World(FrozenModel):
         tuple[Patch, ...], Field(max_length=MAX_PATCHES, description="areas of the ground with a friction of their own")
     ] = ()
     objects: tuple[Body, ...] = ()
+    disturbances: Annotated[tuple[Disturbance, ...], Field(description="what pushes the robot, or a body")] = ()
 
     @property
     def gravity_xyz(self) -> Vector3:

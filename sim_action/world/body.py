@@ -8,11 +8,12 @@ from pydantic import Field, model_validator
 
 from sim_action.geometry import Pose
 from sim_action.parts import BoxPart, CylinderPart, Part, SpherePart, lowest
-from sim_action.quantities import FrozenModel, Name, PositiveKilograms
+from sim_action.quantities import FrozenModel, Name, PositiveKilograms, PositiveSeconds
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.ground import Friction
 from sim_action.world.placement import Placement
 from sim_action.world.shapes import LARGEST, Cylinder, Ramp, Size, Sphere, Stairs
+from sim_action.world.timed_path import PathPoint, placements, refuse_impossible_path
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,6 +61,25 @@ class Body(FrozenModel):
         tuple[Share, Share, Share] | None,
         Field(description="red, green, blue, each 0 to 1, for cameras; left out: one of a row that has no red in it"),
     ] = None
+    path: Annotated[
+        tuple[PathPoint, ...],
+        Field(description="where it is over time, in straight lines: it pushes what it meets, and nothing stops it"),
+    ] = ()
+    loop: Annotated[bool, Field(description="whether its path begins again at its end")] = False
+    appears: Annotated[
+        PositiveSeconds | None,
+        Field(description="sim time before which it is not there; with a mass, it falls from then"),
+    ] = None
+
+    @property
+    def beginning(self) -> Placement:
+        """Where it is at first: on a path, at its first point."""
+        return placements(self.pose, self.path[:1])[0] if self.path else self.pose
+
+    @model_validator(mode="after")
+    def _moves_as_it_can(self) -> Self:
+        refuse_impossible_path(self)
+        return self
 
     @model_validator(mode="after")
     def _has_one_shape(self) -> Self:
@@ -67,8 +87,9 @@ class Body(FrozenModel):
             raise ValueError(f"an object has exactly one of {_listed(SHAPES)}")
         if self.mass is not None and self.shape not in _MAY_MOVE:
             raise ValueError(f"'{self.shape}' is fixed: leave 'mass' out; {_listed(_MAY_MOVE)} can have one")
-        if max(abs(self.pose.x), abs(self.pose.y), abs(self.pose.z or 0.0)) > _FARTHEST:
-            raise ValueError(f"'pose' is more than {_FARTHEST:g} m away, where engines know no millimetres")
+        for key, places in (("pose", (self.pose,)), ("path", placements(self.pose, self.path))):
+            if any(max(abs(at.x), abs(at.y), abs(at.z or 0.0)) > _FARTHEST for at in places):
+                raise ValueError(f"'{key}' is more than {_FARTHEST:g} m away, where engines know no millimetres")
         return self
 
     @property
@@ -96,6 +117,6 @@ class Body(FrozenModel):
 
 def placed(body: Body, parts: Sequence[Part]) -> Pose:
     """Where a body of these parts begins, in the world frame; without a z, it stands on the ground."""
-    at = body.pose
+    at = body.beginning
     z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z
     return Pose((at.x, at.y, z), at.orientation_xyzw)
