@@ -38,7 +38,8 @@ class Backend(Probe, Protocol):
         """Steps the scene once for each of the targets, which are given to the motors first; None leaves them.
 
         A base that is to be pushed (`JointTargets.base`) is pushed anew at every step, until it is told otherwise.
-        `first_step` numbers the state before the first step: sim time is a state's number over `physics.rate`.
+        `first_step` numbers the state before the first step: sim time is a state's number over `physics.rate`. What
+        the world has on paths, what appears in it and what disturbs it does so at its steps.
         """
 
     def collect(self) -> Trace:

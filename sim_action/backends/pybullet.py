@@ -33,6 +33,8 @@ from sim_action.backends.pybullet_scene import (
     place,
     set_surfaces,
 )
+from sim_action.backends.pybullet_stage import PyBulletStage
+from sim_action.backends.timetable import Timetable
 from sim_action.command import BasePush, JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist, Vector3
@@ -69,6 +71,7 @@ class PyBulletBackend:
         self._watches_contacts = contacts and bool(self._objects)
         self._read_joints(scene)
         self._place_robot(scene)
+        self._timetable = Timetable.of(scene, PyBulletStage(self._client, self._robot, self._links, self._objects))
         self._held_efforts: dict[int, float] = {}
         self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -86,7 +89,11 @@ class PyBulletBackend:
                 here = self.observe(step, contacts=False)
                 found = wrench(self._base_push, self._pushed, here.pose, here.twist, 1 / self._rate)
                 apply(self._client, self._robot, found)
+            if self._timetable is not None:
+                self._timetable.before(step - 1)
             pybullet.stepSimulation(self._client)
+            if self._timetable is not None:
+                self._timetable.after(step)
             self._rows.append(self._row(step))
             if self._watches_contacts:
                 self._touches += self._contacts(step, ground=False)

@@ -64,17 +64,19 @@ def add_ground(client: int, world: World) -> tuple[int, list[int]]:
 
 def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int, Pose]]:
     """Adds a body where it begins; returns the engine's number for each of its pieces, and its pose in the body."""
-    return add_pieces(client, parts, placed(body, parts), body.friction, body.mass or 0.0)
+    pose, moves = placed(body, parts), bool(body.path)
+    return add_pieces(client, parts, pose, body.friction, body.mass or 0.0, moves=moves)
 
 
 def add_pieces(
-    client: int, parts: Sequence[Part], pose: Pose, friction: float, mass: float = 0.0
+    client: int, parts: Sequence[Part], pose: Pose, friction: float, mass: float = 0.0, *, moves: bool = False
 ) -> list[tuple[int, Pose]]:
     """Adds what a body is made of; its pose is that of the body."""
     added = []
     for piece in pieces(client, parts, mass):
-        # One that is more than a shape at a place costs time at every step, which adds up.
-        plain = int(len(parts) > 1)
+        # One that is more than a shape at a place costs time at every step, which adds up. But the velocity of a mere
+        # shape is not felt by what it touches.
+        plain = int(len(parts) > 1 and not moves)
         number = int(pybullet.createMultiBody(mass, piece.shape, useMaximalCoordinates=plain, physicsClientId=client))
         _set_dynamics(client, number, BASE, lateralFriction=friction)
         for name, value in piece.dynamics.items():

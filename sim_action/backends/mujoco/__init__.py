@@ -24,7 +24,9 @@ from sim_action.backends.mujoco.motors import Motors
 from sim_action.backends.mujoco.objects import Objects
 from sim_action.backends.mujoco.push import Pusher
 from sim_action.backends.mujoco.rays import Rays
+from sim_action.backends.mujoco.stage import MuJoCoStage
 from sim_action.backends.mujoco.states import States
+from sim_action.backends.timetable import Timetable
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist, Vector3
@@ -68,6 +70,8 @@ class MuJoCoBackend:
         self._objects = Objects(compiled)
         self._rays = Rays(compiled)
         self._contacts = Contacts(compiled)
+        self._stage = MuJoCoStage(compiled, self._objects)
+        self._timetable = Timetable.of(scene, self._stage)
         self._watches_contacts = contacts and bool(scene.world.objects)
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
@@ -125,7 +129,8 @@ class MuJoCoBackend:
         self._glance.settle()
 
     def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        for row, wanted in zip(self._states.expect(first_step + 1, len(targets)), targets, strict=True):
+        rows = self._states.expect(first_step + 1, len(targets))
+        for step, (row, wanted) in enumerate(zip(rows, targets, strict=True), start=first_step):
             if wanted is not None:
                 self._motors.apply(wanted)
                 if wanted.base is not None:
@@ -134,9 +139,17 @@ class MuJoCoBackend:
                 # There is nothing left to simulate, and what is left of the trace are no numbers.
                 return
             if not self._pusher.is_idle:
-                here = self.observe(first_step, contacts=False)
+                here = self.observe(step, contacts=False)
                 self._pusher.step(here.pose, here.twist)
-            self._motors.step()
+            self._step(step)
             self._states.keep(row)
             if self._watches_contacts:
                 self._touches += self._contacts.of_step(float(row[0]) / self._rate, ground=False)
+
+    def _step(self, step: int) -> None:
+        if self._timetable is None:
+            self._motors.step()
+            return
+        self._timetable.before(step)
+        self._motors.step(self._stage.carry)
+        self._timetable.after(step + 1)

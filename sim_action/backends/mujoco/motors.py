@@ -7,6 +7,7 @@ reference acceleration is -b v; with b v_target added between the two halves of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import mujoco
@@ -66,16 +67,18 @@ class Motors:
             self._arrange()
         self._aim()
 
-    def step(self) -> None:
-        """One step of the engine."""
+    def step(self, between: Callable[[], None] | None = None) -> None:
+        """One step of the engine; `between` its halves, when contacts are known and forces are not, others come in."""
         self._exerted = self._motors, self._rows
-        if self._still:
+        if self._still and between is None:
             mujoco.mj_step(self._model, self._data)
             return
         mujoco.mj_step1(self._model, self._data)
         if len(self._servos):
             self._servo()
         self._data.efc_aref[self._rows] += self._bias
+        if between is not None:
+            between()
         mujoco.mj_step2(self._model, self._data)
 
     def efforts(self, into: FloatArray) -> None:

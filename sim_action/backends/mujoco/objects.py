@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from sim_action import geometry
 from sim_action.backends.mujoco.model import Compiled
-from sim_action.geometry import Pose
+from sim_action.backends.mujoco.shapes import wxyz
+from sim_action.geometry import Pose, Twist
 
 
 class Objects:
@@ -12,6 +14,10 @@ class Objects:
     def __init__(self, compiled: Compiled) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._numbers = {name: int(self._model.geom_bodyid[geom]) for geom, name in compiled.bodies.items()}
+
+    def number(self, name: str) -> int:
+        """The engine's, of a body."""
+        return self._numbers[name]
 
     def pose(self, name: str) -> Pose:
         """Of its middle, world frame."""
@@ -23,3 +29,17 @@ class Objects:
             px, py, pz = self._model.body_pos[body].tolist()
             qw, qx, qy, qz = self._model.body_quat[body].tolist()
         return Pose((px, py, pz), (qx, qy, qz, qw))
+
+    def put(self, name: str, pose: Pose, twist: Twist) -> bool:
+        """Sets where a body is, world frame; whether it can have a velocity, which is set as well."""
+        body = self._numbers[name]
+        moves = bool(self._model.body_dofnum[body])
+        if moves:
+            start, first = self._model.jnt_qposadr[self._model.body_jntadr[body]], self._model.body_dofadr[body]
+            self._data.qpos[start : start + 7] = *pose.position_xyz, *wxyz(pose.orientation_xyzw)
+            # The engine has the angular velocity in the body's own frame, the linear one in the world's.
+            turning = geometry.rotate(geometry.conjugate(pose.orientation_xyzw), twist.angular_xyz)
+            self._data.qvel[first : first + 6] = *twist.linear_xyz, *turning
+        else:
+            self._model.body_pos[body], self._model.body_quat[body] = pose.position_xyz, wxyz(pose.orientation_xyzw)
+        return moves
