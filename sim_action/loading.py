@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from sim_action import scenario_checks
+from sim_action import scenario_checks, world_checks
 from sim_action.discovery import file_name
 from sim_action.errors import InvalidScenario, ModelError, RefusedModel
 from sim_action.location import Location, Problem
@@ -140,6 +140,7 @@ class _Loader:
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         self._problems.note_all((), scenario_checks.engine_problems(scenario))
+        self._problems.note_all((), world_checks.motion_problems(scenario))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         self._problems.note_all((), scenario_checks.patch_problems(scenario))
         surroundings = read_surroundings(scenario.world, self._workspace)
@@ -170,6 +171,7 @@ class _Loader:
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))
         self._problems.note_all((), scenario_checks.follower_problems(scene))
+        self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
         self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
         self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
         # A drive that was written and refused is missing from the scenario: that is not a second problem.

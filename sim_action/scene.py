@@ -50,6 +50,20 @@ class Scene:
         return base == "fixed"
 
     @property
+    def bolted_links(self) -> frozenset[str]:
+        """What no force moves: a base that cannot move, and all that is fixed to it."""
+        if not self.bolted:
+            return frozenset()
+        bolted = {self.model.root}
+        waiting = [self.model.root]
+        while waiting:
+            parent = waiting.pop()
+            held = [joint.child for joint in self.model.joints if joint.parent == parent and not joint.moves]
+            bolted.update(held)
+            waiting += held
+        return frozenset(bolted)
+
+    @property
     def placement(self) -> Placement:
         """Where the base link begins; z is None if the robot is to stand on the ground."""
         pose = self.robot.pose

@@ -10,10 +10,12 @@ from typing import Final
 
 import numpy as np
 
+from sim_action.arrivals import Arrivals
 from sim_action.backends import BACKENDS, Backend, chosen
 from sim_action.controls import Controls, padded
 from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.errors import RunError
+from sim_action.missed import missed
 from sim_action.panel import End, Panel
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
@@ -92,6 +94,7 @@ class _Loop:
         self._motion = self._open_drive(drive)
         self._controls = Controls(scenario, scene, self._motion)
         self._sensing = Sensing(scenario, scene, backend, heard=self._controls.are_watching)
+        self._arrivals = Arrivals.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._stride = max(1, round(scenario.physics.rate / scenario.trace_rate))
         self._step = 0
@@ -128,8 +131,11 @@ class _Loop:
             travelled=float(trace.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=(*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes),
+            notes=(*self._all_notes(), *missed(self._scene.world, panel.time)),
         )
+
+    def _all_notes(self) -> tuple[str, ...]:
+        return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes)
 
     def _open_drive(self, drive: Drive | None) -> DriveMotion | None:
         if drive is None:
@@ -164,10 +170,11 @@ class _Loop:
         try:
             while self._step < end:
                 self._sensing.read(self._step)
-                until = self._sensing.next_tick(self._step, end)
+                until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, end))
                 planned = self._controls.plan(self._step, until, self._sensing.look)
                 self._backend.advance(self._step, planned)
                 self._step += len(planned)
+                self._arrivals.refuse_blocked(self._step, self._scenario.physics.rate, self._backend)
         except RunError as error:
             failure = error
         told = replace(self._backend.collect(), sensors=self._sensing.collect())

@@ -57,7 +57,8 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
     """One for each body, about the link that is deepest in it."""
     indices = {body.name: index for index, body in enumerate(scene.world.objects)}
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
-    bolted = _bolted_links(scene)
+    # The engine leaves it where it is, as the author of a robot's foot in a table wants it.
+    bolted = scene.bolted_links
     told = set[str]()
     for link, body, depth in sorted(overlaps, key=lambda overlap: -overlap.depth):
         if depth <= DEPTH or body in told or (link in bolted and body in fixed):
@@ -95,17 +96,3 @@ def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
             inside = "the ground" if other == GROUND else f"'{other}'"
             message = f"'{body}' begins {units.display(depth, 'm')} deep in {inside}, which would throw it out; move it"
             yield ("world", "objects", indices[body], "pose"), message
-
-
-def _bolted_links(scene: Scene) -> set[str]:
-    """What no force moves: the engine leaves it where it is, as the author of a robot's foot in a table wants it."""
-    if not scene.bolted:
-        return set()
-    bolted = {scene.model.root}
-    waiting = [scene.model.root]
-    while waiting:
-        parent = waiting.pop()
-        held = [joint.child for joint in scene.model.joints if joint.parent == parent and not joint.moves]
-        bolted.update(held)
-        waiting += held
-    return bolted
