@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
-from docs.reference import KEYS, attributes, keys, sections, table
+from docs.reference import KEYS, attributes, examples, keys, sections, table
 from sim_action import catalogue, readings
 from sim_action.assertions import ASSERTIONS
 from sim_action.catalogue import Entry, FieldEntry
@@ -32,7 +32,7 @@ from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import results_schema, scenario_schema, schema_text
 from sim_action.sensors import SENSORS
 from sim_action.sensors.mounting import Mounting
-from sim_action.world import Body, Ground, Patch, Physics, Placement, Robot, World
+from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, Placement, Robot, World
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "docs/scenario.md")
@@ -54,7 +54,7 @@ READINGS = (readings.ContactReading, readings.ImuReading, readings.OdometryReadi
 # Keys of a scenario whose own keys have rows or sections of their own.
 TOLD_BELOW = (
     *("robot", "world", "physics", "commands", "sensors", "expect", "trace", "pose"),
-    *("ground", "patches", "objects"),
+    *("ground", "patches", "objects", "disturbances"),
 )
 WORLDS = Table[type[BaseModel]](
     "world",
@@ -101,6 +101,8 @@ def _scenario_keys() -> str:
         ("world.ground.", Ground),
         ("world.patches[].", Patch),
         ("world.objects[].", Body),
+        ("world.objects[].path[].", PathPoint),
+        ("world.disturbances[].", Disturbance),
         ("physics.", Physics),
         ("trace.", TraceSettings),
     )
@@ -164,6 +166,9 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "assertion-sections": lambda: sections("assertions", ASSERTIONS),
     "expectation-keys": lambda: table(KEYS, keys(ExpectationOptions)),
     "sensor-keys": lambda: table(KEYS, keys(Mounting)),
+    "path-keys": lambda: table(KEYS, keys(PathPoint)) + "\n" + examples("worlds", "moving_body"),
+    "appearing": lambda: examples("worlds", "dropped_body"),
+    "disturbance-keys": lambda: table(KEYS, keys(Disturbance)) + "\n" + examples("worlds", "disturbance"),
     "controller-types": lambda: attributes(*CONTROLLER_TYPES),
     "readings": lambda: attributes(*READINGS),
     "drives": lambda: _entries(catalogue.drives(), "drive"),

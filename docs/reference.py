@@ -35,6 +35,11 @@ def example(family: str, name: str) -> Path:
     return ROOT / "examples" / family / f"{name}.sim.yml"
 
 
+def examples(family: str, *names: str) -> str:
+    """Scenarios of one family, each with the files that it names beside it."""
+    return "\n".join(_shown(example(family, name)) for name in names)
+
+
 def _section(family: str, name: str, model: type[BaseModel]) -> str:
     parts = [f"#### `{name}`\n", f"{inspect.getdoc(model)}\n"]
     if rows := list(keys(model)):
