@@ -37,7 +37,7 @@ class Sensing:
 
     def __init__(self, scenario: Scenario, scene: Scene, backend: Backend, *, heard: bool) -> None:
         """`heard`: whether a controller listens; sensors that nobody listens to are not read."""
-        self._backend = backend
+        self._backend, self._rate = backend, scenario.physics.rate
         self._readings: dict[str, Reading] = {}
         self._sensors = [_open(mounted, scenario, scene) for mounted in scenario.sensors if heard or mounted.trace]
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
@@ -56,7 +56,7 @@ class Sensing:
         due = [running for running in self._sensors if step % running.period == 0]
         if not due:
             return
-        sight = Sight(self.look(step), self._backend)
+        sight = Sight(step / self._rate, self._backend, lambda: self.look(step))
         for running in due:
             reading = running.measure(sight)
             self._readings[running.mounted.name] = reading

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from sim_action.geometry import Pose
@@ -24,12 +25,23 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Sight:
-    """The present, as sensors get to see it: the robot, and an engine that can be asked for more."""
+    """The present, as sensors get to see it: the robot, and an engine that can be asked for more.
 
-    robot: Observation
+    Attributes:
+        time: sim time in s.
+        look: what the robot is like; looked at once, if a sensor asks for it.
+    """
+
+    time: float
     probe: Probe
+    look: Callable[[], Observation]
+
+    @cached_property
+    def robot(self) -> Observation:
+        """Its base, its joints and its contacts."""
+        return self.look()
 
 
 Measure = Callable[[Sight], Reading]

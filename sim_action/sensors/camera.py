@@ -75,6 +75,6 @@ class Camera(Sensor):
         def measure(sight: Sight) -> CameraImage:
             eye = compose(sight.probe.link_pose(mount.link), mount.pose)
             picture = draw(pinhole, eye, placed(sight.probe))
-            return CameraImage(sight.robot.time, picture.rgb, picture.depth)
+            return CameraImage(sight.time, picture.rgb, picture.depth)
 
         return measure

@@ -27,6 +27,6 @@ class ContactSensor(Sensor):
             touches = [contact for contact in sight.robot.contacts if contact.link == mount.link]
             bodies = tuple(sorted({contact.body for contact in touches}))
             force = sum(contact.force for contact in touches)
-            return ContactReading(sight.robot.time, bool(touches), force, bodies)
+            return ContactReading(sight.time, bool(touches), force, bodies)
 
         return measure

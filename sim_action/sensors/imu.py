@@ -51,7 +51,7 @@ class Imu(Sensor):
             turning, felt = now.turning(), now.specific_force(before or now, mount.scene.world.gravity_xyz)
             before = now
             return ImuReading(
-                sight.robot.time,
+                sight.time,
                 now.pose.orientation_xyzw,
                 _scatter(mount.random, _sum(turning, gyro_offset), self.gyro_noise),
                 _scatter(mount.random, _sum(felt, accelerometer_offset), self.accelerometer_noise),
@@ -69,7 +69,7 @@ class _State:
         self.pose: Pose = geometry.compose(link, mount.pose)
         self.angular_xyz = twist.angular_xyz
         self.linear_xyz = _sum(twist.linear_xyz, geometry.cross(twist.angular_xyz, arm))
-        self.time = sight.robot.time
+        self.time = sight.time
 
     def turning(self) -> Vector3:
         """Angular velocity in rad/s, sensor frame."""

@@ -83,7 +83,7 @@ class Lidar(Sensor):
             ends = fan @ np.array((x_axis, y_axis, pose.position_xyz))
             ranges = self._told(self.range * sight.probe.cast_rays(pose.position_xyz, ends), mount.random)
             ranges.flags.writeable = False
-            return LidarScan(sight.robot.time, first, increment, self.min_range, self.range, ranges)
+            return LidarScan(sight.time, first, increment, self.min_range, self.range, ranges)
 
         return measure
 

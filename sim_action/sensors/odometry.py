@@ -68,7 +68,7 @@ class _Odometer:
         way = self._way(before or self._joints, self._joints)
         self._level = geometry.compose(self._level, way.pose())
         pose = geometry.compose(self._level, Pose(orientation_xyzw=self._tilt))
-        return OdometryReading(sight.robot.time, pose, way.twist(self._period))
+        return OdometryReading(sight.time, pose, way.twist(self._period))
 
     def _begin(self, robot: Observation) -> None:
         """The ground is level, also where the robot is not."""

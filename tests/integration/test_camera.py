@@ -13,12 +13,13 @@ from sim_action.geometry import Pose, quaternion_from_rpy
 from sim_action.loading import build_scene
 from sim_action.readings import CameraImage
 from sim_action.scene import Scene
-from sim_action.sensors import Mount, Sight
+from sim_action.sensors import Mount
 from sim_action.sensors.camera import Camera
 from sim_action.simulation import SimulationRun, simulate
 from sim_action.world import Body, Cylinder, Placement, Robot, Sphere, World
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.scenarios import LEAST, load
+from tests.sensors.stubs import sight_of
 
 CAMERA = Camera(width=160, height=120, field_of_view=math.radians(60), far=20.0)
 FOCAL = 80 / math.tan(math.radians(30))
@@ -48,7 +49,7 @@ def box(**pose: float) -> Body:
 
 def picture(backend: Backend, scene: Scene, pose: Pose | None = None, camera: Camera = CAMERA) -> CameraImage:
     mount = Mount(scene, "head", pose or Pose(), 10.0, scene.generator("x"))
-    found = camera.open(mount)(Sight(backend.observe(0, contacts=False), backend))
+    found = camera.open(mount)(sight_of(backend.observe(0, contacts=False), backend))
     assert isinstance(found, CameraImage)
     return found
 

@@ -13,13 +13,14 @@ from sim_action.command import JointTargets
 from sim_action.geometry import Pose
 from sim_action.loading import build_scene
 from sim_action.sensor_record import SensorRecord
-from sim_action.sensors import Mount, Sight
+from sim_action.sensors import Mount
 from sim_action.sensors.imu import Imu
 from sim_action.simulation import SimulationRun, simulate
 from sim_action.world import GRAVITY, Placement, Robot
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.integration.test_probe import ARM
 from tests.scenarios import LEAST, load
+from tests.sensors.stubs import sight_of
 
 SENSOR = "sensors:\n  - {imu: {}, rate: 20 Hz, pose: {x: 0.1, z: 0.05}, trace: true}\n"
 
@@ -75,7 +76,7 @@ def test_it_goes_with_the_link_of_an_arm(engine: str, tmp_path: Path) -> None:
         advance(backend, 0, 120, JointTargets(velocity={"turn": 3.0}))
         told = []
         for step in range(120, 360, 12):
-            told.append(measure(Sight(backend.observe(step, contacts=False), backend)).columns())
+            told.append(measure(sight_of(backend.observe(step, contacts=False), backend)).columns())
             advance(backend, step, 12)
     arc = 3.0 / 20 / 2
     for columns in told[1:]:

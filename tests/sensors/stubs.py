@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.geometry import Pose, Twist, Vector3
+from sim_action.observation import Observation
+from sim_action.probe import Probe
+from sim_action.sensors import Sight
 
 
 class OneLink:
@@ -28,3 +31,7 @@ class OneLink:
 
 
 NO_PROBE = OneLink()
+
+
+def sight_of(robot: Observation, probe: Probe) -> Sight:
+    return Sight(robot.time, probe, lambda: robot)

@@ -12,11 +12,11 @@ import pytest
 from sim_action.geometry import Pose, quaternion_from_rpy
 from sim_action.readings import CameraImage
 from sim_action.sensor_record import SensorRecord
-from sim_action.sensors import Mount, Sight
+from sim_action.sensors import Mount
 from sim_action.sensors.camera import Camera
 from sim_action.trace import Trace
 from tests.scenarios import LEAST, load, told
-from tests.sensors.stubs import OneLink
+from tests.sensors.stubs import OneLink, sight_of
 from tests.traces import START, scene, trace
 
 SMALL = Camera(width=16, height=12)
@@ -24,7 +24,7 @@ SMALL = Camera(width=16, height=12)
 
 def image(camera: Camera, link: Pose, pose: Pose) -> CameraImage:
     mount = Mount(scene(), "base_footprint", pose, 10.0, scene().generator("x"))
-    found = camera.open(mount)(Sight(replace(START, time=1.5), OneLink(link)))
+    found = camera.open(mount)(sight_of(replace(START, time=1.5), OneLink(link)))
     assert isinstance(found, CameraImage)
     return found
 

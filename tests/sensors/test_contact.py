@@ -9,9 +9,9 @@ import pytest
 from sim_action.geometry import Pose
 from sim_action.observation import Observation
 from sim_action.readings import ContactReading
-from sim_action.sensors import Mount, Sight
+from sim_action.sensors import Mount
 from sim_action.sensors.contact import ContactSensor
-from tests.sensors.stubs import NO_PROBE
+from tests.sensors.stubs import NO_PROBE, sight_of
 from tests.traces import START, contact, scene
 
 TOUCHES = (contact(1.0, "wall", force=2.0), contact(1.0, "ball", force=3.0), contact(1.0, "ground", link="other"))
@@ -28,4 +28,4 @@ TOUCHES = (contact(1.0, "wall", force=2.0), contact(1.0, "ball", force=3.0), con
 def test_it_adds_up_what_touches_its_link(seen: Observation, told: tuple[bool, float, tuple[str, ...]]) -> None:
     there = scene()
     measure = ContactSensor().open(Mount(there, "base_footprint", Pose(), 10.0, there.generator("x")))
-    assert measure(Sight(replace(seen, time=1.0), NO_PROBE)) == ContactReading(1.0, *told)
+    assert measure(sight_of(replace(seen, time=1.0), NO_PROBE)) == ContactReading(1.0, *told)

@@ -10,10 +10,10 @@ import pytest
 
 from sim_action.geometry import Pose, Twist, quaternion_from_rpy, rotate
 from sim_action.readings import ImuReading
-from sim_action.sensors import Measure, Mount, Sight
+from sim_action.sensors import Measure, Mount
 from sim_action.sensors.imu import Imu
 from sim_action.world import GRAVITY
-from tests.sensors.stubs import OneLink
+from tests.sensors.stubs import OneLink, sight_of
 from tests.traces import START, scene
 
 RATE = 100.0
@@ -25,7 +25,7 @@ def opened(imu: Imu, pose: Pose | None = None, *, seed: int = 0, purpose: str = 
 
 
 def read(measure: Measure, time: float, probe: OneLink) -> ImuReading:
-    reading = measure(Sight(replace(START, time=time), probe))
+    reading = measure(sight_of(replace(START, time=time), probe))
     assert isinstance(reading, ImuReading)
     return reading
 

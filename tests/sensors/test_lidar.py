@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from sim_action.geometry import Pose, Vector3, quaternion_from_rpy
 from sim_action.readings import LidarScan
-from sim_action.sensors import Mount, Sight
+from sim_action.sensors import Mount
 from sim_action.sensors.lidar import Lidar
 from tests.scenarios import LEAST, told
-from tests.sensors.stubs import OneLink
+from tests.sensors.stubs import OneLink, sight_of
 from tests.traces import START, scene
 
 
@@ -35,7 +35,7 @@ class Fog(OneLink):
 def scans(lidar: Lidar, fog: Fog, *, seed: int = 0, pose: Pose | None = None, count: int = 1) -> list[LidarScan]:
     there = replace(scene(), seed=seed)
     measure = lidar.open(Mount(there, "base_scan", pose or Pose(), 10.0, there.generator("scan")))
-    read = [measure(Sight(replace(START, time=2.0), fog)) for _ in range(count)]
+    read = [measure(sight_of(replace(START, time=2.0), fog)) for _ in range(count)]
     assert all(isinstance(scan, LidarScan) for scan in read)
     return [scan for scan in read if isinstance(scan, LidarScan)]
 

@@ -13,9 +13,9 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.geometry import Pose, compose, inverse, quaternion_from_rpy
 from sim_action.observation import JointState
 from sim_action.readings import OdometryReading
-from sim_action.sensors import Measure, Mount, Sight
+from sim_action.sensors import Measure, Mount
 from sim_action.sensors.odometry import Odometry
-from tests.sensors.stubs import NO_PROBE
+from tests.sensors.stubs import NO_PROBE, sight_of
 from tests.traces import START, WHEELS, scene
 
 RADIUS, SEPARATION = 0.033, 0.160
@@ -39,7 +39,7 @@ def believed(
         joints = {name: JointState(7.0 + rim / RADIUS, 0.0, 0.0) for name, rim in zip(WHEELS, rims, strict=True)}
         # The truth is looked at in the beginning alone.
         pose = beginning if tick == 0 else Pose((99.0, 99.0, 99.0))
-        reading = measure(Sight(replace(START, time=tick / RATE, pose=pose, joints=joints), NO_PROBE))
+        reading = measure(sight_of(replace(START, time=tick / RATE, pose=pose, joints=joints), NO_PROBE))
         assert isinstance(reading, OdometryReading)
         told.append(reading)
     return told
