@@ -12,6 +12,7 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_action.backends import UNLIMITED_EFFORT
 from sim_action.backends.mujoco.model import IMPEDANCE, STEPS_TO_CONVERGE, Compiled
@@ -21,6 +22,8 @@ from sim_action.trace import FloatArray
 
 # Of what a position servo is off, it takes back this share in a step: what PyBullet does by default.
 _SERVO_SHARE: Final = 0.1
+
+_Numbers = slice | NDArray[np.intp]
 
 _FREE, _VELOCITY, _POSITION = range(3)
 
@@ -41,17 +44,19 @@ class Motors:
         self._gain = _SERVO_SHARE * rate
         self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
         self._mode = np.full(len(joints), _FREE)
+        # What `qfrc_applied` has of the joints, which costs more to read.
+        self._applied = np.zeros(len(joints))
         self._target, self._ahead = np.zeros(len(joints)), np.zeros(len(joints))
         for number, joint in enumerate(joints):
             if joint.type != "continuous" and joint.mimic is None:
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
         self._arrange()
         # Nothing has moved so far.
-        self._exerted = self._motors[:0], self._rows[:0]
+        self._exerted: tuple[_Numbers, _Numbers] = slice(0), slice(0)
 
     def apply(self, targets: JointTargets) -> None:
         """From now on, until told otherwise."""
-        before = self._mode.copy()
+        before = self._mode.tolist()
         for mode, group in ((_VELOCITY, targets.velocity), (_POSITION, targets.position)):
             for name, target in group.items():
                 number = self._index[name]
@@ -62,37 +67,37 @@ class Motors:
         for name, effort in targets.effort.items():
             number = self._index[name]
             self._set(number, _FREE, 0.0, self._friction[number])
-            self._data.qfrc_applied[self._dofs[number]] = effort
-        if (before != self._mode).any() or targets.max_effort:
+            self._data.qfrc_applied[self._dofs[number]] = self._applied[number] = effort
+        if targets.max_effort or before != self._mode.tolist():
             self._arrange()
-        self._aim()
+        else:
+            self._aim()
 
     def step(self, between: Callable[[], None] | None = None) -> None:
         """One step of the engine; `between` its halves, when contacts are known and forces are not, others come in."""
-        self._exerted = self._motors, self._rows
+        self._exerted = self._exerting
         if self._still and between is None:
             mujoco.mj_step(self._model, self._data)
             return
         mujoco.mj_step1(self._model, self._data)
         if len(self._servos):
             self._servo()
-        self._data.efc_aref[self._rows] += self._bias
+        self._data.efc_aref[self._exerting[1]] += self._bias
         if between is not None:
             between()
         mujoco.mj_step2(self._model, self._data)
 
     def efforts(self, into: FloatArray) -> None:
         """What the motors exerted in the last step, (J,) in N m or N."""
-        into[:] = self._data.qfrc_applied[self._dofs]
         motors, rows = self._exerted
-        if len(motors):
-            into[motors] = self._data.efc_force[rows]
+        into[:] = self._applied
+        into[motors] = self._data.efc_force[rows]
 
     def _set(self, number: int, mode: int, target: float, limit: float) -> None:
         dof = self._dofs[number]
         self._mode[number], self._target[number] = mode, target
         self._model.dof_frictionloss[dof] = limit
-        self._data.qfrc_applied[dof] = 0.0
+        self._data.qfrc_applied[dof] = self._applied[number] = 0.0
 
     def _arrange(self) -> None:
         """Finds the rows of the motors: after those of equalities, one for each joint that has any friction."""
@@ -100,7 +105,7 @@ class Motors:
         rows = np.cumsum(has_row) - 1 + int(self._data.ne)
         moving = (self._mode != _FREE) & has_row[self._dofs]
         self._motors = np.flatnonzero(moving)
-        self._rows = rows[self._dofs[self._motors]]
+        self._exerting = _in_a_row(self._motors), _in_a_row(rows[self._dofs[self._motors]])
         self._servos = np.flatnonzero(self._mode[self._motors] == _POSITION)
         servo_joints = self._motors[self._servos]
         self._servo_qpos = self._qpos[servo_joints]
@@ -109,12 +114,20 @@ class Motors:
 
     def _aim(self) -> None:
         self._bias = self._damping * self._target[self._motors]
+        self._still = not len(self._servos) and not self._bias.any()
+        if not len(self._servos):
+            return
         servos = self._motors[self._servos]
         # At a limit, a servo has nothing to push against: the engine's own is soft.
         self._goals = np.clip(self._target[servos], self._lower[servos], self._upper[servos])
         self._goal_speeds = self._ahead[servos]
-        self._still = not len(self._servos) and not self._bias.any()
 
     def _servo(self) -> None:
         speed = self._gain * (self._goals - self._data.qpos[self._servo_qpos]) + self._goal_speeds
         self._bias[self._servos] = self._damping * np.clip(speed, -self._fastest, self._fastest)
+
+
+def _in_a_row(numbers: NDArray[np.intp]) -> _Numbers:
+    """The same as a slice if they follow one another, which makes every step cheaper."""
+    first, count = (int(numbers[0]), len(numbers)) if len(numbers) else (0, 0)
+    return slice(first, first + count) if (np.diff(numbers) == 1).all() else numbers
