@@ -12,16 +12,21 @@ from sim_action.geometry import Pose, Twist
 
 def link_pose(client: int, robot: int, link: int) -> Pose:
     """Of a link's frame in the world; not for the base."""
-    return Pose(*_state(client, robot, link)[4:6])
+    return _frame(_state(client, robot, link))
 
 
 def link_twist(client: int, robot: int, link: int) -> Twist:
     """Of the origin of a link's frame, world frame; not for the base."""
     state = _state(client, robot, link)
-    (cx, cy, cz), (px, py, pz), (vx, vy, vz), angular = state[0], state[4], state[6], state[7]
+    (cx, cy, cz), (px, py, pz), (vx, vy, vz), angular = state[0], _frame(state).position_xyz, state[6], state[7]
     # The engine has the velocity of the centre of mass.
     ux, uy, uz = geometry.cross(angular, (px - cx, py - cy, pz - cz))
     return Twist((vx + ux, vy + uy, vz + uz), angular)
+
+
+def _frame(state: Any) -> Pose:
+    """The engine tells it, too, but in single precision; the centre of mass, and where that is in it, in double."""
+    return geometry.compose(Pose(*state[:2]), geometry.inverse(Pose(*state[2:4])))
 
 
 def _state(client: int, robot: int, link: int) -> Any:
