@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from sim_action.geometry import Twist, Vector3
 
@@ -26,6 +27,10 @@ class BasePush:
     point_xyz: Vector3
     max_force: float
     max_torque: float
+
+
+NO_PUSH: Final = BasePush((0.0, 0.0), 0.0, (0.0, 0.0, 0.0), max_force=0.0, max_torque=0.0)
+"""Lets a base go that was pushed."""
 
 
 @dataclass(frozen=True, slots=True)

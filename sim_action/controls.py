@@ -99,7 +99,7 @@ class Controls:
                 targets = targets.updated_by(command) if targets else command
                 if self._motion and not self._motion.joints.isdisjoint(command.names()):
                     # A source that turns the wheels by hand takes them over from the drive.
-                    self._twist = None
+                    targets, self._twist = self._motion.released.updated_by(targets), None
             elif command is not None:
                 self._claim(source, self._wheels())
                 self._twist = command

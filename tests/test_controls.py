@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.command import JointTargets
+from sim_action.command import NO_PUSH, JointTargets
 from sim_action.controls import Controls
 from sim_action.drives import recognise
 from sim_action.errors import ScriptError
@@ -104,6 +104,37 @@ def test_one_source_may_take_the_wheels_over_from_the_drive(tmp_path: Path) -> N
     assert set(first(found).velocity) == {"wheel_left_joint", "wheel_right_joint"}
     (target, *others) = found.plan(24, 48, lambda _: Observation(0.1, START.pose, START.twist, START.joints))
     assert target == JointTargets(velocity={"wheel_left_joint": 3.0})
+    assert others == [None] * 23
+
+
+ROVER = Path(__file__).parent.parent / "examples/drives/rover.urdf"
+MECANUM = """\
+robot:
+  model: rover.urdf
+  drive: {mecanum: {left: [front_left_wheel_joint, rear_left_wheel_joint],
+                    right: [front_right_wheel_joint, rear_right_wheel_joint]}}
+"""
+TAKES_OVER = """\
+from sim_action import JointTargets, Twist
+
+def control(observation):
+    return Twist.planar(1.0) if observation.time < 0.1 else JointTargets(velocity={"rear_left_wheel_joint": 3.0})
+"""
+
+
+def test_a_drive_whose_wheels_are_taken_over_lets_the_base_go(tmp_path: Path) -> None:
+    (tmp_path / "rover.urdf").write_bytes(ROVER.read_bytes())
+    (tmp_path / "ctl.py").write_text(TAKES_OVER)
+    text = scenario_of("{script: ctl.py}").replace("robot:\n  model: turtlebot3_burger\n", MECANUM)
+    loaded = load(tmp_path, text)
+    scene, drive = build_scene(loaded), loaded.scenario.robot.drive
+    assert drive is not None
+    found = Controls(loaded.scenario, scene, drive.open(scene.model, 240.0))
+    pushed = first(found).base
+    assert pushed is not None
+    assert pushed.max_force > 0
+    (target, *others) = found.plan(24, 48, lambda _: Observation(0.1, START.pose, START.twist, START.joints))
+    assert target == JointTargets(velocity={"rear_left_wheel_joint": 3.0}, base=NO_PUSH)
     assert others == [None] * 23
 
 

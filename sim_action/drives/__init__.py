@@ -24,6 +24,10 @@ class DriveMotion(Protocol):
     def joints(self) -> frozenset[str]:
         """The joints that it moves."""
 
+    @property
+    def released(self) -> JointTargets:
+        """What ends all that it does beside turning its joints."""
+
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """Joint targets for the next physics steps; fewer than `steps` once they no longer change."""
 

@@ -48,6 +48,11 @@ class AckermannMotion:
         """See DriveMotion.notes."""
         return tuple(self._notes)
 
+    @property
+    def released(self) -> JointTargets:
+        """See DriveMotion.released."""
+        return JointTargets()
+
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """See DriveMotion.targets."""
         if not is_planar(twist):

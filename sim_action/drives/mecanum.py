@@ -39,7 +39,8 @@ class MecanumDrive(Drive):
     """Four mecanum wheels, front and rear: forward, sideways and turning at once; kinematic, rollers are not modelled.
 
     Wheels turn as their inverse kinematics says, and have no friction; the base is pushed to its velocity by a force
-    that is limited, and acts where the wheels touch the ground.
+    that is limited, and acts where the wheels touch the ground. A script that turns the wheels by hand takes them over:
+    the base is pushed no more.
     """
 
     key: ClassVar[str] = "mecanum"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Final
 
-from sim_action.command import BasePush, JointTargets
+from sim_action.command import NO_PUSH, BasePush, JointTargets
 from sim_action.drives import is_level
 from sim_action.drives.heading import Rolling, along
 from sim_action.geometry import Twist, Vector3
@@ -66,6 +66,11 @@ class MecanumMotion:
     def notes(self) -> tuple[str, ...]:
         """See DriveMotion.notes."""
         return () if self._was_level else (NOT_LEVEL,)
+
+    @property
+    def released(self) -> JointTargets:
+        """See DriveMotion.released."""
+        return JointTargets(base=NO_PUSH)
 
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """See DriveMotion.targets."""

@@ -43,6 +43,11 @@ class SidedMotion:
         """See DriveMotion.notes."""
         return () if self._was_planar else (NOT_PLANAR,)
 
+    @property
+    def released(self) -> JointTargets:
+        """See DriveMotion.released."""
+        return JointTargets()
+
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """See DriveMotion.targets."""
         self._was_planar &= is_planar(twist)

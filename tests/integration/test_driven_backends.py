@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.command import BasePush, JointTargets
+from sim_action.command import NO_PUSH, BasePush, JointTargets
 from sim_action.trace import Trace
 from sim_action.world import Placement, Robot
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
@@ -66,6 +66,17 @@ def test_a_push_lasts_until_another(engine: str, tmp_path: Path) -> None:
         still = advance(backend, 240, 240, JointTargets(base=halt))
     assert there.speed[-1] == pytest.approx(1.0, rel=1e-3)
     assert still.speed[-1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_base_that_is_let_go_is_pushed_no_more(engine: str, tmp_path: Path) -> None:
+    fast = BasePush((1.0, 0.0), 0.0, (0.3, 0.1, 0.0), 40.0, 10.0)
+    with running(
+        engine, scene_of(tmp_path, PUCK.replace('friction value="0"', 'friction value="0.5"'), at())
+    ) as backend:
+        there = advance(backend, 0, 240, JointTargets(base=fast))
+        left = advance(backend, 240, 240, JointTargets(base=NO_PUSH))
+    assert there.speed[-1] > 0.8
+    assert left.speed[-1] == pytest.approx(0.0, abs=1e-3)
 
 
 # The wheel's axle is its link's z, which lies along y; its inertia stands in a frame of its own, where the axle is x.
