@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from itertools import accumulate
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
@@ -11,7 +12,12 @@ from sim_action.command import Command
 from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.geometry import Twist
 from sim_action.quantities import FrozenModel, MetresPerSecond, PositiveSeconds, RadiansPerSecond
-from sim_action.scene import Scene
+from sim_action.scene import Scene, SpecProblems
+from sim_action.units import display
+from sim_action.workspace import Workspace
+
+# Sim time is step / rate: two ways to the same moment differ by rounding alone.
+_ROUNDING: Final = 1e-9
 
 
 class TwistSegment(FrozenModel):
@@ -43,9 +49,26 @@ class TwistCommands(CommandSource):
             raise ValueError("only the last segment may leave out 'for'")
         return self
 
+    def problems(self, workspace: Workspace) -> SpecProblems:
+        """Segments so short that they are over before there is a tick to command them."""
+        start = 0.0
+        for index, (segment, end) in enumerate(zip(self.twist, self._ends, strict=True)):
+            first_tick = math.ceil((start - _ROUNDING) * self.rate) / self.rate
+            if segment.duration is not None and first_tick + _ROUNDING >= end:
+                missed = f"no tick falls between {display(start, 's')} and {display(end, 's')}, so it would be left out"
+                apart = f"ticks are {display(1 / self.rate, 's')} apart (rate: {self.rate:g} Hz)"
+                remedy = f"make it that long, or rate: {math.ceil(1 / segment.duration - _ROUNDING)} Hz"
+                yield ("twist", index, "for"), f"{missed}; {apart}: {remedy}"
+            start = end
+
+    @property
+    def _ends(self) -> tuple[float, ...]:
+        """When each segment is over, in s of sim time."""
+        return tuple(accumulate(math.inf if s.duration is None else s.duration for s in self.twist))
+
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open."""
-        ends = tuple(accumulate(float("inf") if s.duration is None else s.duration for s in self.twist))
+        ends = self._ends
         twists = tuple(segment.twist for segment in self.twist)
 
         def command(time: float) -> Command:
@@ -54,6 +77,3 @@ class TwistCommands(CommandSource):
             return next((twist for end, twist in zip(ends, twists, strict=True) if now < end), Twist())
 
         return OpenLoop(command)
-
-
-_ROUNDING = 1e-9

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.commands import OpenLoop
 from sim_action.commands.twist import TwistCommands
 from sim_action.geometry import Twist
+from sim_action.workspace import Workspace
 from tests.traces import scene
+
+THERE = scene()
 
 
 def spec(*segments: dict[str, Any], **others: Any) -> TwistCommands:
@@ -18,7 +24,7 @@ def spec(*segments: dict[str, Any], **others: Any) -> TwistCommands:
 
 
 def at(commands: TwistCommands, time: float) -> object:
-    controller = commands.open(scene())
+    controller = commands.open(THERE)
     assert isinstance(controller, OpenLoop)
     return controller.command(time)
 
@@ -68,6 +74,44 @@ def test_a_tick_on_a_segments_end_belongs_to_the_next_whatever_the_rounding() ->
 def test_what_cannot_be_driven_is_refused(data: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         TwistCommands.model_validate(data)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "rate", "told"),
+    [
+        ([1.91, 0.05, 1], 10, [(1, "1.91 s", "1.96 s", "0.1 s", "20 Hz")]),
+        ([0.05, 0.04, 1], 10, [(1, "0.05 s", "0.09 s", "0.1 s", "25 Hz")]),
+        ([0.05, 0.05, 1], 10, [(1, "0.05 s", "0.1 s", "0.1 s", "20 Hz")]),
+        ([0.95, 0.1, 0.1], 10, []),
+        ([0.05], 10, []),
+        ([0.99, 0.02], 10, []),
+        ([0.1] * 30, 10, []),
+        ([1, None], 10, []),
+        ([0.3, 0.001, 0.3, 0.001], 20, [(3, "0.601 s", "0.602 s", "0.05 s", "1000 Hz")]),
+    ],
+)
+def test_a_segment_that_no_tick_falls_into_is_told_with_what_helps(
+    lengths: list[float | None], rate: float, told: list[tuple[int, str, str, str, str]], tmp_path: Path
+) -> None:
+    commands = spec(*[{} if length is None else {"for": length} for length in lengths], rate=rate)
+    assert list(commands.problems(Workspace(tmp_path, tmp_path))) == [
+        (
+            ("twist", index, "for"),
+            f"no tick falls between {start} and {end}, so it would be left out; ticks are {period} apart "
+            f"(rate: {rate:g} Hz): make it that long, or rate: {remedy}",
+        )
+        for index, start, end, period, remedy in told
+    ]
+
+
+@given(st.lists(st.floats(0.001, 0.5), min_size=1, max_size=8))
+def test_every_segment_is_driven_or_told(lengths: list[float]) -> None:
+    commands = spec(*[{"linear": float(number), "for": length} for number, length in enumerate(lengths)])
+    controller = commands.open(THERE)
+    assert isinstance(controller, OpenLoop)
+    driven = [controller.command(tick / 10) for tick in range(60)]
+    dropped = {path[1] for path, _ in commands.problems(Workspace(Path(), Path()))}
+    assert dropped == {number for number in range(len(lengths)) if Twist.planar(float(number)) not in driven}
 
 
 def test_it_needs_a_drive_and_runs_no_code() -> None:
