@@ -49,7 +49,13 @@ CONTROLLER_TYPES = (
     RobotDescription,
     JointDescription,
 )
-READINGS = (readings.ContactReading, readings.ImuReading, readings.OdometryReading, readings.CameraImage)
+READINGS = (
+    readings.ContactReading,
+    readings.ImuReading,
+    readings.OdometryReading,
+    readings.LidarScan,
+    readings.CameraImage,
+)
 
 # Keys of a scenario whose own keys have rows or sections of their own.
 TOLD_BELOW = (

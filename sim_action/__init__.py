@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.geometry import Pose, Twist
     from sim_action.observation import Contact, JointState, Observation
-    from sim_action.readings import ContactReading, ImuReading, OdometryReading
+    from sim_action.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
     from sim_action.trace import Trace
     from sim_action.verdict import Verdict
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "CameraImage",
     "Command",
     "Contact",
     "ContactReading",
@@ -29,6 +30,7 @@ __all__ = [
     "JointDescription",
     "JointState",
     "JointTargets",
+    "LidarScan",
     "Observation",
     "OdometryReading",
     "Pose",
@@ -40,6 +42,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "CameraImage": "sim_action.readings",
     "Command": "sim_action.command",
     "Contact": "sim_action.observation",
     "ContactReading": "sim_action.readings",
@@ -47,6 +50,7 @@ _HOMES = {
     "JointDescription": "sim_action.commands.robot_description",
     "JointState": "sim_action.observation",
     "JointTargets": "sim_action.command",
+    "LidarScan": "sim_action.readings",
     "Observation": "sim_action.observation",
     "OdometryReading": "sim_action.readings",
     "Pose": "sim_action.geometry",

@@ -42,14 +42,18 @@ def _reading(reading: Any) -> Json:
 
 
 def _value(value: Any) -> Any:
-    """What a field of a reading is in JSON; numbers that are not finite become null, as JSON has none."""
+    """What a field of a reading is in JSON, which has no infinities.
+
+    Of a distance (what else could be infinite?), inf says that nothing is there, and becomes null; -inf that something
+    is too near to be measured (ROS REP 117), and becomes 0, which is never measured where there is a nearest.
+    """
     match value:
         case Pose():
             return _pose(value)
         case Twist():
             return _twist(value)
         case float():
-            return value if math.isfinite(value) else None
+            return value if math.isfinite(value) else 0.0 if value == -math.inf else None
         case tuple() | list():
             return [_value(item) for item in value]
         case _ if hasattr(value, "__array_interface__"):

@@ -59,9 +59,10 @@ class ProcessCommands(CommandSource):
     "contacts": [...], "sensors": {...}}`. `pose` is that of the base link in the world frame, as `position_xyz`,
     `orientation_xyzw` and `yaw`; `twist` has `linear_xyz` and `angular_xyz`, in the world frame; each of `joints`, by
     name, `position`, `velocity` and `effort`; each contact `link`, `body`, `position_xyz` and `force`; each of
-    `sensors`, by name, the fields of its latest reading. There, what is not finite is null, and an image is an object
-    of `shape`, `type` (such as "uint8") and `base64`, its bytes row by row, little-endian. Units are SI. Keys may be
-    added; a program should pass over those that it does not know. It answers one of these:
+    `sensors`, by name, the fields of its latest reading. There, JSON has no infinities: where Python has inf, because
+    nothing is there, it gets null, and for -inf, because something is too near to be measured, 0. An image is an object
+    of `shape`, `type` (such as "uint8") and `base64`, its bytes row by row, little-endian, with infinities as they are.
+    Units are SI. Keys may be added; a program should pass over those that it does not know. It answers one of these:
 
     - `{}` or `null`: the last command stands.
     - `{"twist": {"linear": 0.2, "angular": 0, "lateral": 0}}`: m/s and rad/s of the base, each 0 when left out.

@@ -95,8 +95,8 @@ def told(value: Any) -> Any:
     [
         (math.inf, None),
         (math.nan, None),
-        ((1.0, -math.inf, "a"), [1.0, None, "a"]),
-        (np.array([0.5, np.inf, np.nan]), [0.5, None, None]),
+        ((1.0, -math.inf, "a"), [1.0, 0.0, "a"]),
+        (np.array([0.5, np.inf, -np.inf, np.nan]), [0.5, None, 0.0, None]),
         (np.array([1, 2], dtype=np.int32), [1, 2]),
         (np.float32(0.5), 0.5),
         (np.bool_(True), True),
