@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Final
@@ -13,7 +13,7 @@ import numpy as np
 from sim_action.arrivals import Arrivals
 from sim_action.backends import BACKENDS, Backend, chosen
 from sim_action.controls import Controls, padded
-from sim_action.drives import Drive, DriveMotion, recognise
+from sim_action.drives import Drive, recognise
 from sim_action.errors import RunError
 from sim_action.missed import missed
 from sim_action.panel import End, Panel
@@ -81,6 +81,15 @@ def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
     return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
 
 
+def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
+    """Which wheels commands turn by the drive, or else sensors read."""
+    stated = scenario.robot.drive
+    if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
+        drive = stated or recognise(scene.model)
+    if drive is not None:
+        yield ("" if stated else "recognised: ") + drive.describe(scene.model)
+
+
 class _Loop:
     """One run; the step count is its clock."""
 
@@ -90,8 +99,8 @@ class _Loop:
         self._backend = backend
         self._placed = backend.observe(0, contacts=False)
         self._watchdog = Watchdog.of(scene, self._placed)
-        self._notes = list(map(str, scene.model.findings))
-        self._motion = self._open_drive(drive)
+        self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
+        self._motion = drive.open(scene.model, scenario.physics.rate) if drive else None
         self._controls = Controls(scenario, scene, self._motion)
         self._sensing = Sensing(scenario, scene, backend, heard=self._controls.are_watching)
         self._arrivals = Arrivals.of(scenario)
@@ -136,13 +145,6 @@ class _Loop:
 
     def _all_notes(self) -> tuple[str, ...]:
         return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes)
-
-    def _open_drive(self, drive: Drive | None) -> DriveMotion | None:
-        if drive is None:
-            return None
-        is_stated = self._scenario.robot.drive is not None
-        self._notes.append(("" if is_stated else "recognised: ") + drive.describe(self._scene.model))
-        return drive.open(self._scene.model, self._scenario.physics.rate)
 
     def _settle(self) -> None:
         """Lets the robot come to rest before t = 0, with its wheels braked and its joints held."""

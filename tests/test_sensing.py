@@ -48,6 +48,14 @@ def test_to_sense_changes_nothing(engine: str, tmp_path: Path) -> None:
     assert run(tmp_path, LEAST + SENSORS, engine).digest == run(tmp_path, LEAST, engine).digest
 
 
+@pytest.mark.parametrize("commands", ["", "commands: {twist: [{linear: 0.2}]}\n"])
+def test_odometry_tells_which_wheels_it_reads_whether_anybody_drives_them(commands: str, tmp_path: Path) -> None:
+    text = LEAST[: LEAST.index("commands")] + commands + "expect: [upright]\ntime_limit: 0.1 s\n"
+    notes = run(tmp_path, text + "sensors: [{odometry: {}, trace: true}]\n", installed()[0]).notes
+    (about,) = (note for note in notes if note.startswith("recognised: "))
+    assert "left wheel_left_joint; right wheel_right_joint; wheel radius 0.033 m" in about
+
+
 @pytest.mark.parametrize(
     ("sensors", "problem"),
     [
