@@ -196,6 +196,42 @@ def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path) -> None
     assert late - early < 4.0, f"grew from {early:.1f} to {late:.1f} MB"
 
 
+CLASS: Final = """\
+import os, time
+
+class Controller:
+    def reset(self, robot):
+        {body}
+
+    def step(self, observation):
+        return None
+"""
+# Name -> what a class does before it is ever asked, the kind of the error, and its cause.
+BAD_STARTS: Final = {
+    "too slow": ("time.sleep(600)", "wall limit", "no verdict after 2 s of wall time"),
+    "raises": ("robot.wheels", "script", "object has no attribute 'wheels'"),
+    "endless output": ("while True: print('flood ' * 100)", "crash", "more than 1 MB were printed (output_limit)"),
+    "exits": ("os._exit(0)", "crash", "with exit code 0 and no verdict"),
+    "system exit": ("raise SystemExit(3)", "script", "the controller raised SystemExit: 3"),
+    "forks": ("os.fork() or time.sleep(600); os._exit(7)", "crash", "ended a process that its script had left behind"),
+}
+
+
+def test_what_classes_do_before_they_are_asked_costs_their_own_scenario_only(tmp_path: Path) -> None:
+    for name, (body, _, _) in BAD_STARTS.items():
+        path = script(tmp_path, name, "pass", "wall_limit: 2 s\noutput_limit: 1 MB")
+        path.with_name(path.name.replace(".sim.yml", ".py")).write_text(CLASS.format(body=body))
+    (tmp_path / "honest.sim.yml").write_text(HONEST.format(number=1))
+    found = outcomes(tmp_path)
+    assert processes_of(tmp_path) == []
+    assert found.pop("honest 1").status == "passed"
+    assert found.keys() == BAD_STARTS.keys()
+    for name, (_, kind, cause) in BAD_STARTS.items():
+        (failure,) = found[name].failures
+        assert (name, failure.kind) == (name, kind), failure
+        assert cause in failure.message
+
+
 def test_a_call_that_is_killed_outright_leaves_no_process(tmp_path: Path) -> None:
     script(tmp_path, "hider", "subprocess.Popen(['sleep', '600'], start_new_session=True)\ntime.sleep(600)")
     run = start(tmp_path)

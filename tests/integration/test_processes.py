@@ -249,6 +249,31 @@ def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_pa
     assert outcomes["leaves children"].status == "error"
 
 
+# Name -> what it does before it has answered anything, and its cause.
+BAD_STARTS: Final = {
+    "raises": ("import nowhere_to_be_found", "exit code 1, before the run was over; the last that it said: Modul"),
+    "exits early": ("", "ended by itself, with exit code 0, before the run was over"),
+    "nonsense": ("print('ready', flush=True)\ninput()\ninput()", "'ready'"),
+    "commands": ("input()\nprint('{\"twist\": {}}', flush=True)\ninput()", "reset is answered by {}"),
+    "forks": (f"import os, time\n{LEAVE}os._exit(7)", "ended by itself, with exit code 7"),
+}
+
+
+def test_programs_that_misbehave_from_the_start_cost_their_own_scenario_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(PYTHON)
+    write(tmp_path, "good", "process: python ctl.py")
+    for name, (text, _) in BAD_STARTS.items():
+        write_bad(tmp_path, name, text)
+    outcomes = run(tmp_path)
+    assert processes_of(tmp_path) == []
+    assert outcomes.pop("good").status == "passed"
+    assert outcomes.keys() == BAD_STARTS.keys()
+    for name, (_, cause) in BAD_STARTS.items():
+        (failure,) = outcomes[name].failures
+        assert (name, failure.kind) == (name, "script"), failure
+        assert cause in failure.message
+
+
 def test_what_a_program_leaves_behind_is_ended_and_costs_no_verdict(tmp_path: Path) -> None:
     (tmp_path / "ctl.py").write_text(PYTHON.replace("import json, sys\n", f"import json, os, sys, time\n{LEAVE}"))
     write(tmp_path, "untidy", "process: python ctl.py")
