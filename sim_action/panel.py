@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal, Self
 
 from sim_action.assertions import Monitor, State
@@ -22,7 +23,7 @@ End = Literal["goals met", "broken", "duration", "time limit"]
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Panel:
     """A fold over all monitors.
 
@@ -53,7 +54,7 @@ class Panel:
         monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
         return replace(self, monitors=monitors, time=float(trace.time[-1]))
 
-    @property
+    @cached_property
     def end(self) -> End | None:
         """Why the run is over at the last moment seen; None if it goes on."""
         if any(m.state is State.BROKEN for m in self._decisive()):
