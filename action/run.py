@@ -60,10 +60,11 @@ _SWITCHES: Final = {
     "summary": ("--summary", "--no-summary"),
     "annotations": ("--annotations", "--no-annotations"),
 }
+_SELECTION: Final = {"only": "--only", "exclude": "--exclude", "tags": "--tag", "exclude-tags": "--exclude-tag"}
 SUBCOMMANDS: Final = {
     "run": Subcommand(
         arguments="scenario",
-        lists={},
+        lists=_SELECTION,
         options={
             **_REPORTS,
             "backend": "--backend",
@@ -72,12 +73,17 @@ SUBCOMMANDS: Final = {
             "shard": "--shard",
             "allow-scripts": "--allow-scripts",
         },
-        switches=_SWITCHES,
+        switches={**_SWITCHES, "fail-fast": ("--fail-fast",)},
     ),
     "matrix": Subcommand(
-        arguments="scenario", lists={}, options={"shards": "--shards", "durations": "--durations"}, switches={}
+        arguments="scenario",
+        lists=_SELECTION,
+        options={"shards": "--shards", "durations": "--durations"},
+        switches={},
     ),
-    "merge": Subcommand(arguments="results", lists={"scenario": "--scenarios"}, options=_REPORTS, switches=_SWITCHES),
+    "merge": Subcommand(
+        arguments="results", lists={**_SELECTION, "scenario": "--scenarios"}, options=_REPORTS, switches=_SWITCHES
+    ),
 }
 
 

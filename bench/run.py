@@ -24,6 +24,8 @@ from bench.world_cost import BOXES, world_costs
 ROOT = Path(__file__).resolve().parent.parent
 RAW = ROOT / "bench/raw_loop.py"
 SUITE = 16
+VARIATIONS = 200
+BATCH = 10
 
 SCENARIO = """\
 name: burger drives on {number}
@@ -121,6 +123,46 @@ def further_scenario(folder: Path) -> Ratio:
     return Ratio("each further scenario, against the raw loop", took, raw, 1.2)
 
 
+def variations(folder: Path) -> Ratio:
+    """What one of many variations of a scenario costs, with its part of the reading, against the raw loop."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
+    from bench.raw_loop import drive
+    from sim_action.execution import execute
+    from sim_action.interruption import Interruption
+    from sim_action.loading import load_all
+    from sim_action.permissions import Permissions
+    from sim_action.reports.progress import ProgressListener
+    from sim_action.scenario import LoadedScenario
+    from sim_action.scenario_files import read_file
+
+    path = write_suite(folder / "variations", 1) / "0.sim.yml"
+    drawn = f"robot.pose.yaw: {{uniform: [-1 deg, 1 deg], samples: {VARIATIONS}}}"
+    path.write_text(path.read_text() + f"variations: {{{drawn}}}\n")
+    listener = ProgressListener(total=VARIATIONS, verbosity="quiet")
+
+    def loaded() -> list[LoadedScenario]:
+        found = load_all(read_file(path, Permissions()), Permissions())
+        return [run for run in found if isinstance(run, LoadedScenario)]
+
+    runs = loaded()
+    assert len(runs) == VARIATIONS
+    batches = iter([runs[first : first + BATCH] for first in range(0, VARIATIONS, BATCH)])
+
+    def ours() -> None:
+        with Interruption() as interruption:
+            outcomes = execute(next(batches), folder, 1, listener, interruption)
+        assert {outcome.status for outcome in outcomes} == {"passed"}
+
+    def raw() -> None:
+        for _ in range(BATCH):
+            drive()
+
+    (reading,) = least_seconds(3, loaded)
+    took, by_hand = least_seconds(VARIATIONS // BATCH - 1, ours, raw)
+    each = f"each of {VARIATIONS} variations, against the raw loop"
+    return Ratio(each, took / BATCH + reading / VARIATIONS, by_hand / BATCH, 1.2)
+
+
 def parallel(folder: Path) -> Ratio:
     """A suite with one job against the same with two."""
     suite = str(write_suite(folder / "suite", SUITE))
@@ -192,7 +234,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         ratios = []
-        single = (measure(folder) for measure in (whole_process, further_scenario, parallel))
+        single = (measure(folder) for measure in (whole_process, further_scenario, variations, parallel))
         for ratio in itertools.chain(start_up(folder), models(), single, scripts(), lidars(), worlds()):
             print(ratio, flush=True)
             ratios.append(ratio)

@@ -22,6 +22,7 @@ from sim_action.catalogue import Entry, FieldEntry
 from sim_action.command import JointTargets
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
+from sim_action.defaults import Defaults
 from sim_action.drives import DRIVES
 from sim_action.errors import ExitCode
 from sim_action.geometry import Pose, Twist
@@ -161,6 +162,15 @@ def _templates() -> str:
     return table(("template", "what it does"), rows)
 
 
+def _example(name: str) -> str:
+    text = (ROOT / "examples/reuse" / name).read_text(encoding="utf-8")
+    return f"```yaml\n{text}```\n"
+
+
+def _defaults() -> Iterable[FieldEntry]:
+    return catalogue.fields(Defaults)
+
+
 BLOCKS: dict[str, Callable[[], str]] = {
     "assertions": lambda: _entries(catalogue.assertions(), "assertion"),
     "commands": lambda: _entries(catalogue.commands(), "command"),
@@ -186,6 +196,13 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "matrix-outputs": lambda: _outputs("matrix/action.yml"),
     "merge-inputs": lambda: _inputs("merge/action.yml"),
     "templates": _templates,
+    "example-base": lambda: _example("burger.base.yml"),
+    "example-extends": lambda: _example("beside_wall.sim.yml"),
+    "example-scenarios": lambda: _example("speeds.sim.yml"),
+    "example-variations": lambda: _example("grip.sim.yml"),
+    "defaults": lambda: table(
+        ("key", "takes", "meaning"), ((f"`{f.name}`", f.takes, f.description) for f in _defaults())
+    ),
     "rules": _rules,
     "exit-codes": lambda: table(("code", "meaning"), ((str(code.value), text) for code, text in EXIT_CODES.items())),
 }

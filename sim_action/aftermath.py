@@ -44,6 +44,9 @@ def outcome_of(child: Child, ending: Ending) -> Outcome:
         update={
             "name": job.loaded.scenario.name,
             "file": job.loaded.file,
+            "line": job.loaded.source.line,
+            "group": job.loaded.source.group,
+            "variation": job.loaded.source.variation,
             "trace": job.trace_name if _is_regular(job.trace) else None,
             "notes": (*outcome.notes, *(_left_behind(child) if written else ())),
             "diagnostics": diagnostics,
@@ -59,9 +62,27 @@ def interrupted(loaded: LoadedScenario) -> Outcome:
     return without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
 
 
+def skipped(loaded: LoadedScenario) -> Outcome:
+    """The outcome of a scenario that was not begun, as another had failed."""
+    note = "not run, as another scenario had not passed (--fail-fast)"
+    return _unjudged(loaded).model_copy(update={"status": "skipped", "notes": (note,)})
+
+
 def without_verdict(loaded: LoadedScenario, failure: Failure) -> Outcome:
     """An error outcome."""
-    return Outcome(name=loaded.scenario.name, file=loaded.file, status="error", failures=(failure,))
+    return _unjudged(loaded).model_copy(update={"failures": (failure,)})
+
+
+def _unjudged(loaded: LoadedScenario) -> Outcome:
+    source = loaded.source
+    return Outcome(
+        name=loaded.scenario.name,
+        file=loaded.file,
+        line=source.line,
+        group=source.group,
+        variation=source.variation,
+        status="error",
+    )
 
 
 def _written(job: Job) -> Outcome | None:

@@ -32,7 +32,7 @@ def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path
     if len(outcomes) == 1:
         return (_alone(outcomes[0]),) if loaded.scenario.agreement else outcomes
     judged = [outcome for outcome in outcomes if outcome.status != "error"]
-    if not judged:
+    if not judged or any(outcome.status == "skipped" for outcome in outcomes):
         return outcomes
     last = judged[-1]
     others = [outcome for outcome in outcomes if outcome is not last]

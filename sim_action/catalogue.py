@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, JsonValue
 from pydantic.fields import FieldInfo
 
 from sim_action import units
@@ -103,9 +103,8 @@ def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:  # noqa: PLR09
         return "assertion"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return f"{{{', '.join(entry.name for entry in fields(annotation))}}}"
-    return {str: "text", bool: "true or false", int: "whole number", float: "number", Any: "anything"}.get(
-        annotation, str(annotation)
-    )
+    plain: dict[Any, str] = {str: "text", bool: "true or false", int: "whole number", float: "number", Any: "anything"}
+    return plain.get(Any if annotation == JsonValue else annotation, str(annotation))
 
 
 def _kind(dimensions: tuple[units.Dimension, ...]) -> str:

@@ -11,7 +11,7 @@ import click
 
 from sim_action import __version__
 from sim_action.errors import ExitCode, SimActionError
-from sim_action.subcommands import SUBCOMMANDS
+from sim_action.subcommands import SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.subcommands.paths import complain
 
 if TYPE_CHECKING:
@@ -76,8 +76,16 @@ def call(arguments: Sequence[str]) -> int:
 
 @click.group(commands=SUBCOMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="sim-action")
-def program() -> None:
+@click.pass_context
+def program(context: click.Context) -> None:
     """Simulation tests for robots: a YAML scenario, a headless physics engine, a verdict.
 
     PATHS are scenario files, folders (every *.sim.yml in and below them) or globs; left out: the current folder.
+    Options may be variables, such as SIM_ACTION_BACKEND, or stand below [tool.sim-action] in pyproject.toml.
     """
+    if context.invoked_subcommand in TAKE_DEFAULTS:
+        from pathlib import Path
+
+        from sim_action.defaults import default_map
+
+        context.default_map = default_map(context.invoked_subcommand, Path.cwd())

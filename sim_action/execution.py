@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
-from sim_action.aftermath import Ending, Limit, interrupted, outcome_of
+from sim_action.aftermath import Ending, Limit, interrupted, outcome_of, skipped
 from sim_action.backends import BACKENDS, chosen
 from sim_action.interruption import Interruption
 from sim_action.isolation import way_here
@@ -43,12 +43,13 @@ def execute(
     listener: Listener,
     interruption: Interruption,
     *,
+    fail_fast: bool = False,
     way: type[Child] | None = None,
 ) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
-    An interruption ends what runs; scenarios without an outcome then get one that says so. `way`: how children are
-    born; left out, as this system has it. Raises UsageError.
+    An interruption ends what runs; scenarios without an outcome then get one that says so. `fail_fast`: nothing is
+    begun once one has not passed. `way`: how children are born; left out, as this system has it. Raises UsageError.
     """
     way = way or way_here()
     for loaded in scenarios:
@@ -62,8 +63,9 @@ def execute(
             (index, Job(loaded, path, folder, _subfolder(Path(scratch), index), way.limits_memory))
             for index, (loaded, path) in enumerate(zip(scenarios, paths, strict=True))
         )
-        outcomes = _Scheduler(way, waiting, jobs, listener, interruption).run()
-    return [outcomes.get(index) or interrupted(loaded) for index, loaded in enumerate(scenarios)]
+        outcomes = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast).run()
+    left = interrupted if interruption.happened else skipped
+    return [outcomes.get(index) or left(loaded) for index, loaded in enumerate(scenarios)]
 
 
 def _subfolder(scratch: Path, index: int) -> Path:
@@ -90,8 +92,11 @@ class _Scheduler:
         jobs: int,
         listener: Listener,
         interruption: Interruption,
+        *,
+        fail_fast: bool,
     ) -> None:
         self._way = way
+        self._fail_fast = fail_fast
         self._interruption = interruption
         self._waiting = waiting
         self._jobs = jobs
@@ -100,7 +105,7 @@ class _Scheduler:
         self._outcomes: dict[int, Outcome] = {}
 
     def run(self) -> dict[int, Outcome]:
-        """Outcomes by index; those of an interrupted call are missing."""
+        """Outcomes by index; what was not begun, or not ended, has none."""
         try:
             while (self._waiting or self._running) and not self._interruption.happened:
                 self._start()
@@ -145,6 +150,8 @@ class _Scheduler:
             del self._running[index]
             self._outcomes[index] = outcome = outcome_of(child, ending)
             self._listener.finished(outcome)
+            if self._fail_fast and outcome.status != "passed":
+                self._waiting.clear()
 
 
 def _deadline(child: Child) -> float:

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Final
 
 from sim_action import scenario_checks, world_checks
-from sim_action.discovery import file_name
 from sim_action.errors import InvalidScenario, ModelError, RefusedModel
-from sim_action.location import Location, Problem
-from sim_action.messages import escaped_line
 from sim_action.models import check_text, load_model
 from sim_action.models.library import ModelLibrary
 from sim_action.parts import Part
 from sim_action.permissions import Permissions
 from sim_action.problem_list import ProblemList
-from sim_action.regular_files import open_regular
 from sim_action.robot_model import RobotModel
 from sim_action.scenario import DrivenRobot, LoadedScenario, Scenario
+from sim_action.scenario_files import read_only_scenario
 from sim_action.scenario_parts import PartReader
 from sim_action.scene import Scene
+from sim_action.source import Refused, Source
 from sim_action.surroundings import read_surroundings
-from sim_action.workspace import PathError, Workspace
-from sim_action.yaml_document import MAX_BYTES, Document, location_after, read_document
+from sim_action.workspace import Workspace
 
 _PERMISSIONS: Final = Permissions()
 
@@ -31,10 +30,20 @@ _PERMISSIONS: Final = Permissions()
 def load_scenario(
     path: Path, permissions: Permissions = _PERMISSIONS, models: ModelLibrary | None = None, *, evaluate: bool = False
 ) -> LoadedScenario:
-    """Reads a scenario file, and checks everything that can be checked without running it.
+    """Reads a file of one scenario, and checks everything that can be checked without running it.
+
+    `path`: of the file; problems name it so. The rest is as of `checked`. Raises InvalidScenario with all problems.
+    """
+    return checked(read_only_scenario(path, permissions), permissions, models, evaluate=evaluate)
+
+
+def checked(
+    source: Source, permissions: Permissions, models: ModelLibrary | None = None, *, evaluate: bool = False
+) -> LoadedScenario:
+    """Checks everything that can be checked of a scenario without running it.
 
     Args:
-        path: of the file; problems name it so.
+        source: what is written.
         permissions: what it may do.
         models: those that scenarios of the same suite have read.
         evaluate: whether models are read that may be read in a scenario's own process alone: xacro is code, and
@@ -42,29 +51,47 @@ def load_scenario(
 
     Raises InvalidScenario with all problems.
     """
-    try:
-        workspace = Workspace.around(path, allow_outside=permissions.outside)
-    except (PathError, OSError, RuntimeError) as error:
-        raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(str(error)))]) from None
-    document = read_document(file_name(path), _read_text(path))
-    loader = _Loader(document, workspace, permissions, models or ModelLibrary(), evaluate=evaluate)
+    loader = _Loader(source, permissions, models or ModelLibrary(), evaluate=evaluate)
     scenario = loader.load()
-    return LoadedScenario(scenario, path, document, workspace, loader.model, loader.unchecked, loader.parts)
+    if source.group is not None:
+        scenario = scenario.model_copy(update={"name": source.name})
+    return LoadedScenario(scenario, source, loader.model, loader.unchecked, loader.parts)
 
 
-def load_all(
-    paths: Iterable[Path], permissions: Permissions
-) -> tuple[dict[Path, LoadedScenario], dict[Path, InvalidScenario]]:
-    """Every path is in one of the two: the scenarios that can be run, and what is wrong with the others."""
-    valid: dict[Path, LoadedScenario] = {}
-    invalid: dict[Path, InvalidScenario] = {}
+def load_all(sources: Iterable[Source | Refused], permissions: Permissions) -> list[LoadedScenario | Refused]:
+    """Each as it can be run, or with what is wrong with it; models that several name are read once.
+
+    Variations of one scenario are all valid, or else one that is not, with what is wrong with any of them.
+    """
     models = ModelLibrary()
-    for path in paths:
-        try:
-            valid[path] = load_scenario(path, permissions, models)
-        except InvalidScenario as error:
-            invalid[path] = error
-    return valid, invalid
+    found: list[LoadedScenario | Refused] = []
+    for _, several in groupby(enumerate(sources), lambda pair: _scenario_of(*pair)):
+        scenarios = [_loaded_or_refused(source, permissions, models) for _, source in several]
+        refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
+        found += [_as_one(refused)] if refused else scenarios
+    return found
+
+
+def _scenario_of(index: int, source: Source | Refused) -> Hashable:
+    """What is the same for variations of one scenario."""
+    return (source.path, source.group) if isinstance(source, Source) and source.group is not None else index
+
+
+def _as_one(refused: Sequence[Refused]) -> Refused:
+    """What is wrong with any of them, each of it once."""
+    problems = dict.fromkeys(problem for each in refused for problem in each.error.problems)
+    return replace(refused[0], error=InvalidScenario(problems))
+
+
+def _loaded_or_refused(
+    source: Source | Refused, permissions: Permissions, models: ModelLibrary
+) -> LoadedScenario | Refused:
+    if isinstance(source, Refused):
+        return source
+    try:
+        return checked(source, permissions, models)
+    except InvalidScenario as error:
+        return source.refused(error)
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:
@@ -77,56 +104,26 @@ def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace, parts: M
     return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace, scenario.seed, parts=parts)
 
 
-def _read_text(path: Path) -> str:
-    where = Location(file_name(path))
-    try:
-        with open_regular(path, follow_link=True) as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InvalidScenario([Problem(where, f"cannot be read: {error.strerror}")]) from None
-    if len(data) > MAX_BYTES:
-        message = f"a scenario of more than {MAX_BYTES // 1000} kB is not read; is this the right file?"
-        raise InvalidScenario([Problem(where, message)])
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        where = location_after(file_name(path), data[: error.start].decode("utf-8"))
-        message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
-        raise InvalidScenario([Problem(where, message)]) from None
-
-
 class _Loader:
     """One document while it becomes a scenario."""
 
-    def __init__(
-        self,
-        document: Document,
-        workspace: Workspace,
-        permissions: Permissions,
-        models: ModelLibrary,
-        *,
-        evaluate: bool,
-    ) -> None:
+    def __init__(self, source: Source, permissions: Permissions, models: ModelLibrary, *, evaluate: bool) -> None:
         self.model: RobotModel | None = None
         self.unchecked: tuple[str, ...] = ()
         self.parts: Mapping[str, tuple[Part, ...]] = {}
         self._models = models
         self._evaluate = evaluate
-        self._document = document
-        self._workspace = workspace
+        self._data = source.document.data
+        self._workspace = source.workspace
         self._permissions = permissions
-        self._problems = ProblemList(document)
-        self._parts = PartReader(document, workspace, permissions, self._problems)
+        self._problems = ProblemList(source.document)
+        self._parts = PartReader(source.document, source.workspace, permissions, self._problems)
 
     def load(self) -> Scenario:
-        data = self._document.data
-        if not isinstance(data, dict):
-            what = "the file is empty" if data is None else "the file holds no map of keys"
-            self._problems.note((), f"{what}; a scenario begins with 'name:', 'robot:', 'expect:', 'time_limit:'")
-            raise self._problems.error()
-        scenario = self._parts.validated(Scenario, self._parts.with_families(data), ())
+        assert isinstance(self._data, dict)  # whoever read the file has looked
+        scenario = self._parts.validated(Scenario, self._parts.with_families(self._data), ())
         if scenario is not None:
-            self._check(scenario, states_drive="drive" in data["robot"])
+            self._check(scenario, states_drive="drive" in self._data["robot"])
         if scenario is None or self._problems:
             raise self._problems.error()
         return scenario

@@ -14,6 +14,7 @@ from sim_action.quantities import FrozenModel
 from sim_action.regular_files import open_regular
 from sim_action.scenario import Severity
 from sim_action.sharding import Shard
+from sim_action.source import Refused, Varied
 from sim_action.verdict import Verdict
 from sim_action.whole_files import whole_file
 
@@ -21,8 +22,8 @@ RESULTS_FILE = "results.json"
 
 _MOST_BYTES: Final = 64_000_000
 
-Status = Literal["passed", "failed", "error"]
-"""failed: an assertion did not hold; error: there is no verdict."""
+Status = Literal["passed", "failed", "error", "skipped"]
+"""failed: an assertion did not hold; error: there is no verdict; skipped: it was not run, as another had failed."""
 
 FailureKind = Literal[
     "invalid", "engine", "unstable", "script", "crash", "wall limit", "memory", "interrupted", "internal", "missing"
@@ -81,6 +82,9 @@ class Outcome(FrozenModel):
     Attributes:
         name: of the scenario; of its file, if it could not be read.
         file: as it was named on the command line or found below it; empty if it is not of one file.
+        line: of the file, where the scenario begins in one that holds several.
+        group: of a variation, the name of the scenario that is varied.
+        variation: the values that make it this one, exactly.
         failures: why there is no verdict; empty unless `status` is "error".
         end: why the run was over.
         sim_time: s at which the run was over.
@@ -97,6 +101,9 @@ class Outcome(FrozenModel):
 
     name: str
     file: str
+    line: Annotated[int, Field(ge=1)] | None = None
+    group: str | None = None
+    variation: tuple[Varied, ...] = ()
     status: Status
     expectations: tuple[ExpectationOutcome, ...] = ()
     failures: tuple[Failure, ...] = ()
@@ -127,8 +134,8 @@ class Outcome(FrozenModel):
 
     @property
     def location(self) -> Location | None:
-        """Its file, if it is of one."""
-        return Location(self.file) if self.file else None
+        """Its file, if it is of one, and its line in that."""
+        return Location(self.file, self.line) if self.file else None
 
     @classmethod
     def of_invalid(cls, file: str, error: InvalidScenario) -> Outcome:
@@ -138,6 +145,13 @@ class Outcome(FrozenModel):
             for problem in error.problems
         )
         return cls(name=Path(file).name, file=file, status="error", failures=failures)
+
+    @classmethod
+    def of_refused(cls, refused: Refused) -> Outcome:
+        """The outcome of a scenario that cannot be run."""
+        return cls.of_invalid(refused.file, refused.error).model_copy(
+            update={"name": refused.name, "line": refused.line}
+        )
 
     @classmethod
     def of_nothing(cls, pattern: str) -> Outcome:
@@ -200,7 +214,7 @@ class Results(FrozenModel):
         return sim_time / self.wall_time if sim_time and self.wall_time > 0 else None
 
     def worst_first(self) -> list[Outcome]:
-        """Errors, then failures, then warnings, then the rest, each in the order of the call."""
+        """Errors, then failures, then warnings, then what was not run, then the rest, each in the order of the call."""
         return sorted(self.outcomes, key=_badness)
 
     def write(self, folder: Path) -> Path:
@@ -236,5 +250,5 @@ def _first_finding(error: ValidationError) -> str:
 
 def _badness(outcome: Outcome) -> int:
     if outcome.status != "passed":
-        return {"error": 0, "failed": 1}[outcome.status]
-    return 2 if any(expectation.warned for expectation in outcome.expectations) else 3
+        return {"error": 0, "failed": 1, "skipped": 3}[outcome.status]
+    return 2 if any(expectation.warned for expectation in outcome.expectations) else 4

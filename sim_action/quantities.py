@@ -69,10 +69,15 @@ class Written(Quantity):
         return value
 
 
+def is_plain_name(name: str) -> bool:
+    """Whether nothing in it would act in tables, XML, workflow commands or file names."""
+    return name.isprintable() and name == name.strip() and not any(part in name for part in _NOT_IN_NAMES)
+
+
 def _plain_name(name: str) -> str:
-    """Names stand in tables, XML, workflow commands and file names: what would act there is refused at the door."""
-    found = next((part for part in _NOT_IN_NAMES if part in name), None)
-    if found is not None or not name.isprintable() or name != name.strip():
+    """What would act where names stand is refused at the door."""
+    if not is_plain_name(name):
+        found = next((part for part in _NOT_IN_NAMES if part in name), None)
         what = f"contains '{found}'" if found else "has a control character, a line break or a space at its end"
         raise ValueError(f"a name is one line of plain text; {name!r} {what}")
     return name
@@ -81,6 +86,7 @@ def _plain_name(name: str) -> str:
 _NOT_IN_NAMES: Final = ("|", "<", ">", "`", "::", "##[", "]]>", "${{")
 
 Name = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_plain_name)]
+Tag = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 PositiveSeconds = Annotated[float, Gt(0), Quantity((units.TIME,))]
 NonNegativeSeconds = Annotated[float, Ge(0), Quantity((units.TIME,))]
 Metres = Annotated[float, Quantity((units.LENGTH,))]

@@ -77,9 +77,11 @@ def _read(path: Path) -> Results:
 
 
 def _contradicts_itself(outcome: Outcome) -> bool:
-    """A failure without a reason, or a pass without an expectation or in spite of one."""
+    """A failure without a reason, a pass without an expectation or in spite of one, a verdict on what was not run."""
     if outcome.status == "error":
         return not outcome.failures
+    if outcome.status == "skipped":
+        return bool(outcome.failures or outcome.expectations)
     failed = any(expected.failed for expected in outcome.expectations)
     return bool(outcome.failures) or not outcome.expectations or failed != (outcome.status == "failed")
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, JsonValue, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
@@ -24,9 +23,12 @@ from sim_action.quantities import (
     PositiveMetres,
     PositiveRadians,
     PositiveSeconds,
+    Tag,
 )
 from sim_action.robot_model import RobotModel
 from sim_action.sensors.mounting import MountedSensor
+from sim_action.source import Source
+from sim_action.variations.values import Normal, Uniform
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 from sim_action.yaml_document import Document
@@ -99,9 +101,20 @@ class Agreement(FrozenModel):
 
 
 class Scenario(FrozenModel):
-    """One scenario file; the fields are its keys."""
+    """One scenario; the fields are the keys of its file.
 
+    What makes several of one (`scenarios`, `variations`), or one of several (`extends`), is gone when it is read.
+    """
+
+    extends: Annotated[
+        str | None, Field(description="path of a file whose keys are this one's, unless it says otherwise")
+    ] = None
+    scenarios: Annotated[
+        tuple[dict[str, Any], ...] | None,
+        Field(min_length=1, description="several scenarios, each on top of the keys that stand beside this one"),
+    ] = None
     name: Name
+    tags: Annotated[tuple[Tag, ...], Field(description="words by which --tag and --exclude-tag find it")] = ()
     version: Annotated[Literal[1], Field(description="of the format")] = 1
     robot: DrivenRobot
     world: World = World()
@@ -125,6 +138,10 @@ class Scenario(FrozenModel):
         Literal["auto", "pybullet", "mujoco"],
         Field(description="engine that it runs on; auto: pybullet where it is installed, else mujoco"),
     ] = "auto"
+    variations: Annotated[
+        dict[str, tuple[JsonValue, ...] | Uniform | Normal] | None,
+        Field(description="what it is run with: keys, and the values that each takes"),
+    ] = None
     agreement: Annotated[
         Agreement | None, Field(description="runs it on both engines, and judges how far they are apart")
     ] = None
@@ -184,21 +201,27 @@ class LoadedScenario:
     """A valid scenario.
 
     Attributes:
-        path: of the file that it came from, as it was named.
-        document: what it was read from, with the place of each key.
-        workspace: where its own files are found.
+        source: what it was read from.
         model: of the robot, as it was read and checked; None if only the process that runs it may do so.
         unchecked: what nobody can know before it runs.
         parts: name of a body of the world -> what it is made of, as its file was read and checked.
     """
 
     scenario: Scenario
-    path: Path
-    document: Document
-    workspace: Workspace
+    source: Source
     model: RobotModel | None = None
     unchecked: tuple[str, ...] = ()
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
+
+    @property
+    def document(self) -> Document:
+        """What it was read from, with the place of each key."""
+        return self.source.document
+
+    @property
+    def workspace(self) -> Workspace:
+        """Where its own files are found."""
+        return self.source.workspace
 
     @property
     def file(self) -> str:

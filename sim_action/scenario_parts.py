@@ -176,7 +176,7 @@ class PartReader:
             return str(known[0])
         others = [key for key in data if key not in table and key not in (beside.model_fields if beside else ())]
         if len(known) > 1:
-            self._problems.note((*path, known[1]), f"'{known[0]}' and '{known[1]}' in one entry; begin each with '- '")
+            self._note_two(path, *known[:2])
         elif others:
             self._problems.note(
                 (*path, others[0]), f"unknown {table.kind} '{others[0]}'{did_you_mean(others[0], table)}"
@@ -184,6 +184,16 @@ class PartReader:
         else:
             self._problems.note(path, f"names no {table.kind}; give one of {names}")
         return None
+
+    def _note_two(self, path: KeyPath, *keys: str) -> None:
+        """Two keys where one is to choose from; a file that extends another may not have meant the first to stay."""
+        first, second = sorted(keys, key=lambda key: self._document.location((*path, key)).file == self._document.file)
+        base = self._document.location((*path, first)).file
+        if base == self._document.location((*path, second)).file:
+            self._problems.note((*path, second), f"'{first}' and '{second}' in one entry; begin each with '- '")
+        else:
+            message = f"'{first}' of {base} stands beside it; take that out with '{first}: null'"
+            self._problems.note((*path, second), message)
 
     def validated(self, model: type[Model], data: Any, path: KeyPath) -> Model | None:
         """A spec of what a part of the document says; None if something is wrong with it, which is noted."""

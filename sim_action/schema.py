@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
@@ -62,6 +62,7 @@ def scenario_schema() -> Schema:
     definitions["Sensor"] = _one_of(SENSORS, definitions.pop(Mounting.__name__)["properties"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
+    _loosen(scenario, definitions)
     head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "sim-action scenario"}
     return {**head, **scenario, "$defs": _reachable(definitions, scenario)}
 
@@ -77,8 +78,31 @@ def _combined_assertions(definitions: Schema) -> Schema:
     return {Assertion.__name__: _one_of(ASSERTIONS, {}), **combined}
 
 
+def _loosen(scenario: Schema, definitions: Schema) -> None:
+    """What other files or the keys beside it may complete need not be whole: only a file on its own has to be."""
+    parts = scenario["properties"]
+    strict = {"commands": parts["commands"], "robot": {"required": definitions["DrivenRobot"].pop("required")}}
+    alone = {"required": scenario.pop("required"), "properties": strict}
+    parts["commands"] = {"description": strict["commands"]["description"]}
+    entry = {key: value for key, value in parts.items() if key not in _OF_A_FILE}
+    items = {"type": "object", "properties": entry, "additionalProperties": False}
+    parts["scenarios"] = _list(parts["scenarios"]["description"], items)
+    scenario["if"] = {"anyOf": [{"required": [key]} for key in _OF_A_FILE]}
+    scenario["then"] = True
+    scenario["else"] = alone
+
+
+def _list(description: str, items: Schema) -> Schema:
+    return {"description": description, "type": "array", "minItems": 1, "items": items}
+
+
+_OF_A_FILE: Final = ("extends", "scenarios")
+
+
 def _described(definition: Schema) -> Schema:
     """With what its docstring says of attributes beside them. All are written; a later version may add to them."""
+    if "properties" not in definition:
+        return definition
     described = {name: value for name, value in definition.items() if name not in {"title", "additionalProperties"}}
     described["description"], _, attributes = definition["description"].partition("\n\nAttributes:\n")
     properties = {name: dict(schema) for name, schema in definition["properties"].items()}

@@ -25,7 +25,7 @@ from sim_action.errors import (
     ScriptError,
     SimulationUnstable,
 )
-from sim_action.loading import build_scene, load_scenario
+from sim_action.loading import build_scene, checked
 from sim_action.location import Problem
 from sim_action.native_output import redirect_output
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
@@ -181,7 +181,8 @@ def _checked(loaded: LoadedScenario) -> LoadedScenario:
     """With what nobody could know before its model was read, which may be done here alone. Raises InvalidScenario."""
     if loaded.model is not None:
         return loaded
-    again = load_scenario(loaded.path, Permissions(outside=loaded.workspace.allow_outside), evaluate=True)
+    # What was read then is what is judged now, whatever has become of its file.
+    again = checked(loaded.source, Permissions(outside=loaded.workspace.allow_outside), evaluate=True)
     return replace(loaded, model=again.model)
 
 

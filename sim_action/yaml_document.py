@@ -7,7 +7,7 @@ are used here, its interpretation is not.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -48,7 +48,7 @@ class Document:
 
     file: str
     data: object
-    marks: dict[KeyPath, Location] = field(default_factory=dict)
+    marks: Mapping[KeyPath, Location] = field(default_factory=dict)
 
     def location(self, path: KeyPath) -> Location:
         """Where the key or list item at `path` stands; the nearest map or list around it, if it is not there."""

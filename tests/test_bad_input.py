@@ -10,16 +10,14 @@ from sim_action.errors import InvalidScenario
 from sim_action.loading import load_scenario
 from sim_action.models import load_model
 from sim_action.permissions import Permissions
+from sim_action.scenario import Scenario
 from sim_action.workspace import Workspace
 from sim_action.world import Robot
 from tests.scenarios import LEAST, load, told
 
 MODEL = "model: turtlebot3_burger"
 JOINTS = "(allowed: wheel_left_joint, wheel_right_joint)"
-KEYS = (
-    "(allowed: agreement, backend, commands, duration, expect, memory_limit, name, output_limit, physics, robot, "
-    "seed, sensors, time_limit, trace, version, wall_limit, world)"
-)
+KEYS = f"(allowed: {', '.join(sorted(Scenario.model_fields))})"
 
 
 def only(folder: Path, text: str | bytes) -> str:

@@ -17,6 +17,8 @@ from sim_action.errors import InvalidScenario
 from sim_action.loading import build_scene, load_all, load_scenario
 from sim_action.location import Location
 from sim_action.permissions import Permissions
+from sim_action.scenario import LoadedScenario
+from sim_action.scenario_files import read_only_scenario
 from tests.scenarios import FULL, LEAST, load, told
 from tests.worlds import write_map
 
@@ -61,11 +63,13 @@ def test_a_suite_reads_a_model_once_and_hands_it_to_its_runs(tmp_path: Path) -> 
     paths = [tmp_path / f"{number}.sim.yml" for number in range(3)]
     for path in paths:
         path.write_text(FULL)
-    valid, _ = load_all(paths, Permissions())
-    first, *others = (loaded.model for loaded in valid.values())
+    found = load_all([read_only_scenario(path, Permissions()) for path in paths], Permissions())
+    loaded = [scenario for scenario in found if isinstance(scenario, LoadedScenario)]
+    first, *others = (scenario.model for scenario in loaded)
     assert first is not None
+    assert len(others) == 2
     assert all(model is first for model in others)
-    assert build_scene(valid[paths[0]]).model is first
+    assert build_scene(loaded[0]).model is first
 
 
 def test_the_file_is_named_as_the_user_named_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

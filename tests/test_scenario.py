@@ -14,6 +14,7 @@ from sim_action.assertions.travel import Travel
 from sim_action.commands.script import ScriptCommands
 from sim_action.commands.twist import TwistCommands, TwistSegment
 from sim_action.scenario import LoadedScenario, Scenario, rate_divides
+from sim_action.source import Source
 from sim_action.yaml_document import Document
 from tests.traces import HERE, expectation, scenario
 
@@ -120,6 +121,8 @@ def test_a_time_limit_is_within_a_day(limit: float) -> None:
 
 
 def test_a_loaded_scenario_goes_to_its_child_as_a_pickle() -> None:
-    loaded = LoadedScenario(changed(commands=(DRIVES,)), Path("s.sim.yml"), Document("s.sim.yml", {}), HERE)
+    loaded = LoadedScenario(
+        changed(commands=(DRIVES,)), Source(Path("s.sim.yml"), HERE, Document("s.sim.yml", {}), "s")
+    )
     assert loaded.file == "s.sim.yml"
     assert pickle.loads(pickle.dumps(loaded)) == loaded

@@ -90,6 +90,21 @@ def test_what_the_loader_refuses_is_invalid(change: dict[str, Any], validator: j
     assert not validator.is_valid(LEAST | change)
 
 
+@pytest.mark.parametrize(
+    "file",
+    [
+        {"extends": "burger.base.yml", "commands": {"rate": 20}, "robot": {"pose": {"x": 1}}},
+        {"robot": {"model": "turtlebot3_burger"}, "scenarios": [{"name": "a", "time_limit": 1}, {"name": "b"}]},
+    ],
+)
+def test_a_file_that_others_complete_need_not_be_whole(
+    file: dict[str, Any], validator: jsonschema.Draft202012Validator
+) -> None:
+    validator.validate(file)
+    assert not validator.is_valid(file | {"robot": {"modl": 1}})
+    assert not validator.is_valid({key: value for key, value in file.items() if key not in ("extends", "scenarios")})
+
+
 def test_every_reference_leads_somewhere() -> None:
     schema = scenario_schema()
     text = json.dumps(schema)

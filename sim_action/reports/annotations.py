@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -20,6 +20,7 @@ from sim_action.reports.escaping import (
     shortened,
     shortened_command,
 )
+from sim_action.reports.groups import Group, groups, relative_margin, worst_first
 from sim_action.reports.paths import seen_from
 
 MOST_ANNOTATIONS: Final = 10
@@ -62,23 +63,43 @@ def write_annotations(results: Results, options: ReportOptions) -> None:
     """Prints the annotations if this is GitHub Actions; the worst come first, as there is room for few."""
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
-    found = [annotation for outcome in results.worst_first() for annotation in _annotations(outcome)]
+    ordered = worst_first(groups(results.outcomes))
+    found = [annotation for group in ordered for annotation in (_of_variations if group.varies else _of_one)(group)]
     encoding = sys.stdout.encoding or "utf-8"
     for annotation in (*_limited(found, "error"), *_limited(found, "warning")):
         sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
     sys.stdout.flush()
 
 
-def _annotations(outcome: Outcome) -> Iterator[Annotation]:
+def _of_one(group: Group) -> Iterator[Annotation]:
+    return (annotation for annotation, _ in _annotations(group.name, group.worst))
+
+
+def _of_variations(group: Group) -> Iterator[Annotation]:
+    """One for all variations of a scenario that the same happened to, in the words of the worst."""
+    same: dict[tuple[str, str, Location | None], list[tuple[float, str, Annotation]]] = {}
+    for outcome in group.worst_first():
+        for annotation, margin in _annotations(group.name, outcome):
+            alike = same.setdefault((annotation.level, annotation.title, annotation.location), [])
+            alike.append((margin, group.values(outcome), annotation))
+    for alike in same.values():
+        _, values, worst = min(alike, key=lambda each: each[0])
+        count = f"{len(alike)} of {len(group.outcomes)} variations"
+        message = f"{count}; the worst, {values}: {worst.message}" if len(alike) > 1 else f"{values}: {worst.message}"
+        yield replace(worst, message=message)
+
+
+def _annotations(name: str, outcome: Outcome) -> Iterator[tuple[Annotation, float]]:
+    """What did not hold, and by which part of its limit."""
     for failure in outcome.failures:
         where = failure.location or outcome.location
-        yield Annotation("error", f"{outcome.name}: {failure.title}", failure.message, where)
+        yield Annotation("error", f"{name}: {failure.title}", failure.message, where), 0.0
     for expected in outcome.expectations:
         if expected.verdict.passed:
             continue
         level: Level = "error" if expected.failed else "warning"
-        title = f"{outcome.name}: {expected.name}"
-        yield Annotation(level, title, expected.verdict.message, expected.location)
+        annotation = Annotation(level, f"{name}: {expected.name}", expected.verdict.message, expected.location)
+        yield annotation, relative_margin(expected)
 
 
 def _limited(found: list[Annotation], level: Level) -> list[Annotation]:

@@ -1,11 +1,12 @@
 """JUnit XML, as Jenkins, GitLab and the reporters on GitHub read it.
 
-A testsuite is a scenario, a testcase an expectation: a failure if it did not hold. Where a scenario has no verdict,
-each reason is a testcase with an error.
+A testsuite is a scenario with all of its variations, a testcase an expectation: a failure if it did not hold. Where a
+scenario has no verdict, each reason is a testcase with an error; where it was not run, one testcase is skipped.
 """
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import PurePosixPath
@@ -14,6 +15,7 @@ from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
+from sim_action.reports.groups import Group, groups
 from sim_action.reports.paths import place, seen_from, stored_trace
 from sim_action.reports.wording import measurements, own_output
 from sim_action.reports.xml_elements import add_attachment, add_child, add_line, add_properties, element
@@ -40,51 +42,57 @@ class _Document:
         self._numbers: dict[tuple[str, str], int] = {}
 
     def root(self) -> ET.Element:
-        suites = [self._suite(outcome) for outcome in self._results.outcomes]
+        suites = [self._suite(group) for group in groups(self._results.outcomes)]
         totals = {name: sum(int(suite.attrib[name]) for suite in suites) for name in ("tests", "failures", "errors")}
         root = element("testsuites", {"name": "sim-action", **totals, "time": _seconds(self._results.wall_time)})
         root.extend(suites)
         return root
 
-    def _suite(self, outcome: Outcome) -> ET.Element:
-        cases = [self._expectation(outcome, expected) for expected in outcome.expectations]
-        cases += [self._error(outcome, failure) for failure in _reasons(outcome)]
-        for index, case in enumerate(cases):
-            # The run is one; given to its first testcase, its time adds up for tools that sum testcases.
-            case.set("time", _seconds(outcome.wall_time if index == 0 else 0.0))
-        _add_output(outcome, cases)
-        totals = {
-            "tests": len(cases),
-            "failures": sum(case.find("failure") is not None for case in cases),
-            "errors": sum(case.find("error") is not None for case in cases),
-            "skipped": 0,
+    def _suite(self, group: Group) -> ET.Element:
+        several = [self._run(group, outcome) for outcome in group.outcomes]
+        cases = [case for run in several for case in run]
+        totals = {"tests": len(cases)} | {
+            f"{kind}s" if kind != "skipped" else kind: sum(case.find(kind) is not None for case in cases)
+            for kind in ("failure", "error", "skipped")
         }
-        file = seen_from(self._options.workspace, outcome.file) if outcome.file else None
-        suite = element(
-            "testsuite", {"name": _name(outcome.name), **totals, "time": _seconds(outcome.wall_time), "file": file}
-        )
-        add_properties(suite, self._suite_properties(outcome) | _measured(outcome, cases))
+        file = seen_from(self._options.workspace, group.location.file) if group.location else None
+        time = sum(outcome.wall_time for outcome in group.outcomes)
+        suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
+        add_properties(suite, self._suite_properties(group))
+        for outcome, run in zip(group.outcomes, several, strict=True):
+            add_properties(suite, _measured(outcome, run))
         suite.extend(cases)
         return suite
 
-    def _suite_properties(self, outcome: Outcome) -> dict[str, object]:
-        """What the run was."""
-        factor = outcome.real_time_factor
-        return {
+    def _run(self, group: Group, outcome: Outcome) -> list[ET.Element]:
+        """The testcases of one run."""
+        values = group.values(outcome)
+        cases = [self._expectation(group, outcome, expected) for expected in outcome.expectations]
+        cases += [self._error(group, outcome, failure) for failure in _reasons(outcome)]
+        if outcome.status == "skipped":
+            cases.append(self._skipped(group, outcome))
+        for index, case in enumerate(cases):
+            # The run is one; given to its first testcase, its time adds up for tools that sum testcases.
+            case.set("time", _seconds(outcome.wall_time if index == 0 else 0.0))
+            if values and not self._options.junit_strict:
+                add_properties(case, _of_variation(outcome))
+        _add_output(outcome, cases)
+        return cases
+
+    def _suite_properties(self, group: Group) -> dict[str, object]:
+        """What the run was; of variations, what each was by its values."""
+        ours = {
             "sim_action": self._results.sim_action,
             "python": self._results.python,
             "platform": self._results.platform,
-            "engine": outcome.engine,
-            "end": outcome.end,
-            "sim_time_s": outcome.sim_time,
-            "real_time_factor": None if factor is None else f"{factor:.4g}",
-            "travelled_m": outcome.travelled,
-            "seed": outcome.seed,
-            "digest": outcome.digest,
         }
+        if not group.varies:
+            return ours | _ran(group.worst)
+        digests = {f"digest: {group.values(outcome)}": outcome.digest for outcome in group.outcomes}
+        return {**ours, "passed": group.passed, **digests}
 
-    def _expectation(self, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
-        case = self._case(outcome, expected.name, expected.location)
+    def _expectation(self, group: Group, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
+        case = self._case(group, outcome, expected.name, expected.location)
         message = expected.verdict.message
         if not self._options.junit_strict:
             add_properties(case, _case_properties(expected))
@@ -96,9 +104,14 @@ class _Document:
         add_line(case, "system-out", measurements(expected.verdict))
         return case
 
-    def _error(self, outcome: Outcome, failure: Failure) -> ET.Element:
+    def _skipped(self, group: Group, outcome: Outcome) -> ET.Element:
+        case = self._case(group, outcome, "not run", outcome.location)
+        add_child(case, "skipped", "", {"message": " ".join(outcome.notes) or "not run"})
+        return case
+
+    def _error(self, group: Group, outcome: Outcome, failure: Failure) -> ET.Element:
         location = failure.location or outcome.location
-        case = self._case(outcome, failure.title, location)
+        case = self._case(group, outcome, failure.title, location)
         message = f"{failure.title}: {failure.message}"
         body = self._body(message, failure.title, location)
         if failure.details:
@@ -107,9 +120,10 @@ class _Document:
         self._attach_trace(case, outcome)
         return case
 
-    def _case(self, outcome: Outcome, name: str, location: Location | None) -> ET.Element:
-        classname = _name(outcome.name)
-        names = {"classname": classname, "name": self._unique(classname, _name(name))}
+    def _case(self, group: Group, outcome: Outcome, name: str, location: Location | None) -> ET.Element:
+        classname = _name(group.name)
+        varied = f"{name} {group.values(outcome)}" if group.varies else name
+        names = {"classname": classname, "name": self._unique(classname, _name(varied))}
         if self._options.junit_strict or location is None:
             return element("testcase", names)
         file = seen_from(self._options.workspace, location.file)
@@ -141,9 +155,27 @@ class _Document:
 
 def _reasons(outcome: Outcome) -> tuple[Failure, ...]:
     """Why there is no verdict. To tools, a suite without a testcase is no test: there is always one."""
-    if outcome.failures or (outcome.expectations and outcome.status != "error"):
+    if outcome.failures or outcome.status == "skipped" or (outcome.expectations and outcome.status != "error"):
         return outcome.failures
     return (Failure(kind="internal", title="no verdict", message="nothing says what became of this scenario"),)
+
+
+def _ran(outcome: Outcome) -> dict[str, object]:
+    factor = outcome.real_time_factor
+    return {
+        "engine": outcome.engine,
+        "end": outcome.end,
+        "sim_time_s": outcome.sim_time,
+        "real_time_factor": None if factor is None else f"{factor:.4g}",
+        "travelled_m": outcome.travelled,
+        "seed": outcome.seed,
+        "digest": outcome.digest,
+    }
+
+
+def _of_variation(outcome: Outcome) -> dict[str, object]:
+    values = {f"variation: {varied.key}": json.dumps(varied.value) for varied in outcome.variation}
+    return {**values, "engine": outcome.engine, "seed": outcome.seed, "digest": outcome.digest}
 
 
 def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:

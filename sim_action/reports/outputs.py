@@ -29,6 +29,7 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "passed": str(results.count("passed")),
         "failed": str(results.count("failed")),
         "errors": str(results.count("error")),
+        "skipped": str(results.count("skipped")),
         "junit-path": str(options.junit.absolute()),
         "results-path": str((options.folder / RESULTS_FILE).absolute()),
         "travelled": "" if travelled is None else f"{travelled:.4f}",

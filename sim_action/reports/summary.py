@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.errors import ExitCode
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_text
+from sim_action.reports.groups import Group, groups, worst_first
 from sim_action.reports.markdown import folded, row, source_link, table
-from sim_action.reports.summary_section import ICONS, gist, section
-from sim_action.reports.wording import counts, factor, moment, mood, share
+from sim_action.reports.summary_section import ICONS, gist, section, sim_time
+from sim_action.reports.wording import counts, factor, moment, share
 
 MOST_BYTES: Final = 1 << 20
 """GitHub drops a larger summary whole."""
@@ -38,32 +39,35 @@ def write_summary(results: Results, options: ReportOptions) -> None:
 
 def summary(results: Results, options: ReportOptions, most_bytes: int = MOST_BYTES) -> str:
     """The summary, in at most so many bytes; what does not fit is left out from the end, where the harmless stands."""
-    outcomes, room = results.worst_first(), most_bytes - _FRAME
+    found, room = worst_first(groups(results.outcomes)), most_bytes - _FRAME
     if room < 0:
         return ""
-    rows = _fitting(outcomes, lambda outcome: _overview_row(outcome, options), int(room * _OVERVIEW_SHARE))
-    sections = _fitting(outcomes, lambda outcome: section(outcome, options), room - _size(rows))
-    unfolded = sum(mood(outcome) != "passed" for outcome in outcomes[: len(sections)])
+    rows = _fitting(found, lambda group: _overview_row(group, options), int(room * _OVERVIEW_SHARE))
+    sections = _fitting(found, lambda group: section(group, options), room - _size(rows))
+    unfolded = sum(group.mood != "passed" for group in found[: len(sections)])
     parts = [
         f"## {_headline(results)}",
         _counts(results),
-        *_overview(outcomes, rows),
+        *_overview(found, rows),
         *sections[:unfolded],
         folded(f"Measurements of what passed ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
         if len(sections) > unfolded
         else "",
-        _left_out(len(outcomes) - len(sections)),
+        _left_out(len(found) - len(sections)),
     ]
     return "\n\n".join(part for part in parts if part) + "\n\n"
 
 
 def _headline(results: Results) -> str:
-    bad = results.total - results.count("passed")
+    left = results.count("skipped")
+    bad = results.total - results.count("passed") - left
     if not results.total:
         passed = results.shard if results.exit_code is ExitCode.PASSED else None
         return f"✅ No scenario is left for {passed}" if passed else "⚠️ No scenario was run"
     if results.conclusion == "cancelled":
         return f"🛑 Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
+    if left:
+        return f"❌ {bad} of {results.total} scenarios did not pass, and {left} were not run"
     if not bad:
         return "✅ The scenario passed" if results.total == 1 else f"✅ All {results.total} scenarios passed"
     return (
@@ -78,32 +82,32 @@ def _counts(results: Results) -> str:
     return f"**{counts(results)}** in {results.wall_time:.1f} s{speed}{part} · {version}"
 
 
-def _overview(outcomes: list[Outcome], rows: list[str]) -> Iterable[str]:
+def _overview(found: list[Group], rows: list[str]) -> Iterable[str]:
     """One table of all; of many scenarios, those that passed are folded."""
     unfolded = len(rows)
     if unfolded > _MOST_UNFOLDED:
-        unfolded = sum(mood(outcome) != "passed" for outcome in outcomes[:unfolded])
+        unfolded = sum(group.mood != "passed" for group in found[:unfolded])
     columns = ("", "Scenario", "What happened", " Sim time", " Speed")
     if rows[:unfolded]:
         yield table(columns, rows[:unfolded])
     if rows[unfolded:]:
         yield folded(f"{len(rows) - unfolded} scenarios passed", table(columns, rows[unfolded:]))
-    if len(outcomes) > len(rows):
-        yield f"_{len(outcomes) - len(rows)} more scenarios are left out of this table._"
+    if len(found) > len(rows):
+        yield f"_{len(found) - len(rows)} more scenarios are left out of this table._"
 
 
-def _overview_row(outcome: Outcome, options: ReportOptions) -> str:
-    file = source_link(options, outcome.location)
-    name = f"**{markdown_text(outcome.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
-    speed = factor(outcome.real_time_factor).removesuffix(" real time")
-    return row(ICONS[mood(outcome)], name, gist(outcome), moment(outcome.sim_time), speed)
+def _overview_row(group: Group, options: ReportOptions) -> str:
+    file = source_link(options, group.location)
+    name = f"**{markdown_text(group.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
+    speed = "" if group.varies else factor(group.worst.real_time_factor).removesuffix(" real time")
+    return row(ICONS[group.mood], name, gist(group), moment(sim_time(group)), speed)
 
 
-def _fitting(outcomes: list[Outcome], written: Callable[[Outcome], str], most_bytes: int) -> list[str]:
-    """What is written of the first outcomes, as many as there is room for."""
+def _fitting(found: list[Group], written: Callable[[Group], str], most_bytes: int) -> list[str]:
+    """What is written of the first scenarios, as many as there is room for."""
     texts: list[str] = []
-    for outcome in outcomes:
-        text = written(outcome)
+    for group in found:
+        text = written(group)
         most_bytes -= _size([text])
         if most_bytes < 0:
             break

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Final
 
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text, shortened
+from sim_action.reports.groups import Group
 from sim_action.reports.markdown import code, folded, row, source_link, table
 from sim_action.reports.wording import Mood, factor, moment, mood, own_output, quantity
 
-ICONS: Final[dict[Mood, str]] = {"passed": "✅", "warned": "⚠️", "failed": "❌", "error": "💥"}
+ICONS: Final[dict[Mood, str]] = {"passed": "✅", "warned": "⚠️", "failed": "❌", "error": "💥", "skipped": "⏭️"}
 
 _MOST_ROWS: Final = 100
 _MOST_FAILURES: Final = 20
@@ -21,8 +23,49 @@ _MOST_REMARKS: Final = 50
 _DIGEST_DIGITS: Final = 12
 
 
-def section(outcome: Outcome, options: ReportOptions) -> str:
+def section(group: Group, options: ReportOptions) -> str:
     """A heading, what did not hold or why there is no verdict, everything measured; how it ran is folded."""
+    return _varied(group, options) if group.varies else _outcome(group.worst, options)
+
+
+def gist(group: Group) -> str:
+    """The one thing to know about a scenario, as Markdown."""
+    if not group.varies:
+        return _gist(group.worst)
+    worst = (
+        f"; worst: {markdown_text(group.values(group.worst))} {_gist(group.worst)}" if group.mood != "passed" else ""
+    )
+    return f"{group.passed}{worst}"
+
+
+def sim_time(group: Group) -> float | None:
+    """In s, of all that was simulated; None if nothing was."""
+    times = [outcome.sim_time for outcome in group.outcomes if outcome.sim_time is not None]
+    return sum(times) if times else None
+
+
+def _varied(group: Group, options: ReportOptions) -> str:
+    """A table of its variations, in which those that passed are folded, and all about the worst, if one did not."""
+    ordered = group.worst_first()
+    unhappy = [outcome for outcome in ordered if mood(outcome) != "passed"]
+    rows = [
+        row(ICONS[mood(outcome)], markdown_text(group.values(outcome)), _gist(outcome), moment(outcome.sim_time))
+        for outcome in ordered[: max(len(unhappy), _MOST_ROWS)]
+    ]
+    columns = ("", "Variation", "What happened", " Sim time")
+    bad, good = rows[: len(unhappy)][:_MOST_ROWS], rows[len(unhappy) :]
+    parts = [
+        f"### {ICONS[group.mood]} {markdown_text(group.name)}: {group.passed}",
+        source_link(options, group.location),
+        table(columns, bad) if bad else "",
+        folded(f"{len(ordered) - len(unhappy)} variations that passed", table(columns, good)) if good else "",
+        _left_out(len(ordered), len(bad) + len(good), "variations"),
+        _outcome(group.worst, options) if group.mood not in ("passed", "skipped") else "",
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _outcome(outcome: Outcome, options: ReportOptions) -> str:
     parts = [
         f"### {ICONS[mood(outcome)]} {markdown_text(outcome.name)}",
         _subtitle(outcome, options),
@@ -34,8 +77,9 @@ def section(outcome: Outcome, options: ReportOptions) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def gist(outcome: Outcome) -> str:
-    """The one thing to know about it, as Markdown."""
+def _gist(outcome: Outcome) -> str:
+    if outcome.status == "skipped":
+        return _message(" ".join(outcome.notes))
     reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
     reasons += [expected.verdict.message for expected in outcome.expectations if expected.failed]
     reasons = reasons or [expected.verdict.message for expected in outcome.expectations if expected.warned]
@@ -99,6 +143,8 @@ def _remarks(outcome: Outcome) -> Iterator[str]:
         yield f"seed: {outcome.seed}"
     if outcome.digest:
         yield f"digest: {code(outcome.digest[:_DIGEST_DIGITS])}"
+    for varied in outcome.variation:
+        yield f"{code(varied.key)}: {code(json.dumps(varied.value))}"
     if outcome.trace:
         yield f"trace: {code(outcome.trace)}"
     for note in outcome.notes[:_MOST_REMARKS]:

@@ -16,13 +16,21 @@ from sim_action.errors import ExitCode
 from sim_action.outcome import RESULTS_FILE, ExpectationOutcome, Failure, Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, plain_text
+from sim_action.reports.groups import WORST_FIRST, Group, groups
 from sim_action.reports.paths import stored_trace
 from sim_action.reports.wording import Mood, counts, factor, measurements, mood, own_output, share
 
-_SYMBOLS: Final[dict[Mood, str]] = {"passed": "✓", "warned": "!", "failed": "✗", "error": "✗"}
-_ASCII_SYMBOLS: Final[dict[Mood, str]] = {"passed": "+", "warned": "!", "failed": "x", "error": "x"}
-_STYLES: Final[dict[Mood, str]] = {"passed": "green", "warned": "yellow", "failed": "bold red", "error": "bold red"}
-_MOODS: Final[tuple[Mood, ...]] = ("passed", "warned", "failed", "error")
+_SYMBOLS: Final[dict[Mood, str]] = {"passed": "✓", "skipped": "-", "warned": "!", "failed": "✗", "error": "✗"}
+_ASCII_SYMBOLS: Final[dict[Mood, str]] = {"passed": "+", "skipped": "-", "warned": "!", "failed": "x", "error": "x"}
+_STYLES: Final[dict[Mood, str]] = {
+    "passed": "green",
+    "skipped": "dim",
+    "warned": "yellow",
+    "failed": "bold red",
+    "error": "bold red",
+}
+_MOODS: Final = tuple(reversed(WORST_FIRST))
+_MOST_VARIATIONS: Final = 20
 
 
 def print_results(results: Results, options: ReportOptions, stream: TextIO | None = None) -> None:
@@ -31,9 +39,9 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
     on_github = options.environment.get("GITHUB_ACTIONS") == "true"
     with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
         printer = _Printer(_console(stream, options), options)
-        for outcome in sorted(results.outcomes, key=lambda outcome: _MOODS.index(mood(outcome))):
-            if options.verbosity != "quiet" or outcome.status != "passed":
-                printer.outcome(outcome)
+        for group in sorted(groups(results.outcomes), key=lambda group: _MOODS.index(group.mood)):
+            if options.verbosity != "quiet" or group.mood in ("failed", "error"):
+                printer.group(group)
         printer.closing(results)
 
 
@@ -88,12 +96,40 @@ class _Printer:
         shows_symbols = log_text("✓✗│", self._encoding) == "✓✗│"
         self._symbols = _SYMBOLS if shows_symbols else _ASCII_SYMBOLS
         self._bar = "│" if shows_symbols else "|"
+        self._margin = ""
 
-    def outcome(self, outcome: Outcome) -> None:
-        """One scenario, and an empty line."""
-        style = _STYLES[mood(outcome)]
-        file = f"  {outcome.file}" if outcome.file else ""
-        self._line("", (f"{self._symbols[mood(outcome)]} ", style), (outcome.name, "bold"), (file, "dim"))
+    def group(self, group: Group) -> None:
+        """One scenario, and an empty line; of its variations, those that did not pass."""
+        if group.varies:
+            worst = f"; worst: {group.values(group.worst)}" if group.mood in ("failed", "error") else ""
+            self._heading(group.mood, group.name, f"  {group.location}", f"  {group.passed}{worst}")
+            self._margin = "  "
+            self._variations(group)
+            self._margin = ""
+        else:
+            file = f"  {group.location}" if group.location else ""
+            self._heading(group.mood, group.name, file)
+            self._outcome(group.worst)
+        self._line()
+
+    def _heading(self, look: Mood, name: str, file: str, rest: str = "") -> None:
+        self._line("", (f"{self._symbols[look]} ", _STYLES[look]), (name, "bold"), (file, "dim"), (rest, ""))
+
+    def _variations(self, group: Group) -> None:
+        verbose = self._verbosity == "verbose"
+        shown = [outcome for outcome in group.outcomes if verbose or mood(outcome) not in ("passed", "skipped")]
+        most = len(shown) if verbose else _MOST_VARIATIONS
+        for outcome in shown[:most]:
+            self._heading(mood(outcome), outcome.name, "")
+            self._outcome(outcome)
+        if len(shown) > most:
+            self._line("", (f"{len(shown) - most} more, see {RESULTS_FILE}", "dim"))
+
+    def _outcome(self, outcome: Outcome) -> None:
+        """What there is to say of one run."""
+        if outcome.status == "skipped":
+            self._line("  ", (" ".join(outcome.notes), "dim"))
+            return
         for expected in outcome.expectations:
             if self._verbosity != "quiet" or expected.failed:
                 self._expectation(expected)
@@ -101,7 +137,6 @@ class _Printer:
             self._failure(failure)
         if self._verbosity == "verbose":
             self._run_details(outcome)
-        self._line()
 
     def closing(self, results: Results) -> None:
         """The counts; but when quiet, where everything is, too."""
@@ -161,7 +196,7 @@ class _Printer:
         """One line, made of parts with their styles."""
         shown = ((log_text(text, self._encoding).replace("\n", " "), style) for text, style in parts)
         # Wrapped by the terminal, not by us: paths stay whole for those who click or copy them.
-        self._console.print(Text.assemble(indent, *shown), soft_wrap=True)
+        self._console.print(Text.assemble(self._margin if parts else "", indent, *shown), soft_wrap=True)
 
 
 def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path]]:

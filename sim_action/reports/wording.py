@@ -9,7 +9,7 @@ from sim_action.outcome import Outcome, Results
 from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 
-Mood = Literal["passed", "warned", "failed", "error"]
+Mood = Literal["passed", "warned", "failed", "error", "skipped"]
 """A status, with passing and warning told apart."""
 
 
@@ -35,6 +35,7 @@ def counts(results: Results) -> str:
         (results.count("passed"), "passed"),
         (results.count("failed"), "failed"),
         (errors, "error" if errors == 1 else "errors"),
+        (results.count("skipped"), "not run"),
     )
     return (", ".join(f"{count} {name}" for count, name in named if count) or "no scenario") + warned
 

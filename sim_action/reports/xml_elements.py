@@ -36,8 +36,11 @@ def add_attachment(parent: ET.Element, path: str) -> None:
 
 
 def add_properties(parent: ET.Element, values: Mapping[str, object]) -> None:
-    """Adds properties; those that are None are left out."""
-    properties = ET.SubElement(parent, "properties")
+    """Adds properties, which come first; those that are None are left out."""
+    properties = parent.find("properties")
+    if properties is None:
+        properties = ET.Element("properties")
+        parent.insert(0, properties)
     for name, value in values.items():
         if value is not None:
             text = f"{value:.9g}" if isinstance(value, float) else value

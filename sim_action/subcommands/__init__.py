@@ -31,3 +31,6 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     sensors,
     schema,
 )
+
+TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge")
+"""Whose options may stand in pyproject.toml."""

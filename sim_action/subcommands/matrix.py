@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from sim_action.errors import ExitCode, UsageError
 from sim_action.subcommands.paths import PATHS, discovered, note
+from sim_action.subcommands.selection_flags import selection_flags, taken_selection, with_selected
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,9 +16,10 @@ if TYPE_CHECKING:
 
 @click.command()
 @PATHS
+@selection_flags
 @click.option("--shards", type=click.IntRange(min=1, max=256), metavar="N", required=True, help="How many, at most.")
 @click.option("--durations", metavar="PATH", help="An earlier results.json, by which to balance them.")
-def matrix(paths: Sequence[str], shards: int, durations: str | None) -> ExitCode:
+def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: Any) -> ExitCode:
     """Deal scenarios to shards that take about equally long; print them as JSON, for the matrix of a GitHub job.
 
     Exit code: 5 if there is no scenario.
@@ -30,6 +32,7 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None) -> ExitCode
     files, empty = discovered(paths)
     if not files:
         return ExitCode.NO_SCENARIO
+    files = with_selected(files, taken_selection(flags))
     known: dict[str, float] = {}
     try:
         known = known_durations(Results.read(Path(durations))) if durations else known

@@ -9,6 +9,7 @@ import click
 from sim_action.errors import ExitCode, UsageError
 from sim_action.subcommands.paths import discovered
 from sim_action.subcommands.report_flags import report_flags, report_request
+from sim_action.subcommands.selection_flags import selection_flags, taken_selection, with_selected
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,17 +18,23 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
 @click.option("--scenarios", multiple=True, metavar="PATHS", help="What has to be in the results; may be repeated.")
+@selection_flags
 @report_flags
-def merge(results: Sequence[str], scenarios: Sequence[str], **reports: Any) -> ExitCode:
+def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> ExitCode:
     """Join the results of shards to those of one run, and report them.
 
     RESULTS are results.json files, folders (every one in and below them) or globs. A shard that has left none, or a
-    scenario of --scenarios that none has, is an error among the outcomes. Exit code: as of `run`.
+    scenario of --scenarios that none has, is an error among the outcomes; what was selected for the shards is to be
+    selected of these, too. Exit code: as of `run`.
     """
     from sim_action import merging
     from sim_action.joining import Listing
 
-    listing = Listing(*discovered(scenarios)) if scenarios else None
-    if listing and not listing.files:
-        raise UsageError("--scenarios finds none; is this where the shards ran, with the repository checked out?")
-    return merging.merge(merging.MergeRequest(results, listing, report_request(reports)))
+    selection = taken_selection(flags)
+    listing = None
+    if scenarios:
+        files, empty = discovered(scenarios)
+        if not files:
+            raise UsageError("--scenarios finds none; is this where the shards ran, with the repository checked out?")
+        listing = Listing(with_selected(files, selection), empty)
+    return merging.merge(merging.MergeRequest(results, listing, report_request(flags)))

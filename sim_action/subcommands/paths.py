@@ -18,10 +18,10 @@ ALLOW_OUTSIDE: Final = click.option(
 
 
 def discovered(paths: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """The scenario files, and what was named but holds none."""
+    """The scenario files, and what was named but holds none; if nothing was, as pyproject.toml says, or all below."""
     from sim_action.discovery import compared_name, discover, unique
 
-    found = discover(paths or ["."])
+    found = discover(paths or click.get_current_context().lookup_default("paths") or ["."])
     # However it is spelled, it is one outcome.
     empty: dict[str, str] = {}
     for pattern in (pattern for pattern, matches in found.items() if not matches):

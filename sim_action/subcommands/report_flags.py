@@ -15,17 +15,51 @@ if TYPE_CHECKING:
 Command = Callable[..., ExitCode]
 
 _FILES: Final = (
-    click.option("--output-dir", default="sim-results", show_default=True, help="Where results, JUnit and traces go."),
-    click.option("--junit", metavar="PATH", help="Where the JUnit XML goes.  [default: junit.xml in the output dir]"),
-    click.option("--junit-strict", is_flag=True, help="Leave out of it what junit-10.xsd forbids."),
+    click.option(
+        "--output-dir",
+        envvar="SIM_ACTION_OUTPUT_DIR",
+        default="sim-results",
+        show_default=True,
+        help="Where results, JUnit and traces go.",
+    ),
+    click.option(
+        "--junit",
+        envvar="SIM_ACTION_JUNIT",
+        metavar="PATH",
+        help="Where the JUnit XML goes.  [default: junit.xml in the output dir]",
+    ),
+    click.option(
+        "--junit-strict",
+        envvar="SIM_ACTION_JUNIT_STRICT",
+        is_flag=True,
+        help="Leave out of it what junit-10.xsd forbids.",
+    ),
 )
 _SWITCHES: Final = (
-    click.option("--summary/--no-summary", default=True, help="Write the job summary, on GitHub.  [default: yes]"),
-    click.option("--annotations/--no-annotations", default=True, help="Annotate lines, on GitHub.  [default: yes]"),
+    click.option(
+        "--summary/--no-summary",
+        envvar="SIM_ACTION_SUMMARY",
+        default=True,
+        help="Write the job summary, on GitHub.  [default: yes]",
+    ),
+    click.option(
+        "--annotations/--no-annotations",
+        envvar="SIM_ACTION_ANNOTATIONS",
+        default=True,
+        help="Annotate lines, on GitHub.  [default: yes]",
+    ),
 )
 _VERBOSITY: Final = (
-    click.option("--verbose", "-v", is_flag=True, help="Show notes, diagnostics and what controllers print."),
-    click.option("--quiet", "-q", is_flag=True, help="Show what failed, and one closing line."),
+    click.option(
+        "--verbose",
+        "-v",
+        envvar="SIM_ACTION_VERBOSE",
+        is_flag=True,
+        help="Show notes, diagnostics and what controllers print.",
+    ),
+    click.option(
+        "--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show what failed, and one closing line."
+    ),
 )
 
 

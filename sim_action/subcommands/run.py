@@ -11,27 +11,47 @@ import click
 from sim_action.errors import ExitCode
 from sim_action.subcommands.paths import ALLOW_OUTSIDE, PATHS, discovered
 from sim_action.subcommands.report_flags import report_flags, report_request
+from sim_action.subcommands.selection_flags import selection_flags, taken_selection
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sim_action.permissions import AllowScripts
+    from sim_action.running import RunRequest
 
 
 @click.command()
 @PATHS
+@selection_flags
+@click.option(
+    "--fail-fast",
+    envvar="SIM_ACTION_FAIL_FAST",
+    is_flag=True,
+    help="Begin nothing more once a scenario has not passed.",
+)
+@click.option("--list", "list_only", is_flag=True, help="Print names, places and tags of scenarios, and run none.")
 @report_flags
 @click.option("--shard", metavar="I/N", help="Run every N-th scenario of the list only, beginning with the I-th.")
 @click.option(
     "--backend",
+    envvar="SIM_ACTION_BACKEND",
     type=click.Choice(("pybullet", "mujoco", "all")),
     help="Engine that all run on, whatever they say; all: each on both, and compared.",
 )
 @click.option(
-    "--seed", type=click.IntRange(0, 2**63 - 1), metavar="N", help="Of everything drawn at random, whatever they say."
+    "--seed",
+    envvar="SIM_ACTION_SEED",
+    type=click.IntRange(0, 2**63 - 1),
+    metavar="N",
+    help="Of everything drawn at random, whatever they say.",
 )
 @click.option(
-    "--jobs", "-j", type=click.IntRange(min=1, max=256), metavar="N", help="At the same time.  [default: the cores]"
+    "--jobs",
+    "-j",
+    envvar="SIM_ACTION_JOBS",
+    type=click.IntRange(min=1, max=256),
+    metavar="N",
+    help="At the same time.  [default: the cores]",
 )
 @click.option(
     "--allow-scripts",
@@ -44,13 +64,15 @@ if TYPE_CHECKING:
 def run(
     paths: Sequence[str],
     *,
+    fail_fast: bool,
+    list_only: bool,
     shard: str | None,
     backend: str | None,
     seed: int | None,
     jobs: int | None,
     allow_scripts: AllowScripts,
     allow_outside: bool,
-    **reports: Any,
+    **flags: Any,
 ) -> ExitCode:
     """Run scenarios, report their verdicts.
 
@@ -65,17 +87,39 @@ def run(
         from sim_action.permissions import Permissions, scripts_refused
 
         files, empty = discovered(paths)
+        selection = taken_selection(flags)
         request = running.RunRequest(
             files=files,
             empty=empty,
+            selection=selection,
+            fail_fast=fail_fast,
             shard=shard,
             backend=backend,
             seed=seed,
             jobs=jobs or _cores(),
             permissions=Permissions(allow_outside, scripts_refused(allow_scripts, os.environ)),
-            reports=report_request(reports),
+            reports=report_request(flags),
         )
+        if list_only:
+            return _listed(request)
         return running.run(request, interruption)
+
+
+def _listed(request: RunRequest) -> ExitCode:
+    """Prints what would run; what cannot be read is told as an error."""
+    from sim_action.messages import log_line
+    from sim_action.selection import listing
+    from sim_action.source import Refused
+
+    files = request.read()
+    for line in listing(files):
+        click.echo(line)
+    problems = [str(each.error) for scenarios in files for each in scenarios if isinstance(each, Refused)]
+    for line in (line for problem in problems for line in problem.split("\n")):
+        click.echo(log_line(line), err=True)
+    if not files:
+        return ExitCode.NO_SCENARIO
+    return ExitCode.INVALID if problems or request.empty else ExitCode.PASSED
 
 
 def _cores() -> int:

@@ -18,6 +18,11 @@ INPUTS = {
     "junit-path": "",
     "junit-strict": "false",
     "backend": "",
+    "only": "",
+    "exclude": "",
+    "tags": "",
+    "exclude-tags": "",
+    "fail-fast": "false",
     "seed": "",
     "jobs": "",
     "shard": "2/3",
@@ -48,6 +53,21 @@ def test_a_switch_without_an_opposite_is_left_out() -> None:
     assert "--junit-strict" not in list(SUBCOMMANDS["run"].command_line(INPUTS))
 
 
+def test_what_is_selected_is_an_option_for_each_line() -> None:
+    inputs = {**INPUTS, "only": "push[a=1, b=2]\n--x\n", "exclude": "a*", "tags": "x\ny", "exclude-tags": "z"}
+    line = list(SUBCOMMANDS["run"].command_line({**inputs, "fail-fast": "true"}))
+    selecting = [argument for argument in line if argument.startswith(("--only", "--ex", "--tag", "--fail"))]
+    assert selecting == [
+        "--fail-fast",
+        "--only=push[a=1, b=2]",
+        "--only=--x",
+        "--exclude=a*",
+        "--tag=x",
+        "--tag=y",
+        "--exclude-tag=z",
+    ]
+
+
 def test_merge_names_each_scenario_that_must_be_there() -> None:
     inputs = {**INPUTS, "results": "shards", "scenario": "a b\nc"}
     line = list(SUBCOMMANDS["merge"].command_line(inputs))
@@ -55,7 +75,7 @@ def test_merge_names_each_scenario_that_must_be_there() -> None:
     assert line[-2:] == ["--", "shards"]
 
 
-@pytest.mark.parametrize("name", ["summary", "annotations", "junit-strict", "fail-on-failure"])
+@pytest.mark.parametrize("name", ["summary", "annotations", "junit-strict", "fail-on-failure", "fail-fast"])
 @pytest.mark.parametrize("value", ["", "yes", "True", "true\nfalse"])
 def test_switches_are_true_or_false(name: str, value: str) -> None:
     with pytest.raises(InputError, match=f"input {name} must be true or false, and is '{value}'"):
@@ -91,5 +111,5 @@ def test_a_runner_gets_utf_8_whatever_the_code_page_of_the_console_is(tmp_path: 
         check=False,
     )
     assert ran.returncode == 2
-    assert "✗ ✓.sim.yml" in ran.stdout.decode("utf-8")
+    assert "✗ ✓  ✓.sim.yml" in ran.stdout.decode("utf-8")
     assert b"\r" not in ran.stdout + ran.stderr

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from sim_action.location import Location
-from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Results
+from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Results, Status
 from sim_action.reports import ReportOptions
 from sim_action.sharding import Shard
+from sim_action.source import Varied
 from sim_action.verdict import Verdict
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -65,6 +66,30 @@ PASSED = Outcome(
 HOSTILE = (
     'a|b <b>&</b> `x` @octocat #1 [l](http://x.y) *_~$ ]]> "q"\n::error::forged ##[error]x\x1b[31m \x00\u202e\ud800'
 )
+
+SKIPPED = Outcome(
+    name="burger circles",
+    file="scenarios/circle.sim.yml",
+    line=7,
+    status="skipped",
+    notes=("not run, as another scenario had not passed (--fail-fast)",),
+)
+
+
+def variation(friction: float, yaw: str, status: Status, margin: float) -> Outcome:
+    """Of one scenario, `push`."""
+    short = Verdict(False, 1.5 + margin, 1.5, margin, "m", 30.0, f"travelled {1.5 + margin:.3g} m of 1.5 m in 30.0 s")
+    return PASSED.model_copy(
+        update={
+            "name": f"push[friction={friction},yaw={yaw.replace(' ', '')}]",
+            "file": "scenarios/push.sim.yml",
+            "group": "push",
+            "variation": (Varied("world.ground.friction", friction), Varied("robot.pose.yaw", yaw)),
+            "status": status,
+            "expectations": (TRAVEL if status == "passed" else TRAVEL.model_copy(update={"verdict": short}),),
+        }
+    )
+
 
 SAMPLES: dict[str, tuple[Outcome, ...]] = {
     "passed": (PASSED,),
@@ -197,6 +222,26 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                 ),
             ),
         ),
+    ),
+    "varied": (
+        *(
+            variation(friction, yaw, "failed" if friction < 0.5 else "passed", margin)
+            for friction in (0.1, 0.8)
+            for yaw, margin in (("-0.448 deg", -0.38), ("2.78 deg", -0.75))
+        ),
+        PASSED.model_copy(update={"line": 12}),
+        *(
+            variation(friction, "1 deg", "passed", 0.0).model_copy(
+                update={"group": "still", "name": f"still[{friction}]"}
+            )
+            for friction in (1, 2)
+        ),
+    ),
+    "skipped": (
+        PASSED.model_copy(update={"status": "failed", "expectations": (SHORT,)}),
+        SKIPPED,
+        variation(0.1, "1 deg", "failed", -0.1),
+        SKIPPED.model_copy(update={"name": "push[friction=0.2,yaw=1deg]", "group": "push"}),
     ),
     "part": (PASSED,),
     "empty-part": (),

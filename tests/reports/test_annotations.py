@@ -47,6 +47,21 @@ def test_each_problem_of_an_invalid_scenario(samples: Samples, options: ReportOp
     assert [line.split(",")[1] for line in found] == ["line=9", "line=7"]
 
 
+def test_what_happened_to_several_variations_is_told_once(samples: Samples, options: ReportOptions) -> None:
+    (line,) = lines(samples["varied"], options)
+    assert line == (
+        "::error file=scenarios/straight.sim.yml,line=8,col=5,title=push%3A travel at least 1.5 m"
+        "::2 of 4 variations; the worst, [friction=0.1,yaw=2.78deg]: travelled 0.75 m of 1.5 m in 30.0 s"
+    )
+
+
+def test_what_was_not_run_is_no_annotation(samples: Samples, options: ReportOptions) -> None:
+    assert [re.findall(r"title=([^,:]*)", line)[0] for line in lines(samples["skipped"], options)] == [
+        "burger drives straight%3A travel at least 1.5 m",
+        "push%3A travel at least 1.5 m",
+    ]
+
+
 def test_without_a_place_it_is_the_file(samples: Samples, options: ReportOptions) -> None:
     (line,) = lines(samples["crash"], options)
     assert line.startswith("::error file=scenarios/wall.sim.yml,title=burger falls apart%3A SIGSEGV::the process")

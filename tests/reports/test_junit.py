@@ -161,6 +161,7 @@ ATTRIBUTES = {
     "property": {"name", "value"},
     "failure": {"type", "message"},
     "error": {"type", "message"},
+    "skipped": {"type", "message"},
     "system-out": set(),
     "system-err": set(),
 }

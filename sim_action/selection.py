@@ -1,0 +1,85 @@
+"""Which scenarios are meant: by patterns of their names, and by tags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from sim_action.backends import BACKENDS
+from sim_action.errors import UsageError
+from sim_action.location import Location
+from sim_action.messages import did_you_mean, escaped_line
+from sim_action.source import Refused, Source
+
+Scenarios = tuple[Source | Refused, ...]
+"""What is written in one file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What the command line asks for; what is left empty leaves nothing out.
+
+    Attributes:
+        only, exclude: patterns of names, in which `*` and `?` stand for anything, and brackets for themselves. The name
+            of a scenario means all of its variations.
+        tags, exclude_tags: of which a scenario has at least one, and none.
+    """
+
+    only: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    tags: tuple[str, ...] = ()
+    exclude_tags: tuple[str, ...] = ()
+
+    def takes(self, scenario: Source | Refused) -> bool:
+        """Whether a scenario is meant; what cannot be read may have any tag."""
+        if self.only and not any(_is_called(scenario, pattern) for pattern in self.only):
+            return False
+        if any(_is_called(scenario, pattern) for pattern in self.exclude):
+            return False
+        if isinstance(scenario, Refused):
+            return True
+        has = set(scenario.tags)
+        return not has & set(self.exclude_tags) and (not self.tags or bool(has & set(self.tags)))
+
+
+def selected(files: Sequence[Scenarios], selection: Selection) -> list[Scenarios]:
+    """Of each file what is meant, and only files of which something is. Raises UsageError if that is nothing at all."""
+    chosen = [tuple(scenario for scenario in scenarios if selection.takes(scenario)) for scenarios in files]
+    if files and not any(chosen):
+        raise UsageError("\n".join(escaped_line(line) for line in _nothing(files, selection)))
+    return [scenarios for scenarios in chosen if scenarios]
+
+
+def listing(files: Iterable[Scenarios]) -> Iterator[str]:
+    """A line for each that can be read: name, place and tags, with tabs between."""
+    for scenario in (scenario for scenarios in files for scenario in scenarios):
+        if isinstance(scenario, Source):
+            place = Location(scenario.document.file, scenario.line or 1)
+            yield "\t".join((scenario.name, str(place), ",".join(scenario.tags))).rstrip("\t")
+
+
+def _is_called(scenario: Source | Refused, pattern: str) -> bool:
+    called = {scenario.name} | ({scenario.group} if isinstance(scenario, Source) and scenario.group else set())
+    # As runs on several engines are called.
+    called |= {f"{scenario.name} [{engine}]" for engine in BACKENDS}
+    return any(fnmatchcase(name, pattern.replace("[", "[[]")) for name in called)
+
+
+def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
+    """Why nothing is meant."""
+    every = [scenario for scenarios in files for scenario in scenarios]
+    varied = {each.name: each.group for each in every if isinstance(each, Source) and each.group}
+    names = {each.name for each in every} - set(varied) | set(varied.values())
+    tags = {tag for scenario in every if isinstance(scenario, Source) for tag in scenario.tags}
+    unknown = [pattern for pattern in selection.only if not any(_is_called(each, pattern) for each in every)]
+    for pattern in unknown:
+        near = did_you_mean(pattern, varied if "[" in pattern and varied else names)
+        yield f"--only: no scenario is called '{pattern}'{near}"
+    for tag in selection.tags:
+        if tag not in tags:
+            yield f"--tag: no scenario has the tag '{tag}'{did_you_mean(tag, tags)}"
+    yield f"of {len(every)} scenarios, none is selected"
+    for scenario in every:
+        if isinstance(scenario, Refused) and not selection.takes(scenario):
+            yield str(scenario.error.problems[0])

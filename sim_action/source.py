@@ -1,0 +1,63 @@
+"""What one scenario is read from, and one of its variations; be it one that can be run or not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import JsonValue
+
+from sim_action.errors import InvalidScenario
+from sim_action.workspace import Workspace
+from sim_action.yaml_document import Document
+
+
+@dataclass(frozen=True, slots=True)
+class Varied:
+    """A key of a scenario, as `variations` calls it, and the value that it has in one of them."""
+
+    key: str
+    value: JsonValue
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One scenario as it is written.
+
+    Attributes:
+        path: of its file, as it was named.
+        workspace: where its own files are found.
+        document: all of its keys, with those that it has from other files, and the place of each.
+        name: how reports call it, which is its own name if it has one.
+        line: where it begins in a file of several; None: its file holds nothing else.
+        group: of a variation, the name of the scenario that is varied.
+        variation: the values that make it this one.
+    """
+
+    path: Path
+    workspace: Workspace
+    document: Document
+    name: str
+    line: int | None = None
+    group: str | None = None
+    variation: tuple[Varied, ...] = ()
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """As far as they are what tags can be."""
+        tags = self.document.data.get("tags") if isinstance(self.document.data, dict) else None
+        return tuple(tag for tag in tags if isinstance(tag, str)) if isinstance(tags, tuple) else ()
+
+    def refused(self, error: InvalidScenario) -> Refused:
+        """It, once it is known what is wrong with it."""
+        return Refused(self.document.file, self.group or self.name, self.line, error)
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A scenario that cannot be run, and what is wrong with it; the rest is as of a source."""
+
+    file: str
+    name: str
+    line: int | None
+    error: InvalidScenario

@@ -1,0 +1,152 @@
+"""What a key takes in its variations: a list of values, or samples that are drawn at random."""
+
+from __future__ import annotations
+
+import math
+import re
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from sim_action.messages import did_you_mean, shown
+from sim_action.quantities import FrozenModel
+from sim_action.spec_errors import spec_errors
+from sim_action.yaml_document import KeyPath
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+_QUANTITY: Final = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.{0,20}?)\s*")
+
+Bounds = tuple[float | str, float | str]
+
+
+@dataclass(frozen=True, slots=True)
+class ValueList:
+    """The values of one key, as a scenario would have them; `drawn`: whether at random."""
+
+    values: tuple[Any, ...]
+    drawn: bool = False
+
+
+class ValuesError(Exception):
+    """Values that cannot be; `path` leads to what is wrong."""
+
+    def __init__(self, message: str, path: KeyPath = ()) -> None:
+        self.path = path
+        super().__init__(message)
+
+
+class Draw(FrozenModel):
+    """Values that are drawn at random, by the seed and the key's name alone: other keys change none of them."""
+
+    key: ClassVar[str]
+
+    samples: Annotated[int, Field(ge=1, le=10_000, description="how many; keys that are drawn have equally many")]
+
+    def drawn(self, generator: Generator) -> tuple[float | str, ...]:
+        """The samples, in the unit of the bounds."""
+        first, second, unit = self.numbers
+        numbers = (self._one(generator, first, second) for _ in range(self.samples))
+        return tuple(f"{number!r} {unit}" if unit else number for number in numbers)
+
+    @property
+    def numbers(self) -> tuple[float, float, str]:
+        """Both figures, and their unit. Raises ValueError."""
+        pairs = [_number(value) for value in getattr(self, self.key)]
+        (first, unit), (second, other) = pairs
+        if unit != other:
+            raise ValueError(f"both figures have the same unit; found '{unit}' and '{other}'")
+        return first, second, unit
+
+    def _one(self, generator: Generator, first: float, second: float) -> float:
+        raise NotImplementedError
+
+
+class Uniform(Draw):
+    """Anything between two bounds, equally likely."""
+
+    key = "uniform"
+
+    uniform: Annotated[Bounds, Field(description="least and greatest; both numbers, or with the same unit")]
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        low, high, _ = self.numbers
+        if not low < high or not math.isfinite(high - low):
+            raise ValueError("the first bound must be below the second")
+        return self
+
+    def _one(self, generator: Generator, first: float, second: float) -> float:
+        return float(first + (second - first) * generator.random())
+
+
+class Normal(Draw):
+    """Around a mean."""
+
+    key = "normal"
+
+    normal: Annotated[Bounds, Field(description="mean and standard deviation; both numbers, or with the same unit")]
+
+    @model_validator(mode="after")
+    def _spreads(self) -> Self:
+        if self.numbers[1] <= 0:
+            raise ValueError("the standard deviation must be above 0")
+        return self
+
+    def _one(self, generator: Generator, first: float, second: float) -> float:
+        return float(first + second * generator.standard_normal())
+
+
+DRAWS: Final[dict[str, type[Draw]]] = {draw.key: draw for draw in (Uniform, Normal)}
+"""The key that tells one way to draw from the others."""
+
+_EXPECTED: Final = "expected a list of values, or a draw such as {uniform: [0, 1], samples: 10}"
+
+
+def value_list(key: str, stated: object, seed: int) -> ValueList:
+    """What a key takes; `key` and `seed` decide what is drawn. Raises ValuesError."""
+    if isinstance(stated, tuple) and stated:
+        _refuse_twins(stated)
+        return ValueList(stated)
+    if not isinstance(stated, dict):
+        raise ValuesError(f"{_EXPECTED}, found {shown(stated)}")
+    ways = [way for way in DRAWS if way in stated]
+    if len(ways) != 1:
+        others = [name for name in stated if name not in DRAWS and name != "samples"]
+        hint = did_you_mean(others[0], (*DRAWS, "samples")) if others else ""
+        raise ValuesError(f"{_EXPECTED}{hint}")
+    return ValueList(_draw(DRAWS[ways[0]], stated).drawn(_generator(key, seed)), drawn=True)
+
+
+def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
+    try:
+        return model.model_validate(stated)
+    except ValidationError as error:
+        path, message = next(spec_errors(model, stated, error))
+        raise ValuesError(message, path[:2]) from None
+
+
+def _generator(key: str, seed: int) -> Generator:
+    """As a scene makes one for each purpose."""
+    import numpy as np
+
+    return np.random.default_rng((seed, zlib.crc32(f"variations {key}".encode())))
+
+
+def _refuse_twins(values: tuple[object, ...]) -> None:
+    seen: set[str] = set()
+    for index, value in enumerate(values):
+        if (written := repr(value)) in seen:
+            raise ValuesError(f"{shown(value)} is there twice", (index,))
+        seen.add(written)
+
+
+def _number(value: float | str) -> tuple[float, str]:
+    found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    number = float(found[1]) if found else math.nan if isinstance(value, str) else float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"expected a finite number, maybe with a unit, found {shown(value)}")
+    return number, found[2] if found else ""

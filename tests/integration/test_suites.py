@@ -1,0 +1,183 @@
+"""Files of several scenarios, variations and selections, from the command line to the reports."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from sim_action.backends import installed
+from tests.integration.test_examples import outcomes, sim_action
+
+SHARED = """\
+robot: {model: turtlebot3_burger}
+commands: {twist: [{linear: 0.5}]}
+expect: [{travel: {at_least: 0.2 m}}]
+time_limit: 2 s
+"""
+PUSH = f"""\
+name: push
+tags: [wet]
+variations:
+  world.ground.friction: [0.001, 0.9]
+  robot.pose.yaw: {{normal: [0 deg, 20 deg], samples: 2}}
+{SHARED}"""
+
+
+def told(folder: Path) -> list[tuple[str, str]]:
+    return [(outcome["name"], outcome["status"]) for outcome in outcomes(folder)]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "push.sim.yml").write_text(PUSH)
+    (tmp_path / "many.sim.yml").write_text(
+        f"scenarios:\n  - {{name: one, tags: [dry]}}\n  - {{name: two, time_limit: no}}\n  - {{name: three}}\n{SHARED}"
+    )
+    return tmp_path
+
+
+def test_an_invalid_scenario_does_not_lose_the_others_of_its_file(folder: Path) -> None:
+    ran = sim_action(folder, "run", "many.sim.yml")
+    assert ran.returncode == 2
+    assert told(folder) == [("one", "passed"), ("two", "error"), ("three", "passed")]
+    assert [outcome["line"] for outcome in outcomes(folder)] == [2, 3, 4]
+    assert "many.sim.yml:3:17" in ran.stdout
+    validated = sim_action(folder, "validate", "many.sim.yml")
+    assert validated.returncode == 2
+    assert "2 valid, 1 invalid" in validated.stderr
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_variation_is_run_again_to_the_last_bit_by_its_name(folder: Path, engine: str) -> None:
+    assert sim_action(folder, "run", "push.sim.yml", "--backend", engine).returncode == 1
+    first = {outcome["name"]: outcome for outcome in outcomes(folder)}
+    assert len(first) == 4
+    assert len({outcome["digest"] for outcome in first.values()}) == 4
+    for name, outcome in first.items():
+        sim_action(folder, "run", "--backend", engine, "--only", name)
+        (again,) = outcomes(folder)
+        same = ("name", "group", "variation", "status", "digest", "expectations")
+        assert {key: again[key] for key in same} == {key: outcome[key] for key in same}
+
+
+def test_the_values_that_results_have_make_the_same_scenario(folder: Path) -> None:
+    sim_action(folder, "run", "push.sim.yml")
+    last = outcomes(folder)[-1]
+    friction, yaw = (varied["value"] for varied in last["variation"])
+    assert [varied["key"] for varied in last["variation"]] == ["world.ground.friction", "robot.pose.yaw"]
+    alone = PUSH.partition("variations")[0] + SHARED.replace(
+        "burger}", f"burger, pose: {{yaw: {yaw}}}}}\nworld: {{ground: {{friction: {friction}}}}}"
+    )
+    (folder / "push.sim.yml").write_text(alone)
+    sim_action(folder, "run", "push.sim.yml")
+    assert outcomes(folder)[0]["digest"] == last["digest"]
+
+
+def test_variations_are_one_suite_and_one_entry_of_the_terminal(folder: Path) -> None:
+    ran = sim_action(folder, "run", "push.sim.yml")
+    assert ran.returncode == 1
+    assert "push  push.sim.yml  2 of 4 passed; worst: [friction=0.001,yaw=" in ran.stdout
+    (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
+    assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("push", "4", "2")
+
+
+def test_another_seed_draws_other_values(folder: Path) -> None:
+    def yaws(*flags: str) -> list[Any]:
+        sim_action(folder, "run", "push.sim.yml", *flags)
+        return [outcome["variation"][1]["value"] for outcome in outcomes(folder)]
+
+    assert yaws() == yaws("--seed", "0") != yaws("--seed", "7")
+
+
+@pytest.mark.skipif(len(installed()) < 2, reason="there is one engine")
+def test_each_variation_is_compared_on_all_engines(folder: Path) -> None:
+    sim_action(folder, "run", "push.sim.yml", "--backend", "all", "--only", "push[friction=0.9*")
+    found = outcomes(folder)
+    assert [outcome["name"].rpartition(" ")[2] for outcome in found] == ["[pybullet]", "[mujoco]"] * 2
+    assert {outcome["group"] for outcome in found} == {"push"}
+    assert ["agreement" in {each["assertion"] for each in outcome["expectations"]} for outcome in found] == [
+        False,
+        True,
+    ] * 2
+    (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
+    names = [case.get("name") or "" for case in suite]
+    assert len(set(names)) == len(names)
+
+
+def test_what_no_variation_can_do_is_told_once(folder: Path) -> None:
+    path = folder / "push.sim.yml"
+    path.write_text(path.read_text().replace("turtlebot3_burger", "ant.xml") + "agreement: {position: 1 cm}\n")
+    (folder / "ant.xml").write_text("<mujoco/>")
+    assert sim_action(folder, "run", "push.sim.yml").returncode == 2
+    assert told(folder) == [("push", "error")]
+
+
+def test_scenarios_are_found_by_name_and_tag(folder: Path) -> None:
+    assert sim_action(folder, "run", "--tag", "dry").returncode == 0
+    assert told(folder) == [("one", "passed")]
+    assert sim_action(folder, "run", "--only", "t*", "--exclude", "two").returncode == 0
+    assert told(folder) == [("three", "passed")]
+    listed = sim_action(folder, "run", "--list", "--exclude-tag", "wet")
+    assert listed.stdout.splitlines() == ["one\tmany.sim.yml:2\tdry", "two\tmany.sim.yml:3", "three\tmany.sim.yml:4"]
+    nothing = sim_action(folder, "run", "--only", "pus")
+    assert nothing.returncode == 2
+    assert "no scenario is called 'pus'; did you mean 'push'?" in nothing.stderr
+
+
+def test_shards_are_dealt_what_is_selected(folder: Path) -> None:
+    for index in (1, 2):
+        flags = ("--only", "one", "--only", "push", "--output-dir", f"part-{index}")
+        sim_action(folder, "run", "--shard", f"{index}/2", *flags)
+    sim_action(folder, "merge", "part-1", "part-2")
+    assert [name.partition("[")[0] for name, _ in told(folder)] == ["one", "push", "push", "push", "push"]
+    assert {outcome["group"] for outcome in outcomes(folder)} == {None, "push"}
+
+
+def test_a_matrix_and_what_must_be_in_a_merge_know_the_same_selection(folder: Path) -> None:
+    dealt = sim_action(folder, "matrix", "--shards", "5", "--only", "push", ".")
+    assert [shard["scenario"] for shard in json.loads(dealt.stdout)["include"]] == ["push.sim.yml"]
+    assert sim_action(folder, "matrix", "--shards", "5", "--tag", "none").returncode == 2
+    sim_action(folder, "run", "--tag", "wet", "--output-dir", "part")
+    merge = ("merge", "part", "--scenarios", ".")
+    assert sim_action(folder, *merge, "--tag", "wet").returncode == 1
+    assert len(outcomes(folder)) == 4
+    assert sim_action(folder, *merge).returncode == 2
+
+
+def test_nothing_is_begun_after_the_first_failure(folder: Path) -> None:
+    (folder / "many.sim.yml").unlink()
+    ran = sim_action(folder, "run", "--fail-fast", "--jobs", "1")
+    assert ran.returncode == 1
+    assert [status for _, status in told(folder)] == ["failed", "skipped", "skipped", "skipped"]
+    assert "1 failed, 3 not run" in ran.stdout
+    (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
+    assert [suite.get(key) for key in ("tests", "failures", "skipped")] == ["4", "1", "3"]
+    merged = sim_action(folder, "merge", "sim-results", "--output-dir", "merged")
+    assert merged.returncode == 1
+
+
+def test_with_an_invalid_scenario_nothing_is_begun_at_all(folder: Path) -> None:
+    ran = sim_action(folder, "run", "--fail-fast", "many.sim.yml")
+    assert ran.returncode == 2
+    assert [status for _, status in told(folder)] == ["skipped", "error", "skipped"]
+
+
+def test_a_xacro_of_a_base_is_evaluated_with_what_each_scenario_says(tmp_path: Path) -> None:
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib/box.xacro").write_text(
+        '<robot name="box" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="mass" default="1"/>'
+        '<link name="l"><inertial><mass value="$(arg mass)"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+        '</inertial><collision><geometry><box size="1 1 1"/></geometry></collision></link></robot>'
+    )
+    (tmp_path / "lib/box.base.yml").write_text("robot: {model: box.xacro}\nexpect: [upright]\ntime_limit: 0.1 s\n")
+    (tmp_path / "a.sim.yml").write_text(
+        "extends: lib/box.base.yml\nname: a\nvariations: {robot.args.mass: [1, 2, heavy]}\n"
+    )
+    sim_action(tmp_path, "run", "a.sim.yml")
+    found = outcomes(tmp_path)
+    assert [outcome["status"] for outcome in found] == ["passed", "passed", "error"]
+    assert "heavy" in json.dumps(found[2]["failures"])

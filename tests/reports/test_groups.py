@@ -1,0 +1,71 @@
+"""Which outcomes reports show together, and which of them is the worst."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.location import Location
+from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Status
+from sim_action.reports.groups import groups, relative_margin, worst_first
+from sim_action.verdict import Verdict
+
+
+def expected(margin: float | None = None, limit: float | None = None, *, passed: bool = False) -> ExpectationOutcome:
+    return ExpectationOutcome(
+        name="travel",
+        assertion="travel",
+        severity="error",
+        location=Location("a.sim.yml", 3, 1),
+        verdict=Verdict(passed, None, limit, margin, "m", None, "told"),
+    )
+
+
+def outcome(
+    name: str, *expectations: ExpectationOutcome, group: str | None = "a", status: Status = "failed"
+) -> Outcome:
+    return Outcome(name=name, file="a.sim.yml", group=group, status=status, expectations=expectations)
+
+
+@pytest.mark.parametrize(
+    ("margin", "limit", "relative"), [(-0.5, 2.0, -0.25), (-0.5, -2.0, -0.25), (-3.0, 0.0, -3.0), (None, 1.0, -1.0)]
+)
+def test_a_margin_is_relative_to_its_limit(margin: float | None, limit: float, relative: float) -> None:
+    assert relative_margin(expected(margin, limit)) == relative
+
+
+def test_variations_of_a_scenario_are_together_and_others_alone() -> None:
+    found = groups([outcome("b", group=None), outcome("a[x=1]"), outcome("a[x=2]"), outcome("b", group=None)])
+    assert [(group.name, group.varies, len(group.outcomes)) for group in found] == [
+        ("b", False, 1),
+        ("a", True, 2),
+        ("b", False, 1),
+    ]
+    assert [found[1].values(each) for each in found[1].outcomes] == ["[x=1]", "[x=2]"]
+    assert found[0].values(found[0].worst) == ""
+
+
+def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -> None:
+    near, far = outcome("a[x=1]", expected(-0.1, 1.0)), outcome("a[x=2]", expected(-0.9, 10.0), expected(-0.2, 1.0))
+    passed = outcome("a[x=3]", expected(5.0, 1.0, passed=True), status="passed")
+    (group,) = groups([passed, near, far])
+    assert group.worst is far
+    assert group.passed == "1 of 3 passed"
+    crashed = outcome("a[x=4]", status="error").model_copy(
+        update={"failures": (Failure(kind="crash", title="SIGSEGV", message="gone"),)}
+    )
+    (group,) = groups([far, crashed, outcome("a[x=5]", status="skipped")])
+    assert group.worst is crashed
+    assert group.mood == "error"
+    assert group.passed == "0 of 3 passed, 1 not run"
+    assert [each.status for each in group.worst_first()] == ["error", "failed", "skipped"]
+
+
+def test_scenarios_with_failures_come_first_in_the_order_of_the_call() -> None:
+    found = groups(
+        [
+            outcome("p", group=None, status="passed"),
+            outcome("f", group=None),
+            outcome("s", group=None, status="skipped"),
+        ]
+    )
+    assert [group.name for group in worst_first(found)] == ["f", "s", "p"]
