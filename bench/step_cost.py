@@ -51,7 +51,7 @@ def _raw(loaded: LoadedScenario) -> float:
     from sim_action.backends.pybullet import PyBulletBackend
 
     physics, scene = loaded.scenario.physics, build_scene(loaded)
-    backend = PyBulletBackend(scene, contacts=False)
+    backend = PyBulletBackend(scene)
     settling = round(physics.settle * physics.rate)
     drive = loaded.scenario.robot.drive
     brake = drive.open(scene.model, physics.rate).targets(Twist(), 1) if drive else []

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, JsonValue, model_validator
 
 from sim_action.assertions import Assertion
+from sim_action.channels import Channels
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
@@ -71,6 +72,11 @@ class Expectation:
     after: float = 0.0
     before: float = math.inf
     severity: Severity = "error"
+
+    @property
+    def channels(self) -> Channels:
+        """What its assertion reads, from `after` on."""
+        return self.assertion.channels.opening_at(self.after)
 
 
 class DrivenRobot(Robot):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from sim_action.backends import Backend
@@ -14,6 +14,7 @@ from sim_action.scene import Scene
 from sim_action.sensor_record import SensorRecord
 from sim_action.sensors import Measure, Mount, Sight
 from sim_action.sensors.mounting import MountedSensor
+from sim_action.trace import Trace
 from sim_action.wheel_motion import WheelMotion
 
 
@@ -35,11 +36,19 @@ class _Running:
 class Sensing:
     """The live half of `Scenario.sensors`, and the eyes of controllers."""
 
-    def __init__(self, scenario: Scenario, scene: Scene, backend: Backend, *, heard: bool) -> None:
-        """`heard`: whether a controller listens; sensors that nobody listens to are not read."""
+    def __init__(
+        self, scenario: Scenario, scene: Scene, backend: Backend, *, heard: bool, judged: Collection[str] = ()
+    ) -> None:
+        """What nobody listens to is not read.
+
+        `heard`: whether a controller listens; `judged`: names of the sensors that assertions read.
+        """
         self._backend, self._rate = backend, scenario.physics.rate
+        self._judged = judged
         self._readings: dict[str, Reading] = {}
-        self._sensors = [_open(mounted, scenario, scene) for mounted in scenario.sensors if heard or mounted.trace]
+        self._sensors = [
+            _open(mounted, scenario, scene) for mounted in scenario.sensors if heard or self._keeps(mounted)
+        ]
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
 
     def look(self, step: int) -> Observation:
@@ -60,11 +69,20 @@ class Sensing:
         for running in due:
             reading = running.measure(sight)
             self._readings[running.mounted.name] = reading
-            if running.mounted.trace:
+            if self._keeps(running.mounted):
                 running.kept.append(reading)
 
+    def _keeps(self, mounted: MountedSensor) -> bool:
+        return mounted.trace or mounted.name in self._judged
+
+    def stored(self, trace: Trace) -> Trace:
+        """A trace without the readings that only assertions were to see."""
+        unwanted = {running.mounted.name for running in self._sensors if not running.mounted.trace}
+        sensors = {name: record for name, record in trace.sensors.items() if name not in unwanted}
+        return trace if len(sensors) == len(trace.sensors) else replace(trace, sensors=sensors)
+
     def collect(self) -> Mapping[str, SensorRecord]:
-        """What was read since the last call and is to be kept, by the sensors' names."""
+        """What was read since the last call, and is judged or to be kept, by the sensors' names."""
         records = {
             running.mounted.name: SensorRecord.of_readings(running.mounted.sensor.key, running.kept)
             for running in self._sensors

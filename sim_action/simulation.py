@@ -12,7 +12,9 @@ import numpy as np
 
 from sim_action.arrivals import Arrivals
 from sim_action.backends import BACKENDS, Backend, chosen
+from sim_action.channels import Channels
 from sim_action.controls import Controls, padded
+from sim_action.digest import Digest
 from sim_action.drives import Drive, recognise
 from sim_action.errors import RunError
 from sim_action.missed import missed
@@ -21,7 +23,7 @@ from sim_action.scenario import Scenario
 from sim_action.scene import Scene
 from sim_action.sensing import Sensing
 from sim_action.start import moved_while_settling, refuse_bad_start
-from sim_action.trace import Digest, Trace
+from sim_action.trace import Trace
 from sim_action.verdict import Verdict
 from sim_action.watchdog import Watchdog
 
@@ -67,12 +69,12 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> Simulation
     """Runs a scenario to its end. Raises RunError where there can be no verdict."""
     drive = _drive_of(scenario, scene)
     scene = drive.prepared(scene) if drive else scene
-    contacts = any(assertion.watches_contacts for assertion in scenario.assertions)
-    backend = BACKENDS.load(chosen(scenario.backend))(scene, contacts=contacts)
+    channels = Channels.all_of(expected.channels for expected in scenario.expect)
+    backend = BACKENDS.load(chosen(scenario.backend))(scene, channels)
     try:
         at = backend.observe(0, contacts=False).pose
         refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
-        return _Loop(scenario, scene, drive, backend).run(progress)
+        return _Loop(scenario, scene, drive, backend, channels).run(progress)
     finally:
         backend.close()
 
@@ -93,7 +95,9 @@ def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Itera
 class _Loop:
     """One run; the step count is its clock."""
 
-    def __init__(self, scenario: Scenario, scene: Scene, drive: Drive | None, backend: Backend) -> None:
+    def __init__(
+        self, scenario: Scenario, scene: Scene, drive: Drive | None, backend: Backend, channels: Channels
+    ) -> None:
         self._scenario = scenario
         self._scene = scene
         self._backend = backend
@@ -102,7 +106,7 @@ class _Loop:
         self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate) if drive else None
         self._controls = Controls(scenario, scene, self._motion)
-        self._sensing = Sensing(scenario, scene, backend, heard=self._controls.are_watching)
+        self._sensing = Sensing(scenario, scene, backend, heard=self._controls.are_watching, judged=channels.sensors)
         self._arrivals = Arrivals.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._stride = max(1, round(scenario.physics.rate / scenario.trace_rate))
@@ -125,7 +129,7 @@ class _Loop:
             if len(trace):
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
-                kept.append(self._decimated(seen, keep_last=panel.end is not None))
+                kept.append(self._decimated(self._sensing.stored(seen), keep_last=panel.end is not None))
                 progress(panel.time)
             if failure is not None and panel.end is None:
                 raise failure
@@ -189,7 +193,7 @@ class _Loop:
         kept = trace.rows(slice(-first_step % self._stride, None, self._stride))
         if not keep_last or (first_step + len(trace) - 1) % self._stride == 0:
             return kept
-        return Trace.concatenate((kept, replace(trace.rows(slice(-1, None)), contacts=(), sensors={})))
+        return Trace.concatenate((kept, replace(trace.rows(slice(-1, None)), contacts=(), sensors={}, clearances={})))
 
 
 def _fastest(trace: Trace) -> float:

@@ -5,22 +5,26 @@ The simulation loop hands monitors short traces at full rate; what is stored is 
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.channels import ClearanceWatch
+from sim_action.clearance_record import ClearanceRecord, clearance_arrays, clearance_records
 from sim_action.geometry import Vector3
 from sim_action.observation import Contact, Observation
-from sim_action.sensor_record import SensorRecord
+from sim_action.sensor_record import SensorRecord, sensor_arrays, sensor_records
 from sim_action.whole_files import whole_file
 
 FloatArray = NDArray[np.float64]
+
+_Key = TypeVar("_Key")
+_Record = TypeVar("_Record")
 
 COLUMNS: Final = (
     "time",
@@ -59,12 +63,14 @@ class Trace:
         state: (T, 14 + 3 J), a row a moment; the properties below are its columns, in this order.
         contacts: of the robot with bodies other than the ground, from every step between the first and last moment.
         sensors: name -> what it told until the last moment, for sensors that the trace keeps.
+        clearances: watch -> how near the robot came; from every step, as contacts are.
     """
 
     joint_names: tuple[str, ...]
     state: FloatArray
     contacts: tuple[Contact, ...] = ()
     sensors: Mapping[str, SensorRecord] = field(default_factory=dict)
+    clearances: Mapping[ClearanceWatch, ClearanceRecord] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.state)
@@ -94,11 +100,10 @@ class Trace:
     def concatenate(cls, traces: Sequence[Self]) -> Self:
         """Traces of the same robot, one after the other."""
         contacts = tuple(contact for trace in traces for contact in trace.contacts)
-        sensors = {
-            name: SensorRecord.concatenate([trace.sensors[name] for trace in traces if name in trace.sensors])
-            for name in dict.fromkeys(name for trace in traces for name in trace.sensors)
-        }
-        return cls(traces[0].joint_names, np.concatenate([trace.state for trace in traces]), contacts, sensors)
+        sensors = _joined([trace.sensors for trace in traces], SensorRecord.concatenate)
+        clearances = _joined([trace.clearances for trace in traces], ClearanceRecord.concatenate)
+        state = np.concatenate([trace.state for trace in traces])
+        return cls(traces[0].joint_names, state, contacts, sensors, clearances)
 
     @property
     def time(self) -> FloatArray:
@@ -147,25 +152,35 @@ class Trace:
     def first(self, count: int) -> Self:
         """The first moments, at least one, with the contacts up to the last of them."""
         end = self.time[count - 1]
-        contacts = tuple(c for c in self.contacts if c.time <= end)
-        return replace(self.rows(slice(count)), contacts=contacts, sensors=self._sensors_between(-np.inf, end))
+        return self._part(slice(count), -np.inf, end)
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Some of the moments, with all contacts and readings."""
+        """Some of the moments, with all contacts, readings and clearances."""
         return replace(self, state=self.state[wanted])
 
     def between(self, start: float, end: float) -> Self:
-        """The moments, contacts and readings with start <= time <= end."""
-        if len(self) and not self.contacts and not self.sensors and start <= self.time[0] and self.time[-1] <= end:
+        """The moments, contacts, readings and clearances with start <= time <= end."""
+        if len(self) and not self._tells and start <= self.time[0] and self.time[-1] <= end:
             return self
         start, end = start - _TIME_EPSILON, end + _TIME_EPSILON
         first, last = np.searchsorted(self.time, (start, end))
-        contacts = tuple(contact for contact in self.contacts if start <= contact.time <= end)
-        rows = self.rows(slice(int(first), int(last)))
-        return replace(rows, contacts=contacts, sensors=self._sensors_between(start, end))
+        return self._part(slice(int(first), int(last)), start, end)
 
-    def _sensors_between(self, start: float, end: float) -> Mapping[str, SensorRecord]:
-        return {name: record.between(start, end) for name, record in self.sensors.items()}
+    @property
+    def _tells(self) -> bool:
+        """Whether there is anything beside the state."""
+        return bool(self.contacts or self.sensors or self.clearances)
+
+    def _part(self, wanted: slice, start: float, end: float) -> Self:
+        if not self._tells:
+            return self.rows(wanted)
+        return replace(
+            self,
+            state=self.state[wanted],
+            contacts=tuple(contact for contact in self.contacts if start <= contact.time <= end),
+            sensors={name: record.between(start, end) for name, record in self.sensors.items()},
+            clearances={watch: record.between(start, end) for watch, record in self.clearances.items()},
+        )
 
     @cached_property
     def speed(self) -> FloatArray:
@@ -217,8 +232,8 @@ class Trace:
             "contact_position_xyz": np.array([c.position_xyz for c in self.contacts], dtype=np.float64).reshape(-1, 3),
             "contact_force": np.array([c.force for c in self.contacts], dtype=np.float64),
         }
-        names = {"joint_names": np.array(self.joint_names, dtype=np.str_)}
-        arrays: dict[str, Any] = {**names, **columns, **contacts, **_sensor_arrays(self.sensors)}
+        told = {**contacts, **sensor_arrays(self.sensors), **clearance_arrays(self.clearances)}
+        arrays: dict[str, Any] = {"joint_names": np.array(self.joint_names, dtype=np.str_), **columns, **told}
         with whole_file(path) as file:
             np.savez(file, **arrays)
 
@@ -232,28 +247,19 @@ class Trace:
                 columns = {name: stored[name] for name in COLUMNS}
                 contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
                 trace = cls.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
-                return replace(trace, sensors=_sensor_records(stored))
+                return replace(trace, sensors=sensor_records(stored), clearances=clearance_records(stored))
         except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
             raise TraceError(f"{path}: not a trace: {error}") from None
 
 
-class Digest:
-    """SHA-256 over the state at every step, however the steps are cut into traces."""
-
-    def __init__(self) -> None:
-        self._hash = hashlib.sha256()
-
-    def add(self, trace: Trace) -> None:
-        """Takes in the steps that follow."""
-        self._hash.update(trace.state.astype("<f8", order="C", copy=False).tobytes())
-
-    def hexdigest(self) -> str:
-        """64 hexadecimal digits."""
-        return self._hash.hexdigest()
-
-
 # Sim time is step / rate: two ways to the same moment differ by rounding alone.
 _TIME_EPSILON = 1e-9
+
+
+def _joined(several: Sequence[Mapping[_Key, _Record]], join: Callable[[list[_Record]], _Record]) -> dict[_Key, _Record]:
+    """Records of the same key, one after the other."""
+    keys = dict.fromkeys(key for records in several for key in records)
+    return {key: join([records[key] for records in several if key in records]) for key in keys}
 
 
 def _array(values: Any) -> FloatArray:
@@ -275,28 +281,3 @@ def _refuse_too_large(stored: Any) -> None:
 def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:
     x, y, z = position_xyz
     return Contact(time, link, body, (x, y, z), force)
-
-
-def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:
-    """Numbered, as what people call their sensors is no name for a file."""
-    if not sensors:
-        return {}
-    arrays: dict[str, Any] = {
-        "sensor_names": np.array(list(sensors), dtype=np.str_),
-        "sensor_kinds": np.array([record.kind for record in sensors.values()], dtype=np.str_),
-    }
-    for index, record in enumerate(sensors.values()):
-        columns = {"time": record.time, **record.columns}
-        arrays |= {f"sensor_{index}_{name}": column for name, column in columns.items()}
-    return arrays
-
-
-def _sensor_records(stored: Any) -> dict[str, SensorRecord]:
-    if "sensor_names" not in stored:
-        return {}
-    records = {}
-    for index, (name, kind) in enumerate(zip(stored["sensor_names"], stored["sensor_kinds"], strict=True)):
-        start = f"sensor_{index}_"
-        columns = {array.removeprefix(start): stored[array] for array in stored if array.startswith(start)}
-        records[str(name)] = SensorRecord(str(kind), columns.pop("time"), columns)
-    return records

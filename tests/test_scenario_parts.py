@@ -14,6 +14,7 @@ from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.user_code import UserAssertion
+from sim_action.channels import Channels
 from sim_action.errors import InvalidScenario
 from sim_action.loading import load_scenario
 from sim_action.permissions import Permissions
@@ -132,10 +133,10 @@ def test_a_file_that_is_not_there_is_told_where_it_is_named(tmp_path: Path) -> N
 
 
 def test_what_parts_watch_is_watched(tmp_path: Path) -> None:
-    assert [part.watches_contacts for part in read(tmp_path, "not: {all_of: [no_collision, upright]}").assertions] == [
-        True,
-        False,
-    ]
+    (expected,) = read(tmp_path, "not: {all_of: [no_collision, upright]}").expect
+    assert expected.channels == Channels(contacts=True, openings=frozenset({0.0}))
+    (expected,) = read(tmp_path, "not: {all_of: [upright, travel: {at_least: 1 m}]}").expect
+    assert not expected.channels.contacts
 
 
 def test_assertions_as_deep_as_yaml_goes_are_read(tmp_path: Path) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from sim_action.backends import installed
 from sim_action.loading import build_scene
+from sim_action.sensing import Sensing
 from sim_action.simulation import SimulationRun, simulate
+from sim_action.trace import Trace
+from tests.integration.engines import running
 from tests.scenarios import LEAST, load, told
 
 SENSORS = "sensors:\n  - contact\n  - {contact: {}, name: left, link: wheel_left_link, rate: 16 Hz, trace: true}\n"
@@ -71,3 +75,16 @@ def test_odometry_tells_which_wheels_it_reads_whether_anybody_drives_them(comman
 def test_what_cannot_be_is_told_on_its_line(sensors: str, problem: str, tmp_path: Path) -> None:
     (found,) = told(tmp_path, f"{LEAST}sensors: {sensors}\n")
     assert found.startswith(problem)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_sensor_that_only_an_assertion_reads_is_not_stored(engine: str, tmp_path: Path) -> None:
+    loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
+    scene = build_scene(loaded)
+    with running(engine, scene) as backend:
+        sensing = Sensing(loaded.scenario, scene, backend, heard=False, judged={"contact"})
+        sensing.read(0)
+        told = Trace.of_observation(backend.observe(0, contacts=False))
+        told = replace(told, sensors=sensing.collect())
+    assert set(told.sensors) == {"contact", "left"}
+    assert set(sensing.stored(told).sensors) == {"left"}

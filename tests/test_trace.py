@@ -17,10 +17,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.digest import Digest
 from sim_action.geometry import Pose, Twist
 from sim_action.observation import JointState, Observation
 from sim_action.sensor_record import SensorRecord
-from sim_action.trace import COLUMNS, Digest, Trace, TraceError
+from sim_action.trace import COLUMNS, Trace, TraceError
 from tests.traces import contact, trace
 
 TOUCHES = (contact(0.1), contact(0.25), contact(0.3))

@@ -22,6 +22,7 @@ import pybullet
 
 from sim_action import geometry
 from sim_action.backends.pybullet import PyBulletBackend
+from sim_action.channels import Channels
 from sim_action.errors import EngineError, ModelError
 from sim_action.geometry import Pose
 from sim_action.kinematics import link_poses
@@ -77,7 +78,7 @@ def _in_engine(model: RobotModel, path: Path) -> Iterator[str]:
     robot = Robot(model=str(path), base="fixed" if len(model.name) % 2 else None)
     scene = Scene(robot, model, World(), Physics(), Workspace(folder, folder))
     try:
-        backend = PyBulletBackend(scene, contacts=True)
+        backend = PyBulletBackend(scene, Channels(contacts=True))
     except EngineError as error:
         yield f"the engine refuses it: {error}"
         return

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, runtime_checkable
 
+from sim_action.channels import Channels
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
@@ -73,11 +74,13 @@ class Assertion(FrozenModel):
     bare_value: ClassVar[str | None] = None
     """The key whose value, a text, may stand alone in the place of all keys."""
 
-    watches_contacts: ClassVar[bool] = False
-    """Whether its monitor reads `Trace.contacts`; they are computed only when asked for."""
-
     runs_user_code: ClassVar[bool] = False
     """Whether its monitor runs code of the user's: such a scenario gets an interpreter of its own."""
+
+    @property
+    def channels(self) -> Channels:
+        """What its monitor reads beside the state of the robot; it is computed only when asked for."""
+        return Channels()
 
     @property
     @abstractmethod

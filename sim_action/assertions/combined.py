@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from sim_action.assertions import Assertion, Decisive, Follower, Monitor, State
 from sim_action.assertions.fold import joined, joined_by_any
+from sim_action.channels import Channels
 from sim_action.observation import Observation
 from sim_action.scene import Scene, SpecProblems
 from sim_action.verdict import Verdict
@@ -48,6 +49,11 @@ class Combined(Assertion):
         """See Assertion.leaves."""
         for _, part in self.placed_parts:
             yield from part.leaves()
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        return Channels.all_of(part.channels for _, part in self.placed_parts)
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Those of its parts."""

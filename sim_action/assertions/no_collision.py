@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion, Monitor, State
+from sim_action.channels import Channels
 from sim_action.messages import FirstFew, did_you_mean
 from sim_action.observation import Contact, Observation
 from sim_action.scene import Scene, SpecProblems
@@ -22,11 +23,15 @@ class NoCollision(Assertion):
     """No link of the robot touches a body of the world, at any physics step; the ground never counts."""
 
     key: ClassVar[str] = "no_collision"
-    watches_contacts: ClassVar[bool] = True
 
     allow: Annotated[
         tuple[str, ...], Field(description="objects that may be touched, and links of the robot that may touch")
     ] = ()
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        return Channels(contacts=True)
 
     @property
     def title(self) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
+from sim_action.channels import Channels
 from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
 from sim_action.python_files import ANYTHING, ScriptProblem, names_bound_by, read_script
@@ -33,8 +34,6 @@ class UserAssertion(Assertion):
     key: ClassVar[str] = "assertion"
     bare_value: ClassVar[str | None] = "class"
     runs_user_code: ClassVar[bool] = True
-    # What a stranger's class looks at cannot be known before it runs.
-    watches_contacts: ClassVar[bool] = True
 
     path: Annotated[
         str, Field(alias="class", pattern=r"^[^:].*:[^\W\d]\w*$", description="FILE.py:CLASS; may stand alone")
@@ -64,6 +63,11 @@ class UserAssertion(Assertion):
     def class_name(self) -> str:
         """The class in that file."""
         return self.path.rpartition(":")[2]
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels: what a stranger's class looks at cannot be known before it runs."""
+        return Channels(contacts=True)
 
     @property
     def title(self) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final, Protocol
 
+from sim_action.channels import Channels
 from sim_action.command import JointTargets
 from sim_action.errors import UsageError
 from sim_action.observation import Clash, Observation, Overlap
@@ -20,6 +21,8 @@ from sim_action.scene import Scene
 if TYPE_CHECKING:
     from sim_action.trace import Trace
 
+
+NO_CHANNELS: Final = Channels()
 
 UNLIMITED_EFFORT: Final = 1e6
 """N m or N: what a motor may use whose model states no limit. Ten times what turns the wheels of a mining truck."""
@@ -43,7 +46,7 @@ class Backend(Probe, Protocol):
         """
 
     def collect(self) -> Trace:
-        """The state after each step since the last call, with the robot's contacts if they are watched."""
+        """The state after each step since the last call, with the contacts and clearances that are watched."""
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """The present, as that of step number `step`, with or without contacts; the ground is among those."""
@@ -61,8 +64,8 @@ class Backend(Probe, Protocol):
 class BackendFactory(Protocol):
     """What the table's entries are."""
 
-    def __call__(self, scene: Scene, *, contacts: bool) -> Backend:
-        """Loads a scene; `contacts`: whether traces hold the robot's contacts. Raises EngineError."""
+    def __call__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> Backend:
+        """Loads a scene; `channels`: what traces hold beside the robot's state. Raises EngineError."""
 
 
 BACKENDS: Final = Table[BackendFactory](

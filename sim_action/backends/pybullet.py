@@ -16,7 +16,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from sim_action import geometry
-from sim_action.backends import UNLIMITED_EFFORT
+from sim_action.backends import NO_CHANNELS, UNLIMITED_EFFORT
 from sim_action.backends.glance import Glance
 from sim_action.backends.push import wrench
 from sim_action.backends.pybullet_links import link_pose, link_twist
@@ -35,6 +35,7 @@ from sim_action.backends.pybullet_scene import (
 )
 from sim_action.backends.pybullet_stage import PyBulletStage
 from sim_action.backends.timetable import Timetable
+from sim_action.channels import Channels
 from sim_action.command import BasePush, JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist, Vector3
@@ -49,7 +50,7 @@ class PyBulletBackend:
 
     version = f"pybullet {version('pybullet')}"
 
-    def __init__(self, scene: Scene, *, contacts: bool) -> None:
+    def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
         self._glance = Glance()
         try:
@@ -68,7 +69,7 @@ class PyBulletBackend:
             self.close()
             raise EngineError(f"the engine refused the world: {error}") from None
         self._rate = scene.physics.rate
-        self._watches_contacts = contacts and bool(self._objects)
+        self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)
         self._place_robot(scene)
         self._timetable = Timetable.of(scene, PyBulletStage(self._client, self._robot, self._links, self._objects))

@@ -73,7 +73,7 @@ def test_the_title_says_what_may_be_touched() -> None:
 
 
 def test_it_asks_for_contacts() -> None:
-    assert NoCollision.watches_contacts
+    assert NoCollision().channels.contacts
 
 
 def test_only_the_first_unknown_names_are_told_what_there_is() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from sim_action import geometry
 from sim_action.backends import BACKENDS, Backend
+from sim_action.channels import Channels
 from sim_action.command import JointTargets
 from sim_action.geometry import Vector3
 from sim_action.models.urdf import read_urdf
@@ -38,7 +39,7 @@ def scene_of(
 @contextmanager
 def running(engine: str, scene: Scene, *, contacts: bool = False) -> Iterator[Backend]:
     pytest.importorskip(engine, reason=f"{engine} is not installed")
-    backend = BACKENDS.load(engine)(scene, contacts=contacts)
+    backend = BACKENDS.load(engine)(scene, Channels(contacts=contacts))
     try:
         yield backend
     finally:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.backends import BACKENDS, Backend, chosen, installed
+from sim_action.channels import Channels
 from sim_action.command import JointTargets
 from sim_action.models.findings import ALLOWABLE
 from sim_action.models.urdf import read_urdf
@@ -26,7 +27,7 @@ def backend(folder: Path, text: str, engine: str | None = None) -> Backend:
     robot = Robot(model="robot.urdf", base="fixed", allow=ALLOWABLE)
     model = read_urdf(path, allow=ALLOWABLE)
     return BACKENDS.load(engine or chosen("auto"))(
-        Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True
+        Scene(robot, model, World(), Physics(), Workspace(folder, folder)), Channels(contacts=True)
     )
 
 

@@ -566,7 +566,7 @@ def test_the_same_steps_in_other_blocks_are_the_same_to_the_last_bit(engine: str
 _DIGEST = """
 import sys
 from pathlib import Path
-from sim_action.trace import Digest
+from sim_action.digest import Digest
 from tests.integration.engines import advance, at, running, scene_of
 from tests.integration.test_backends import LOPSIDED
 digest = Digest()
@@ -616,6 +616,7 @@ _CORPUS = r"""
 import json, sys
 from pathlib import Path
 from sim_action.backends import BACKENDS
+from sim_action.channels import Channels
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError, ModelError
 from sim_action.models.findings import ALLOWABLE
@@ -625,7 +626,7 @@ for bad in BAD_MODELS:
     print("\nMODEL", bad.name, flush=True)
     try:
         scene = scene_of(Path(sys.argv[2]), bad.text, at(), allow=ALLOWABLE)
-        backend = BACKENDS.load(sys.argv[1])(scene, contacts=True)
+        backend = BACKENDS.load(sys.argv[1])(scene, Channels(contacts=True))
     except (ModelError, EngineError) as error:
         print("\nREFUSED", type(error).__name__, flush=True)
         continue

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.backends import BACKENDS
+from sim_action.channels import Channels
 from sim_action.command import JointTargets
 from sim_action.errors import RefusedModel
 from sim_action.models.audit.engine_tables import MOST_JOINTS, MOST_MOVING_JOINTS
@@ -52,7 +53,7 @@ def after(folder: Path, urdf: str, base: str, steps: int) -> list[Observation]:
     names = [joint.name for joint in model.moving_joints]
     robot = Robot.model_validate({"model": "comb.urdf", "base": base, "joints": {n: start(n) for n in names}})
     backend = BACKENDS.load("pybullet")(
-        Scene(robot, model, World(), Physics(), Workspace(folder, folder)), contacts=True
+        Scene(robot, model, World(), Physics(), Workspace(folder, folder)), Channels(contacts=True)
     )
     try:
         begun = backend.observe(0, contacts=False)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sim_action.channels import Channels
 from sim_action.command import JointTargets
 from sim_action.models.urdf import read_urdf
 from sim_action.scene import Scene
@@ -50,7 +51,7 @@ def scene(
     everything = Scene(robot, read_urdf(path), world or World(), Physics(rate=rate), Workspace(folder, folder))
     from sim_action.backends.pybullet import PyBulletBackend
 
-    backend = PyBulletBackend(everything, contacts=contacts)
+    backend = PyBulletBackend(everything, Channels(contacts=contacts))
     try:
         yield backend
     finally:

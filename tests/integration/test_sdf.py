@@ -139,7 +139,7 @@ def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[Backen
     written(folder / "robot.sdf", text)
     workspace = Workspace(folder, folder)
     backend = BACKENDS.load(chosen("auto"))(
-        Scene(robot, load_model(robot, workspace), World(), Physics(rate=rate), workspace), contacts=False
+        Scene(robot, load_model(robot, workspace), World(), Physics(rate=rate), workspace)
     )
     try:
         yield backend

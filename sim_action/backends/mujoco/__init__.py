@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.backends import NO_CHANNELS
 from sim_action.backends.glance import Glance
 from sim_action.backends.mujoco.contacts import Contacts
 from sim_action.backends.mujoco.links import Links
@@ -27,6 +28,7 @@ from sim_action.backends.mujoco.rays import Rays
 from sim_action.backends.mujoco.stage import MuJoCoStage
 from sim_action.backends.mujoco.states import States
 from sim_action.backends.timetable import Timetable
+from sim_action.channels import Channels
 from sim_action.command import JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist, Vector3
@@ -56,7 +58,7 @@ class MuJoCoBackend:
 
     version = f"mujoco {version('mujoco-core')}"
 
-    def __init__(self, scene: Scene, *, contacts: bool) -> None:
+    def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         try:
             compiled = Compiled.of(scene)
         except _REFUSALS as error:
@@ -72,7 +74,7 @@ class MuJoCoBackend:
         self._contacts = Contacts(compiled)
         self._stage = MuJoCoStage(compiled, self._objects)
         self._timetable = Timetable.of(scene, self._stage)
-        self._watches_contacts = contacts and bool(scene.world.objects)
+        self._watches_contacts = channels.contacts and bool(scene.world.objects)
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
         self._touches: list[Contact] = []
