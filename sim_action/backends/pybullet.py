@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from sim_action import geometry
 from sim_action.backends import NO_CHANNELS, UNLIMITED_EFFORT
+from sim_action.backends.clearances import Clearances
 from sim_action.backends.glance import Glance
 from sim_action.backends.push import wrench
+from sim_action.backends.pybullet_distances import Distances
 from sim_action.backends.pybullet_links import link_pose, link_twist
 from sim_action.backends.pybullet_push import apply, pushed
 from sim_action.backends.pybullet_rays import cast_rays, hide_from_rays
@@ -73,6 +75,11 @@ class PyBulletBackend:
         self._read_joints(scene)
         self._place_robot(scene)
         self._timetable = Timetable.of(scene, PyBulletStage(self._client, self._robot, self._links, self._objects))
+        numbers = {name: number for number, name in self._body_names.items()}
+        distances = Distances(self._client, self._robot, self._link_names, numbers)
+        self._clearances = Clearances(
+            channels, scene, distances.radii(), near=distances.near, body_at=distances.body_at
+        )
         self._held_efforts: dict[int, float] = {}
         self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -98,6 +105,9 @@ class PyBulletBackend:
             self._rows.append(self._row(step))
             if self._watches_contacts:
                 self._touches += self._contacts(step, ground=False)
+            if not self._clearances.is_idle:
+                row = self._rows[-1]
+                self._clearances.see(step, row[1:8], row[14 : 14 + len(self._indices)])
 
     def collect(self) -> Trace:
         """See Backend.collect."""
@@ -105,7 +115,7 @@ class PyBulletBackend:
         state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
         for column, values in enumerate(_in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
             state[:, column] = values
-        trace = Trace(self._joint_names, state, tuple(self._touches))
+        trace = Trace(self._joint_names, state, tuple(self._touches), clearances=self._clearances.collect())
         self._rows, self._touches = [], []
         return trace
 

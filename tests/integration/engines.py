@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import pytest
 
 from sim_action import geometry
 from sim_action.backends import BACKENDS, Backend
-from sim_action.channels import Channels
+from sim_action.channels import Channels, ClearanceWatch
 from sim_action.command import JointTargets
 from sim_action.geometry import Vector3
 from sim_action.models.urdf import read_urdf
@@ -37,9 +37,11 @@ def scene_of(
 
 
 @contextmanager
-def running(engine: str, scene: Scene, *, contacts: bool = False) -> Iterator[Backend]:
+def running(
+    engine: str, scene: Scene, *, contacts: bool = False, clearances: Iterable[ClearanceWatch] = ()
+) -> Iterator[Backend]:
     pytest.importorskip(engine, reason=f"{engine} is not installed")
-    backend = BACKENDS.load(engine)(scene, Channels(contacts=contacts))
+    backend = BACKENDS.load(engine)(scene, Channels(contacts, frozenset(clearances)))
     try:
         yield backend
     finally:

@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.backends import NO_CHANNELS
+from sim_action.backends.clearances import Clearances
 from sim_action.backends.glance import Glance
 from sim_action.backends.mujoco.contacts import Contacts
+from sim_action.backends.mujoco.distances import Distances
 from sim_action.backends.mujoco.links import Links
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.backends.mujoco.motors import Motors
@@ -75,6 +77,10 @@ class MuJoCoBackend:
         self._stage = MuJoCoStage(compiled, self._objects)
         self._timetable = Timetable.of(scene, self._stage)
         self._watches_contacts = channels.contacts and bool(scene.world.objects)
+        distances = Distances(compiled)
+        self._clearances = Clearances(
+            channels, scene, distances.radii(), near=distances.near, body_at=distances.body_at
+        )
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
         self._touches: list[Contact] = []
@@ -90,7 +96,8 @@ class MuJoCoBackend:
 
     def collect(self) -> Trace:
         """See Backend.collect."""
-        trace = Trace(self._joint_names, self._states.collect(), tuple(self._touches))
+        touches, clearances = tuple(self._touches), self._clearances.collect()
+        trace = Trace(self._joint_names, self._states.collect(), touches, clearances=clearances)
         self._touches = []
         return trace
 
@@ -147,6 +154,8 @@ class MuJoCoBackend:
             self._states.keep(row)
             if self._watches_contacts:
                 self._touches += self._contacts.of_step(float(row[0]) / self._rate, ground=False)
+            if not self._clearances.is_idle:
+                self._clearances.see(int(row[0]), *self._states.place(row))
 
     def _step(self, step: int) -> None:
         if self._timetable is None:

@@ -61,6 +61,12 @@ class States:
         row[self._speeds : self._efforts] = self._qvel
         self._read_efforts(row[self._efforts :])
 
+    def place(self, row: FloatArray) -> tuple[list[float], list[float]]:
+        """The pose (7,) of the base, whatever its quaternion's order, and the joint positions (J,) of a row."""
+        told = row[: self._speeds].tolist()
+        base = [0.0] * 7 if self._fixed_pose is not None else told[1:8]
+        return base, [told[position] for _, position, _, _ in self._places]
+
     def collect(self) -> FloatArray:
         """(T, 14 + 3 J): rows of `Trace.state` for the steps since the last call."""
         blocks, self._blocks = self._blocks, []

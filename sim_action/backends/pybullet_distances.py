@@ -1,0 +1,62 @@
+"""How far things are from each other in PyBullet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from typing import Final
+
+import pybullet
+
+from sim_action.backends.pybullet_scene import BASE
+
+# Up to so many links are asked for one by one: a robot's others cost as much as those that matter.
+_FEW: Final = 3
+
+
+class Distances:
+    """Of the robot's links to bodies of the world, at present."""
+
+    def __init__(self, client: int, robot: int, links: Mapping[int, str], bodies: Mapping[str, int]) -> None:
+        self._client, self._robot, self._names, self._bodies = client, robot, links, bodies
+        self._links = {name: index for index, name in links.items()}
+
+    def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
+        """See clearances.Near."""
+        number, client = self._bodies[body], self._client
+        if links is None or len(links) > _FEW:
+            points = pybullet.getClosestPoints(self._robot, number, within, physicsClientId=client)
+        else:
+            points = [
+                point
+                for link in links
+                for point in pybullet.getClosestPoints(
+                    self._robot, number, within, self._links[link], physicsClientId=client
+                )
+            ]
+        found: dict[str, float] = {}
+        for point in points:
+            name, distance = self._names[point[3]], point[8]
+            if distance < found.get(name, math.inf) and (links is None or name in links):
+                found[name] = distance
+        return found
+
+    def body_at(self, body: str) -> tuple[float, ...]:
+        """See Clearances."""
+        position, orientation = pybullet.getBasePositionAndOrientation(self._bodies[body], self._client)
+        return (*position, *orientation)
+
+    def radii(self) -> dict[str, float]:
+        """Link -> m: how far its shapes are from its frame, or from the centre of mass of the base, at most."""
+        return {name: self._radius(index) for name, index in self._links.items()}
+
+    def _radius(self, link: int) -> float:
+        if not pybullet.getCollisionShapeData(self._robot, link, self._client):
+            return 0.0
+        if link == BASE:
+            origin = pybullet.getBasePositionAndOrientation(self._robot, self._client)[0]
+        else:
+            state = pybullet.getLinkState(self._robot, link, computeForwardKinematics=1, physicsClientId=self._client)
+            origin = state[4]
+        lower, upper = pybullet.getAABB(self._robot, link, self._client)
+        return math.hypot(*(max(hi - at, at - lo) for lo, hi, at in zip(lower, upper, origin, strict=True)))

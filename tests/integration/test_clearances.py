@@ -1,0 +1,246 @@
+"""How near robots come to bodies, on real engines: against what is right, and against asking at every step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_action.backends import BACKENDS
+from sim_action.backends.clearances import Clearances
+from sim_action.channels import Channels, ClearanceWatch
+from sim_action.clearance_record import ClearanceRecord, Nearness
+from sim_action.command import JointTargets
+from sim_action.scene import Scene
+from sim_action.trace import FloatArray, Trace
+from sim_action.world import Body, Cylinder, Placement, Robot, Sphere, World
+from tests import traces
+from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+from tests.mesh_files import stl
+
+LEAST = ClearanceWatch()
+ALWAYS = ClearanceWatch(always=True)
+
+ROBOT = """
+<robot name="thing"><link name="base">
+<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry>{}</geometry></collision></link></robot>"""
+BOX = ROBOT.format('<box size="0.2 0.4 0.6"/>')
+MESH = ROBOT.format('<mesh filename="box.stl"/>')  # of the same size
+BALL = ROBOT.format('<sphere radius="0.2"/>')
+ROLL = ROBOT.format('<cylinder radius="0.2" length="0.4"/>')
+
+WALL = Body(name="wall", box=(0.1, 2.0, 2.0), pose=Placement(x=1.05, z=1.0))  # its face is at x = 1
+POST = Body(name="post", cylinder=Cylinder(radius=0.1, height=2.0), pose=Placement(x=1.1, z=1.0))
+GLOBE = Body(name="globe", sphere=Sphere(radius=0.1), pose=Placement(x=1.1, z=1.0))
+
+
+def told(trace: Trace, watch: ClearanceWatch = LEAST) -> list[Nearness]:
+    record: ClearanceRecord = trace.clearances[watch]
+    return [record.at(index) for index in range(len(record))]
+
+
+def placed(folder: Path, urdf: str, pose: Placement, body: Body) -> Scene:
+    (folder / "box.stl").write_bytes(stl())
+    return scene_of(folder, urdf, Robot(model="robot.urdf", base="fixed", pose=pose), World(objects=(body,)))
+
+
+def distance(engine: str, scene: Scene) -> float:
+    with running(engine, scene, clearances=[LEAST]) as backend:
+        (found,) = told(advance(backend, 0, 1))
+    return found.distance
+
+
+@on_every_engine
+@pytest.mark.parametrize("body", [WALL, POST, GLOBE], ids=lambda body: str(body.name))
+@pytest.mark.parametrize(
+    "case",
+    [
+        (BOX, Placement(z=1.0), 0.1),
+        (BOX, Placement(z=1.0, yaw=math.pi / 2), 0.2),
+        (MESH, Placement(z=1.0), 0.1),
+        (MESH, Placement(z=1.0, yaw=math.pi / 2), 0.2),
+        (BALL, Placement(z=1.0), 0.2),
+        (ROLL, Placement(z=1.0), 0.2),
+        (ROLL, Placement(z=1.0, pitch=math.pi / 2), 0.2),
+        (ROLL, Placement(z=1.0, roll=math.pi / 2), 0.2),
+    ],
+    ids=["box", "box, long side", "mesh", "mesh, long side", "ball", "roll", "roll, cap", "roll, lying"],
+)
+def test_distances_are_right(engine: str, case: tuple[str, Placement, float], body: Body, tmp_path: Path) -> None:
+    urdf, pose, reach = case
+    assert distance(engine, placed(tmp_path, urdf, pose, body)) == pytest.approx(1.0 - reach, abs=1e-8)
+
+
+@on_every_engine
+def test_edges_are_right_but_for_the_millimetre_by_which_one_engine_rounds_them(engine: str, tmp_path: Path) -> None:
+    scene = placed(tmp_path, BOX, Placement(z=1.0, yaw=math.pi / 4), WALL)
+    rounded = 0.001 * (math.sqrt(2) - 1) if engine == "pybullet" else 0.0
+    assert distance(engine, scene) == pytest.approx(1.0 - 0.15 * math.sqrt(2) + rounded, abs=1e-8)
+
+
+@on_every_engine
+@pytest.mark.parametrize("urdf", [BOX, MESH, BALL, ROLL], ids=["box", "mesh", "ball", "roll"])
+def test_inside_of_a_body_it_is_negative(engine: str, urdf: str, tmp_path: Path) -> None:
+    scene = placed(tmp_path, urdf, Placement(x=0.9, z=1.0), WALL)
+    reach = 0.1 if urdf in (BOX, MESH) else 0.2
+    assert distance(engine, scene) == pytest.approx(0.1 - reach, abs=1e-6 if urdf != MESH else 1e-3)
+
+
+@on_every_engine
+def test_far_away_is_measured_too(engine: str, tmp_path: Path) -> None:
+    far = WALL.model_copy(update={"pose": Placement(x=5000.05, z=1.0)})
+    assert distance(engine, placed(tmp_path, BALL, Placement(z=1.0), far)) == pytest.approx(4999.8, abs=1e-6)
+
+
+@on_every_engine
+def test_a_falling_ball_is_where_it_is_after_the_step_not_before(engine: str, tmp_path: Path) -> None:
+    floor = Body(name="floor", box=(1.0, 1.0, 0.1), pose=Placement(z=0.05))
+    with running(engine, scene_of(tmp_path, BALL, at(z=2.0), World(objects=(floor,))), clearances=[ALWAYS]) as backend:
+        trace = advance(backend, 0, 100)
+    heights = [near.distance + 0.1 + 0.2 for near in told(trace, ALWAYS)]
+    assert heights == pytest.approx(trace.base_position_xyz[:, 2].tolist(), abs=1e-9)
+    assert [near.time for near in told(trace, ALWAYS)] == trace.time.tolist()
+
+
+ROOM = World(
+    objects=(
+        Body(name="wall", box=(0.1, 3.0, 0.5), pose=Placement(x=1.5)),
+        Body(name="post", cylinder=Cylinder(radius=0.1, height=1.0), pose=Placement(x=0.6, y=0.5)),
+        Body(name="ball", sphere=Sphere(radius=0.1), pose=Placement(x=1.0, y=-0.3), mass=0.2),
+        Body(name="far", box=(1.0, 1.0, 1.0), pose=Placement(x=-20.0)),
+    )
+)
+WHEELS = ("wheel_left_joint", "wheel_right_joint")
+
+
+def burger_in_the_room() -> Scene:
+    return replace(traces.scene(), world=ROOM)
+
+
+def waggling_arm(folder: Path) -> Scene:
+    """Three links that turn about different axes, one that slides, on a base that is bolted."""
+    moments = 'ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"'
+    inertia = f'<inertial><mass value="0.2"/><inertia {moments}/></inertial>'
+    shape = '<collision><origin xyz="0.15 0 0"/><geometry><box size="0.3 0.05 0.05"/></geometry></collision>'
+    turns = [("revolute", "0 0 1", 3.0), ("revolute", "0 1 0", 1.5)]
+    kinds = [*turns, ("prismatic", "1 0 0", 0.2), ("continuous", "1 0 1", 1.0)]
+    parts = [f'<link name="l0">{inertia}</link>']
+    for n, (kind, axis, most) in enumerate(kinds, start=1):
+        limit = f'<limit lower="-{most}" upper="{most}" effort="50" velocity="10"/>' * (kind != "continuous")
+        ends = f'<parent link="l{n - 1}"/><child link="l{n}"/><origin xyz="{0.3 * (n > 1)} 0 0"/><axis xyz="{axis}"/>'
+        parts.append(f'<link name="l{n}">{inertia}{shape}</link>')
+        parts.append(f'<joint name="j{n}" type="{kind}">{limit}{ends}</joint>')
+    robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=1.0))
+    world = World(objects=(POST.model_copy(update={"pose": Placement(x=0.7, y=0.7, z=1.0)}), GLOBE, WALL))
+    return scene_of(folder, f'<robot name="arm">{"".join(parts)}</robot>', robot, world)
+
+
+def driven(engine: str, watches: list[ClearanceWatch], openings: tuple[float, ...] = ()) -> Trace:
+    """A curve past the post, through the ball and into the wall."""
+    scene = burger_in_the_room()
+    channels = Channels(clearances=frozenset(watches), openings=frozenset(openings))
+    pytest.importorskip(engine)
+    backend = BACKENDS.load(engine)(scene, channels)
+    pieces = []
+    for number, speeds in enumerate([(8.0, 8.0), (16.0, 12.0), (12.0, 16.0), (16.0, 16.0), (-9.0, -6.0), (0.0, 0.0)]):
+        turn = JointTargets(velocity=dict(zip(WHEELS, speeds, strict=True)))
+        pieces.append(advance(backend, 240 * number, 240, turn))
+    backend.close()
+    return Trace.concatenate(pieces)
+
+
+def swung(engine: str, folder: Path, watches: list[ClearanceWatch]) -> Trace:
+    rng = np.random.default_rng(3)
+    with running(engine, waggling_arm(folder), clearances=watches) as backend:
+        pieces = []
+        for number in range(20):
+            goal = rng.uniform(-1, 1, 4) * (3.0, 1.5, 0.2, 3.0)
+            targets = JointTargets(position={f"j{n + 1}": float(value) for n, value in enumerate(goal)})
+            pieces.append(advance(backend, 60 * number, 60, targets))
+    return Trace.concatenate(pieces)
+
+
+def lows(found: list[Nearness], since: float = 0.0) -> list[Nearness]:
+    """Those that came nearer than all before."""
+    kept: list[Nearness] = []
+    for near in found:
+        if near.time >= since - 1e-9 and (not kept or near.distance < kept[-1].distance):
+            kept.append(near)
+    return kept
+
+
+@on_every_engine
+@pytest.mark.parametrize("bodies", [None, ("wall",), ("ball", "far"), ("post", "wall")])
+def test_what_is_not_asked_at_every_step_misses_nothing(engine: str, bodies: tuple[str, ...] | None) -> None:
+    least, always = ClearanceWatch(bodies=bodies), ClearanceWatch(bodies=bodies, always=True)
+    trace = driven(engine, [least, always])
+    every = told(trace, always)
+    assert len(every) == len(trace)
+    assert told(trace, least) == lows(every)
+
+
+@on_every_engine
+def test_nor_does_an_arm(engine: str, tmp_path: Path) -> None:
+    hand = (ClearanceWatch(links=("l4", "l2")), ClearanceWatch(links=("l4", "l2"), always=True))
+    trace = swung(engine, tmp_path, [LEAST, ALWAYS, *hand])
+    assert told(trace) == lows(told(trace, ALWAYS))
+    assert told(trace, hand[0]) == lows(told(trace, hand[1]))
+    assert {near.link for near in told(trace, hand[1])} <= {"l4", "l2"}
+    assert min(told(trace, hand[1])) >= min(told(trace, ALWAYS))
+
+
+@on_every_engine
+def test_each_window_has_its_own_least(engine: str) -> None:
+    openings = (0.0, 2.5, 5.0)
+    trace = driven(engine, [LEAST, ALWAYS], openings)
+    for since in openings:
+        assert lows(told(trace), since) == lows(told(trace, ALWAYS), since)
+
+
+@on_every_engine
+def test_what_is_farther_than_asked_is_not_told(engine: str) -> None:
+    near = ClearanceWatch(within=0.3, always=True)
+    trace = driven(engine, [near, ALWAYS])
+    assert told(trace, near) == [one for one in told(trace, ALWAYS) if one.distance <= 0.3]
+    assert told(trace, near)
+
+
+@on_every_engine
+def test_to_watch_changes_nothing(engine: str) -> None:
+    def state(watches: list[ClearanceWatch]) -> bytes:
+        found: FloatArray = driven(engine, watches).state
+        return found.tobytes()
+
+    assert state([LEAST, ALWAYS]) == state([])
+
+
+@on_every_engine
+def test_the_ground_is_watched_where_it_is_named(engine: str, tmp_path: Path) -> None:
+    watch = ClearanceWatch(bodies=("ground",), always=True)
+    with running(engine, scene_of(tmp_path, BALL, at(z=2.0)), clearances=[watch]) as backend:
+        trace = advance(backend, 0, 50)
+    assert [near.distance + 0.2 for near in told(trace, watch)] == pytest.approx(trace.base_position_xyz[:, 2].tolist())
+
+
+@on_every_engine
+def test_the_engine_is_asked_seldom(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    original: Any = Clearances.__init__
+
+    def counting(self: Any, *asks_for: Any, near: Any, body_at: Any) -> None:
+        def ask(body: str, links: Any, within: float) -> Any:
+            asked.append(body)
+            return near(body, links, within)
+
+        original(self, *asks_for, near=ask, body_at=body_at)
+
+    monkeypatch.setattr(Clearances, "__init__", counting)
+    steps = len(driven(engine, [LEAST]))
+    assert asked.count("far") == 1
+    assert asked.count("post") < steps / 3
+    assert asked.count("wall") < steps
