@@ -25,6 +25,7 @@ _PRECISION: Final = 1e-6
 _STEP_ROUNDING: Final = 1e-6
 # How far the engine looks beyond what matters, in steps as wide as the last: the farther, the later it is asked again.
 _STEPS_AHEAD: Final = 16
+_AHEAD: Final = 1e-3
 _FARTHEST: Final = 1e5
 
 
@@ -44,6 +45,14 @@ class _Body:
     all_due: float = -1.0
     near: Collection[str] = ()
     ahead: float = _FARTHEST
+
+    def foresee(self, distances: Mapping[str, float], way: float, limit: float, ahead: float) -> None:
+        """Sorts out the links that may matter within the next so many m, from the distances up to `self.ahead`."""
+        ahead = min(ahead, self.ahead) if distances else self.ahead
+        matters = min([limit, *distances.values()]) + ahead
+        self.near = [link for link, distance in distances.items() if distance <= matters]
+        self.all_due = way + ahead - _PRECISION
+        self.ahead = ahead if distances else 2 * ahead
 
 
 @dataclass(slots=True)
@@ -157,9 +166,8 @@ class Clearances:
             distances = self._near(body.name, body.near, within)
         else:
             within = min(limit + body.ahead, _FARTHEST)
-            distances = body.near = self._near(body.name, eye.watch.links, within)
-            body.all_due = way + body.ahead - _PRECISION
-            body.ahead = _STEPS_AHEAD * moved if distances else 2 * body.ahead
+            distances = self._near(body.name, eye.watch.links, within)
+            body.foresee(distances, way, limit, _STEPS_AHEAD * moved + _AHEAD)
         body.due = way + min(distances.values(), default=within) - limit - _PRECISION
         return distances
 

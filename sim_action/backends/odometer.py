@@ -58,8 +58,12 @@ class Odometer:
     def advance(self, pose: Sequence[float], joints: Sequence[float]) -> float:
         """Adds a step, which ends at a pose (7,) of the base, and at joint positions (J,); returns what it adds."""
         last, self._last = self._last or joints, joints
-        turned = [abs(now - before) for now, before in zip(joints, last, strict=True)]
-        swung = max((sum(reach * turned[joint] for joint, reach in chain) for chain in self._chains), default=0.0)
+        swung = 0.0
+        for chain in self._chains:
+            most = 0.0
+            for joint, reach in chain:
+                most += reach * abs(joints[joint] - last[joint])
+            swung = max(swung, most)
         self._joints += swung * _ROUNDING
         return swung + self._base.advance(pose)
 
