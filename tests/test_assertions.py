@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import pytest
 
 from sim_action.assertions import ASSERTIONS, Assertion, State
 from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
+from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.negation import Negation
@@ -19,12 +22,18 @@ from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
+from sim_action.channels import ClearanceWatch
+from sim_action.clearance_record import ClearanceRecord, Nearness
 from tests.traces import WHEELS, monitor, scene, trace
+
+PATH = (PathPoint(x=0, y=0), PathPoint(x=3, y=0))
 
 GOALS: list[Assertion] = [
     Travel(at_least=1.0),
     PathLength(at_least=1.0, at_most=2.0),
     Reach(x=5.0, y=5.0),
+    Clearance(at_most=0.5),
+    FollowPath(path=PATH, end=PathEnd()),
     JointReading(name=WHEELS[0], at_least=1.0),
     JointReading(name=WHEELS[0], near=1.0, tolerance=0.1),
     Stl(formula="eventually (travel > 1 m)"),
@@ -39,6 +48,8 @@ INVARIANTS: list[Assertion] = [
     Upright(),
     MaxSpeed(linear=1.0, angular=1.0),
     StayWithin(x=(-1.0, 1.0)),
+    Clearance(at_least=0.5),
+    FollowPath(path=PATH, max_error=0.5),
     JointReading(name=WHEELS[0], at_most=1.0),
     Stl(formula="always (speed < 1 m/s)"),
     AnyOf(parts=(Travel(at_most=1.0), NoCollision())),
@@ -79,7 +90,9 @@ def test_every_assertion_of_the_table_is_tested_here() -> None:
 
 @pytest.mark.parametrize("spec", [*GOALS, *INVARIANTS], ids=named)
 def test_every_verdict_is_of_plain_python_types(spec: Assertion) -> None:
-    verdict = monitor(spec).observe(trace([0.1, 0.2], x=[0.5, 3.0], roll=[0.0, 1.0], position=[0.5, 2.0])).verdict()
+    seen = trace([0.1, 0.2], x=[0.5, 3.0], roll=[0.0, 1.0], position=[0.5, 2.0])
+    near = ClearanceRecord.of([Nearness(0.1, 0.7, "base_scan", "wall"), Nearness(0.2, 0.4, "base_scan", "wall")])
+    verdict = monitor(spec).observe(replace(seen, clearances={ClearanceWatch(): near})).verdict()
     assert type(verdict.passed) is bool
     assert {type(value) for value in (verdict.measured, verdict.limit, verdict.margin, verdict.time)} <= {float}
     assert verdict.message.isprintable()

@@ -69,7 +69,19 @@ def piece(seen: Trace, start: int, end: int) -> Trace:
     """Rows `start` to `end`, as the loop would hand them over: with the contacts of these steps."""
     rows = seen.rows(slice(start, end))
     inside = set(rows.time.tolist())
-    return replace(rows, contacts=tuple(touch for touch in seen.contacts if touch.time in inside))
+    contacts = tuple(touch for touch in seen.contacts if touch.time in inside)
+    if not len(rows):
+        return replace(rows, contacts=contacts, sensors={}, clearances={})
+    first, last, step = float(rows.time[0]), float(rows.time[-1]), float(np.diff(seen.time[:2]).sum())
+    return replace(
+        rows,
+        contacts=contacts,
+        # What is read at a step stands with those that follow it.
+        sensors={name: record.between(first - 1.5 * step, last - 0.5 * step) for name, record in seen.sensors.items()},
+        clearances={
+            watch: record.between(first - 0.5 * step, last + 0.5 * step) for watch, record in seen.clearances.items()
+        },
+    )
 
 
 def contact(time: float, body: str = "wall", link: str = "base_footprint", force: float = 12.5) -> Contact:

@@ -114,6 +114,8 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "upright": "sim_action.assertions.upright:Upright",
         "max_speed": "sim_action.assertions.max_speed:MaxSpeed",
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
+        "clearance": "sim_action.assertions.clearance:Clearance",
+        "follow_path": "sim_action.assertions.follow_path:FollowPath",
         "joint": "sim_action.assertions.joint:JointReading",
         "stl": "sim_action.assertions.stl:Stl",
         "any_of": "sim_action.assertions.any_of:AnyOf",

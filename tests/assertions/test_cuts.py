@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +14,9 @@ from hypothesis import strategies as st
 from sim_action.assertions import ASSERTIONS, Assertion, Monitor, State
 from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
+from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import is_decided
+from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.negation import Negation
@@ -25,12 +28,16 @@ from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
+from sim_action.channels import ClearanceWatch
+from sim_action.clearance_record import ClearanceRecord, Nearness
 from sim_action.observation import Contact
-from sim_action.trace import Trace
+from sim_action.trace import FloatArray, Trace
 from tests.traces import WHEELS, contact, monitor, piece
 
 STEPS = 60
 RATE = 240
+
+EIGHT = tuple(PathPoint(x=x, y=y) for x, y in [(0, 0), (0.3, 0.3), (0.6, 0), (0.3, -0.3), (0, 0.1)])
 
 SPECS: list[Assertion] = [
     Travel(at_least=0.5),
@@ -49,6 +56,12 @@ SPECS: list[Assertion] = [
     MaxSpeed(linear=2.0, angular=2.0),
     StayWithin(x=(-0.5, 0.5), y=(-0.4, 0.4)),
     StayWithin(z=(-0.3, 0.5)),
+    FollowPath(path=EIGHT, max_error=0.3, rms=0.1),
+    FollowPath(path=EIGHT, max_error=0.5, end=PathEnd(tolerance=0.3)),
+    FollowPath(path=EIGHT[:2], smooth=True, rms=0.1, end=PathEnd(tolerance=0.2)),
+    Clearance(at_least=0.3),
+    Clearance(at_most=0.2),
+    Clearance(at_least=0.05, at_most=0.4),
     JointReading(name=WHEELS[0], at_least=0.5),
     JointReading(name=WHEELS[1], reading="velocity", at_most=2.0, at_least=1.0),
     JointReading(name=WHEELS[0], reading="effort", near=1.0, tolerance=0.1),
@@ -75,7 +88,7 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
         for at in time
         if rng.random() < rng.random() * 0.05
     ]
-    return Trace.of_columns(
+    seen = Trace.of_columns(
         joint_names=WHEELS,
         time=time,
         base_position_xyz=np.cumsum(rng.normal(scale=0.05, size=(steps, 3)), axis=0),
@@ -87,6 +100,18 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
         joint_effort=rng.normal(size=(steps, 2)),
         contacts=tuple(touches),
     )
+    return replace(seen, clearances={ClearanceWatch(): random_clearances(rng, time)})
+
+
+def random_clearances(rng: np.random.Generator, time: FloatArray) -> ClearanceRecord:
+    """Nearer and nearer, from 1 m down to about 0."""
+    distances = np.minimum.accumulate(rng.uniform(size=len(time)))
+    pairs = [(str(rng.choice(["base_scan", "base_footprint"])), str(rng.choice(["wall", "ball"]))) for _ in time]
+    near = [
+        Nearness(at, distance, *pair)
+        for at, distance, pair in zip(time.tolist(), distances.tolist(), pairs, strict=True)
+    ]
+    return ClearanceRecord.of([one for n, one in enumerate(near) if not n or one.distance < near[n - 1].distance])
 
 
 cuts = st.lists(st.integers(0, STEPS), max_size=12)
