@@ -134,6 +134,9 @@ class _Loader:
         self._problems.note_all((), scenario_checks.time_problems(scenario, parts.expect_paths))
         self._problems.note_all((), scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths))
         self._problems.note_all((), scenario_checks.trace_problems(scenario, parts.sensor_paths))
+        kinds = {mounted.name: mounted.sensor.key for mounted in scenario.sensors}
+        for path, expectation in zip(parts.expect_paths, scenario.expect, strict=True):
+            self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.sensor_problems(kinds))
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         self._problems.note_all((), scenario_checks.engine_problems(scenario))

@@ -112,10 +112,14 @@ NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTI
 Ratio = Annotated[float, Quantity((units.RATIO,))]
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
 PositiveRatio = Annotated[float, Gt(0), Quantity((units.RATIO,))]
+PositiveShare = Annotated[float, Gt(0), Quantity((units.SHARE,))]
 JointPosition = Annotated[float | str, Written((units.ANGLE, units.LENGTH))]
 JointVelocity = Annotated[float | str, Written((units.ANGULAR_SPEED, units.SPEED))]
 JointEffort = Annotated[float | str, Written((units.TORQUE, units.FORCE))]
 JointQuantity = Annotated[
     float | str,
     Written((units.ANGLE, units.LENGTH, units.ANGULAR_SPEED, units.SPEED, units.TORQUE, units.FORCE)),
+]
+SensorQuantity = Annotated[
+    float | str, Written((units.LENGTH, units.FORCE, units.ACCELERATION, units.ANGULAR_SPEED, units.SPEED))
 ]

@@ -43,6 +43,7 @@ FORCE: Final = _dimension("force", "N", {"mN": 1e-3, "kN": 1e3})
 TORQUE: Final = _dimension("torque", "N m", {"Nm": 1.0})
 INERTIA: Final = _dimension("moment of inertia", "kg m^2", {"g m^2": 1e-3})
 RATIO: Final = _dimension("ratio", "")
+SHARE: Final = _dimension("share", "", {"%": 1e-2})
 DATA: Final = _dimension(
     "amount of data", "B", {"kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
 )

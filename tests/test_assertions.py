@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from sim_action.assertions import ASSERTIONS, Assertion, State
@@ -16,14 +17,17 @@ from sim_action.assertions.joint import JointReading
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.negation import Negation
 from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
+from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.channels import ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord, Nearness
+from sim_action.sensor_record import SensorRecord
 from tests.traces import WHEELS, monitor, scene, trace
 
 PATH = (PathPoint(x=0, y=0), PathPoint(x=3, y=0))
@@ -33,6 +37,7 @@ GOALS: list[Assertion] = [
     PathLength(at_least=1.0, at_most=2.0),
     Reach(x=5.0, y=5.0),
     Clearance(at_most=0.5),
+    SensorReading(name="scan", reading="ranges", which="min", at_most=1.0, once=True),
     FollowPath(path=PATH, end=PathEnd()),
     JointReading(name=WHEELS[0], at_least=1.0),
     JointReading(name=WHEELS[0], near=1.0, tolerance=0.1),
@@ -49,6 +54,8 @@ INVARIANTS: list[Assertion] = [
     MaxSpeed(linear=1.0, angular=1.0),
     StayWithin(x=(-1.0, 1.0)),
     Clearance(at_least=0.5),
+    SensorReading(name="scan", reading="ranges", which="min", at_least=0.5),
+    OdometryError(position=0.1, yaw=0.1, drift=0.1),
     FollowPath(path=PATH, max_error=0.5),
     JointReading(name=WHEELS[0], at_most=1.0),
     Stl(formula="always (speed < 1 m/s)"),
@@ -92,7 +99,13 @@ def test_every_assertion_of_the_table_is_tested_here() -> None:
 def test_every_verdict_is_of_plain_python_types(spec: Assertion) -> None:
     seen = trace([0.1, 0.2], x=[0.5, 3.0], roll=[0.0, 1.0], position=[0.5, 2.0])
     near = ClearanceRecord.of([Nearness(0.1, 0.7, "base_scan", "wall"), Nearness(0.2, 0.4, "base_scan", "wall")])
-    verdict = monitor(spec).observe(replace(seen, clearances={ClearanceWatch(): near})).verdict()
+    sensors = {
+        "scan": SensorRecord("lidar", np.array([0.1]), {"ranges": np.array([[0.5, 2.0]])}),
+        "odometry": SensorRecord(
+            "odometry", np.array([0.1]), {"position_xyz": np.ones((1, 3)), "orientation_xyzw": np.eye(4)[3:]}
+        ),
+    }
+    verdict = monitor(spec).observe(replace(seen, clearances={ClearanceWatch(): near}, sensors=sensors)).verdict()
     assert type(verdict.passed) is bool
     assert {type(value) for value in (verdict.measured, verdict.limit, verdict.margin, verdict.time)} <= {float}
     assert verdict.message.isprintable()

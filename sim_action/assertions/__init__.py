@@ -7,7 +7,7 @@ the simulation loop feeds block by block and a stored trace in one piece, with t
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, runtime_checkable
 
@@ -99,6 +99,10 @@ class Assertion(FrozenModel):
         """What does not fit the scene."""
         yield from ()
 
+    def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
+        """What does not fit the scenario's sensors: name -> kind of each."""
+        yield from ()
+
     def leaves(self) -> Iterator[Assertion]:
         """The assertions that it consists of, which look at the robot: itself, if it is not made of others."""
         yield self
@@ -116,6 +120,8 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
         "clearance": "sim_action.assertions.clearance:Clearance",
         "follow_path": "sim_action.assertions.follow_path:FollowPath",
+        "odometry_error": "sim_action.assertions.odometry_error:OdometryError",
+        "sensor": "sim_action.assertions.sensor:SensorReading",
         "joint": "sim_action.assertions.joint:JointReading",
         "stl": "sim_action.assertions.stl:Stl",
         "any_of": "sim_action.assertions.any_of:AnyOf",

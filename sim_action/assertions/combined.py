@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Self
 
@@ -59,6 +59,12 @@ class Combined(Assertion):
         """Those of its parts."""
         for place, part in self.placed_parts:
             for path, message in part.problems(scene):
+                yield (*place, part.key, *path), message
+
+    def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
+        """Those of its parts."""
+        for place, part in self.placed_parts:
+            for path, message in part.sensor_problems(kinds):
                 yield (*place, part.key, *path), message
 
     def file_problems(self, workspace: Workspace) -> SpecProblems:

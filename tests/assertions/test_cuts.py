@@ -21,8 +21,10 @@ from sim_action.assertions.joint import JointReading
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.negation import Negation
 from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
+from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
@@ -31,6 +33,7 @@ from sim_action.assertions.window import Window
 from sim_action.channels import ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord, Nearness
 from sim_action.observation import Contact
+from sim_action.sensor_record import SensorRecord
 from sim_action.trace import FloatArray, Trace
 from tests.traces import WHEELS, contact, monitor, piece
 
@@ -59,6 +62,10 @@ SPECS: list[Assertion] = [
     FollowPath(path=EIGHT, max_error=0.3, rms=0.1),
     FollowPath(path=EIGHT, max_error=0.5, end=PathEnd(tolerance=0.3)),
     FollowPath(path=EIGHT[:2], smooth=True, rms=0.1, end=PathEnd(tolerance=0.2)),
+    SensorReading(name="scan", reading="ranges", which="min", at_least=0.02),
+    SensorReading(name="scan", reading="ranges", which="mean", at_most=0.3, once=True),
+    OdometryError(position=1.0),
+    OdometryError(position=2.0, yaw=3.0, drift=1.5),
     Clearance(at_least=0.3),
     Clearance(at_most=0.2),
     Clearance(at_least=0.05, at_most=0.4),
@@ -100,7 +107,21 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
         joint_effort=rng.normal(size=(steps, 2)),
         contacts=tuple(touches),
     )
-    return replace(seen, clearances={ClearanceWatch(): random_clearances(rng, time)})
+    sensors = {"scan": random_scans(rng, time - 1 / RATE), "odometry": random_odometry(rng, time - 1 / RATE)}
+    return replace(seen, clearances={ClearanceWatch(): random_clearances(rng, time)}, sensors=sensors)
+
+
+def random_scans(rng: np.random.Generator, time: FloatArray) -> SensorRecord:
+    """At every third step."""
+    return SensorRecord("lidar", time[::3], {"ranges": rng.uniform(size=(len(time[::3]), 4))})
+
+
+def random_odometry(rng: np.random.Generator, time: FloatArray) -> SensorRecord:
+    """At every other step."""
+    count = len(time[::2])
+    turn = rng.normal(size=(count, 4))
+    columns = {"position_xyz": rng.normal(scale=0.2, size=(count, 3)), "orientation_xyzw": turn / np.linalg.norm(turn)}
+    return SensorRecord("odometry", time[::2], columns)
 
 
 def random_clearances(rng: np.random.Generator, time: FloatArray) -> ClearanceRecord:
