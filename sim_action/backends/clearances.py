@@ -34,7 +34,7 @@ class _Body:
     """What is known of the distance of a body to the robot.
 
     Attributes:
-        due: on which way of robot and body together the links that are near matter again, in m.
+        due: on which way of all that moves together the links that are near matter again, in m.
         all_due: on which way other links may matter.
         near: the links that may matter before that.
         ahead: m, how far beyond what matters is looked when all links are.
@@ -61,12 +61,14 @@ class _Eye:
 
     Attributes:
         least: m, the least distance since somebody began to look.
+        due: on which way any of the bodies matters again, in m.
     """
 
     watch: ClearanceWatch
     names: tuple[str, ...]
     bodies: list[_Body] = field(default_factory=list)
     least: float = math.inf
+    due: float = -1.0
     found: list[Nearness] = field(default_factory=list)
 
     @property
@@ -76,7 +78,7 @@ class _Eye:
 
     def begin(self) -> None:
         """From here on, somebody looks."""
-        self.least = math.inf
+        self.least, self.due = math.inf, -1.0 if self.names else math.inf
         self.bodies = [_Body(name) for name in self.names]
 
 
@@ -121,13 +123,17 @@ class Clearances:
         if self._openings and step >= self._openings[-1]:
             self._begin(step)
         moved = self._robot.advance(pose, joints)
-        for name, odometer in self._moving.items():
-            moved = max(moved, odometer.advance(self._body_at(name)))
-        if not math.isfinite(moved):
+        way = self._robot.way
+        if self._moving:
+            ways = [odometer.advance(self._body_at(name)) for name, odometer in self._moving.items()]
+            moved = max(moved, *ways)
+            way += sum(odometer.way for odometer in self._moving.values())
+        if not moved < math.inf:
             # There is nothing left to measure: what has exploded is the watchdog's.
             return
         for eye in self._eyes:
-            self._look(eye, step, moved)
+            if way > eye.due:
+                self._look(eye, step, way, moved)
 
     def collect(self) -> dict[ClearanceWatch, ClearanceRecord]:
         """What was found since the last call."""
@@ -142,10 +148,9 @@ class Clearances:
         for eye in self._eyes:
             eye.begin()
 
-    def _look(self, eye: _Eye, step: int, moved: float) -> None:
+    def _look(self, eye: _Eye, step: int, way: float, moved: float) -> None:
         best: Nearness | None = None
         for body in eye.bodies:
-            way = self._way(body.name)
             if way <= body.due:
                 continue
             distances = self._ask(eye, body, way, moved)
@@ -155,6 +160,7 @@ class Clearances:
             if distance <= eye.limit and (best is None or distance < best.distance):
                 best = Nearness(step / self._rate, distance, link, body.name)
                 eye.least = min(eye.least, distance)
+        eye.due = min(body.due for body in eye.bodies)
         if best is not None:
             eye.found.append(best)
 
@@ -170,10 +176,6 @@ class Clearances:
             body.foresee(distances, way, limit, _STEPS_AHEAD * moved + _AHEAD)
         body.due = way + min(distances.values(), default=within) - limit - _PRECISION
         return distances
-
-    def _way(self, body: str) -> float:
-        own = self._moving.get(body)
-        return self._robot.way + (own.way if own else 0.0)
 
 
 def _radius(body: Body) -> float:

@@ -48,24 +48,21 @@ class Odometer:
         self._base = PoseOdometer(extents[model.root])
         self._chains = _chains(model, extents)
         self._last: Sequence[float] = ()
-        self._joints = 0.0
-
-    @property
-    def way(self) -> float:
-        """Since the first step, in m."""
-        return self._base.way + self._joints
+        self.way = 0.0
 
     def advance(self, pose: Sequence[float], joints: Sequence[float]) -> float:
         """Adds a step, which ends at a pose (7,) of the base, and at joint positions (J,); returns what it adds."""
         last, self._last = self._last or joints, joints
-        swung = 0.0
+        moved = 0.0
         for chain in self._chains:
-            most = 0.0
+            swung = 0.0
             for joint, reach in chain:
-                most += reach * abs(joints[joint] - last[joint])
-            swung = max(swung, most)
-        self._joints += swung * _ROUNDING
-        return swung + self._base.advance(pose)
+                swung += reach * abs(joints[joint] - last[joint])
+            # Also where it is no number.
+            moved = max(moved, swung)
+        moved = (moved + self._base.advance(pose)) * _ROUNDING
+        self.way += moved
+        return moved
 
 
 def _extents(model: RobotModel, radii: Mapping[str, float]) -> dict[str, float]:

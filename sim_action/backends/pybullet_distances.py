@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from typing import Final
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Final
 
 import pybullet
 
@@ -23,23 +23,22 @@ class Distances:
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
         """See clearances.Near."""
-        number, client = self._bodies[body], self._client
-        if links is None or len(links) > _FEW:
-            points = pybullet.getClosestPoints(self._robot, number, within, physicsClientId=client)
-        else:
-            points = [
-                point
-                for link in links
-                for point in pybullet.getClosestPoints(
-                    self._robot, number, within, self._links[link], physicsClientId=client
-                )
-            ]
         found: dict[str, float] = {}
-        for point in points:
+        for point in self._points(self._bodies[body], links, within):
             name, distance = self._names[point[3]], point[8]
             if distance < found.get(name, math.inf) and (links is None or name in links):
                 found[name] = distance
         return found
+
+    def _points(self, body: int, links: Collection[str] | None, within: float) -> Sequence[Any]:
+        """The nearest points, at least those of these links."""
+        robot, client = self._robot, self._client
+        if links is None or len(links) > _FEW:
+            return pybullet.getClosestPoints(robot, body, within, physicsClientId=client)  # type: ignore[no-any-return]
+        points: list[Any] = []
+        for link in links:
+            points += pybullet.getClosestPoints(robot, body, within, self._links[link], physicsClientId=client)
+        return points
 
     def body_at(self, body: str) -> tuple[float, ...]:
         """See Clearances."""
