@@ -105,7 +105,11 @@ class Clearances:
         self._openings = sorted(set(steps), reverse=True)
         self._robot = Odometer(scene.model, radii)
         watched = {body for eye in self._eyes for body in eye.names}
-        moving = (body for body in scene.world.objects if body.name in watched and body.mass is not None)
+        moving = (
+            body
+            for body in scene.world.objects
+            if body.name in watched and (body.mass is not None or body.path or body.appears is not None)
+        )
         self._moving = {body.name: PoseOdometer(_radius(body)) for body in moving}
 
     @property

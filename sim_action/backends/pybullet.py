@@ -75,11 +75,8 @@ class PyBulletBackend:
         self._read_joints(scene)
         self._place_robot(scene)
         self._timetable = Timetable.of(scene, PyBulletStage(self._client, self._robot, self._links, self._objects))
-        numbers = {name: number for number, name in self._body_names.items()}
-        distances = Distances(self._client, self._robot, self._link_names, numbers)
-        self._clearances = Clearances(
-            channels, scene, distances.radii(), near=distances.near, body_at=distances.body_at
-        )
+        distances = Distances(self._client, self._robot, self._link_names, self._body_names)
+        self._clearances = Clearances(channels, scene, distances.radii(), near=distances.near, body_at=self._body_at)
         self._held_efforts: dict[int, float] = {}
         self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -154,6 +151,10 @@ class PyBulletBackend:
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """See Probe.cast_rays."""
         return cast_rays(self._client, start_xyz, ends_xyz)
+
+    def _body_at(self, body: str) -> tuple[float, ...]:
+        there = self.body_pose(body)
+        return (*there.position_xyz, *there.orientation_xyzw)
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""

@@ -17,14 +17,19 @@ _FEW: Final = 3
 class Distances:
     """Of the robot's links to bodies of the world, at present."""
 
-    def __init__(self, client: int, robot: int, links: Mapping[int, str], bodies: Mapping[str, int]) -> None:
-        self._client, self._robot, self._names, self._bodies = client, robot, links, bodies
+    def __init__(self, client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> None:
+        """`links`, `bodies`: names by the engine's numbers, of which a body may have several."""
+        self._client, self._robot, self._names = client, robot, links
+        self._bodies: dict[str, list[int]] = {}
+        for number, name in bodies.items():
+            self._bodies.setdefault(name, []).append(number)
         self._links = {name: index for index, name in links.items()}
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
         """See clearances.Near."""
         found: dict[str, float] = {}
-        for point in self._points(self._bodies[body], links, within):
+        points = (point for number in self._bodies[body] for point in self._points(number, links, within))
+        for point in points:
             name, distance = self._names[point[3]], point[8]
             if distance < found.get(name, math.inf) and (links is None or name in links):
                 found[name] = distance
@@ -39,11 +44,6 @@ class Distances:
         for link in links:
             points += pybullet.getClosestPoints(robot, body, within, self._links[link], physicsClientId=client)
         return points
-
-    def body_at(self, body: str) -> tuple[float, ...]:
-        """See Clearances."""
-        position, orientation = pybullet.getBasePositionAndOrientation(self._bodies[body], self._client)
-        return (*position, *orientation)
 
     def radii(self) -> dict[str, float]:
         """Link -> m: how far its shapes are from its frame, or from the centre of mass of the base, at most."""

@@ -17,7 +17,7 @@ from sim_action.clearance_record import ClearanceRecord, Nearness
 from sim_action.command import JointTargets
 from sim_action.scene import Scene
 from sim_action.trace import FloatArray, Trace
-from sim_action.world import Body, Cylinder, Placement, Robot, Sphere, World
+from sim_action.world import Body, Cylinder, PathPoint, Placement, Robot, Sphere, World
 from tests import traces
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 from tests.mesh_files import stl
@@ -192,6 +192,20 @@ def test_nor_does_an_arm(engine: str, tmp_path: Path) -> None:
     assert told(trace, hand[0]) == lows(told(trace, hand[1]))
     assert {near.link for near in told(trace, hand[1])} <= {"l4", "l2"}
     assert min(told(trace, hand[1])) >= min(told(trace, ALWAYS))
+
+
+@on_every_engine
+def test_nor_does_what_moves_by_itself(engine: str, tmp_path: Path) -> None:
+    there_and_back = (PathPoint(at=0.0, x=1.0), PathPoint(at=1.0, x=0.5), PathPoint(at=2.0, x=0.75, yaw=1.0))
+    door = Body(name="door", box=(0.1, 0.5, 0.5), pose=Placement(z=0.5), path=there_and_back, loop=False)
+    late = Body(name="late", box=(0.1, 0.1, 0.1), pose=Placement(x=-0.5, z=0.5), appears=1.5)
+    scene = scene_of(
+        tmp_path, BALL, Robot(model="robot.urdf", base="fixed", pose=Placement(z=0.5)), World(objects=(door, late))
+    )
+    with running(engine, scene, clearances=[LEAST, ALWAYS]) as backend:
+        trace = advance(backend, 0, 600)
+    assert told(trace) == lows(told(trace, ALWAYS))
+    assert min(near.distance for near in told(trace)) == pytest.approx(0.5 - 0.05 - 0.2, abs=5e-3)
 
 
 @on_every_engine

@@ -78,9 +78,7 @@ class MuJoCoBackend:
         self._timetable = Timetable.of(scene, self._stage)
         self._watches_contacts = channels.contacts and bool(scene.world.objects)
         distances = Distances(compiled)
-        self._clearances = Clearances(
-            channels, scene, distances.radii(), near=distances.near, body_at=distances.body_at
-        )
+        self._clearances = Clearances(channels, scene, distances.radii(), near=distances.near, body_at=self._objects.at)
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
         self._touches: list[Contact] = []

@@ -19,15 +19,18 @@ class Objects:
         """The engine's, of a body."""
         return self._numbers[name]
 
-    def pose(self, name: str) -> Pose:
-        """Of its middle, world frame."""
+    def at(self, name: str) -> list[float]:
+        """Its position and its unit quaternion, (7,), as the engine orders it."""
         body = self._numbers[name]
         if self._model.body_dofnum[body]:
             start = self._model.jnt_qposadr[self._model.body_jntadr[body]]
-            px, py, pz, qw, qx, qy, qz = self._data.qpos[start : start + 7].tolist()
-        else:
-            px, py, pz = self._model.body_pos[body].tolist()
-            qw, qx, qy, qz = self._model.body_quat[body].tolist()
+            there: list[float] = self._data.qpos[start : start + 7].tolist()
+            return there
+        return [*self._model.body_pos[body].tolist(), *self._model.body_quat[body].tolist()]
+
+    def pose(self, name: str) -> Pose:
+        """Of its middle, world frame."""
+        px, py, pz, qw, qx, qy, qz = self.at(name)
         return Pose((px, py, pz), (qx, qy, qz, qw))
 
     def put(self, name: str, pose: Pose, twist: Twist) -> bool:
