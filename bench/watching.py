@@ -26,7 +26,7 @@ robot: {{model: turtlebot3_burger}}
 world:
   objects:
     - {{name: wall, box: [0.1, 3.0, 0.5], pose: {{x: 2}}}}
-    - {{name: left, cylinder: {{radius: 10 cm, height: 1.0}}, pose: {{x: 0.0, y: 0.9}}}}
+    - {{name: left, cylinder: {{radius: 10 cm, height: 1.0}}, pose: {{x: 0.0, y: 1.3}}}}
     - {{name: right, box: [0.3, 0.3, 0.3], pose: {{x: -0.9, y: 0.3}}}}
 commands: {{rate: 10 Hz, twist: [{{linear: 0.2, angular: 0.5}}]}}
 expect: [{{travel: {{at_least: 50 cm}}}}{watching}]

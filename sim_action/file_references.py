@@ -25,6 +25,7 @@ FILE_KEYS: Final[tuple[tuple[str, ...], ...]] = (
     ("commands", "replay"),
     ("commands", _ANY, "replay"),
     ("expect", _DEEP, "assertion"),
+    ("expect", _DEEP, "follow_path", "file"),
     ("expect", _DEEP, "assertion", "class"),
 )
 """Each way to a file name, `*` for every key or entry, `**` for any number of them. New keys of files belong here."""

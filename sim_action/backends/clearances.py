@@ -76,6 +76,10 @@ class _Eye:
         """What matters, in m: a distance that is less."""
         return self.watch.within if self.watch.always else min(self.least, self.watch.within)
 
+    def counts(self, distance: float) -> bool:
+        """Whether a distance is told."""
+        return distance <= self.watch.within and (self.watch.always or distance < self.least)
+
     def begin(self) -> None:
         """From here on, somebody looks."""
         self.least, self.due = math.inf, -1.0 if self.names else math.inf
@@ -161,7 +165,7 @@ class Clearances:
             if not distances:
                 continue
             distance, link = min(zip(distances.values(), distances, strict=True))
-            if distance <= eye.limit and (best is None or distance < best.distance):
+            if eye.counts(distance) and (best is None or distance < best.distance):
                 best = Nearness(step / self._rate, distance, link, body.name)
                 eye.least = min(eye.least, distance)
         eye.due = min(body.due for body in eye.bodies)
@@ -178,7 +182,9 @@ class Clearances:
             within = min(limit + body.ahead, _FARTHEST)
             distances = self._near(body.name, eye.watch.links, within)
             body.foresee(distances, way, limit, _STEPS_AHEAD * moved + _AHEAD)
-        body.due = way + min(distances.values(), default=within) - limit - _PRECISION
+        slack = min(distances.values(), default=within) - limit - _PRECISION
+        # What does not move comes no nearer.
+        body.due = way + (slack if eye.watch.always else max(0.0, slack))
         return distances
 
 

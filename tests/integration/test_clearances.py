@@ -198,14 +198,15 @@ def test_nor_does_an_arm(engine: str, tmp_path: Path) -> None:
 def test_nor_does_what_moves_by_itself(engine: str, tmp_path: Path) -> None:
     there_and_back = (PathPoint(at=0.0, x=1.0), PathPoint(at=1.0, x=0.5), PathPoint(at=2.0, x=0.75, yaw=1.0))
     door = Body(name="door", box=(0.1, 0.5, 0.5), pose=Placement(z=0.5), path=there_and_back, loop=False)
-    late = Body(name="late", box=(0.1, 0.1, 0.1), pose=Placement(x=-0.5, z=0.5), appears=1.5)
+    late = Body(name="late", box=(0.1, 0.1, 0.1), pose=Placement(x=-0.4, z=0.5), appears=1.5)
     scene = scene_of(
         tmp_path, BALL, Robot(model="robot.urdf", base="fixed", pose=Placement(z=0.5)), World(objects=(door, late))
     )
     with running(engine, scene, clearances=[LEAST, ALWAYS]) as backend:
         trace = advance(backend, 0, 600)
     assert told(trace) == lows(told(trace, ALWAYS))
-    assert min(near.distance for near in told(trace)) == pytest.approx(0.5 - 0.05 - 0.2, abs=5e-3)
+    assert min(near.distance for near in told(trace)) == pytest.approx(0.4 - 0.05 - 0.2, abs=1e-6)
+    assert [near.body for near in told(trace) if near.time >= 1.5] == ["late"]
 
 
 @on_every_engine

@@ -7,6 +7,7 @@ each other, constraints are soft, and a simulation that explodes begins anew.
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -78,7 +79,9 @@ class MuJoCoBackend:
         self._timetable = Timetable.of(scene, self._stage)
         self._watches_contacts = channels.contacts and bool(scene.world.objects)
         distances = Distances(compiled)
-        self._clearances = Clearances(channels, scene, distances.radii(), near=distances.near, body_at=self._objects.at)
+        # In MuJoCo's own format, axes may be beside the frames of their links: nobody knows how far.
+        radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
+        self._clearances = Clearances(channels, scene, radii, near=distances.near, body_at=self._objects.at)
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
         self._touches: list[Contact] = []
