@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
-from sim_action.assertions.fold import Goal
+from sim_action.assertions.nearest import Nearest
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
 from sim_action.quantities import JointQuantity
@@ -82,7 +82,8 @@ class JointReading(Assertion):
         unit = scene.model.joints_by_name[self.name].dimension(self.reading).si
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
         if near is not None and tolerance is not None:
-            return NearMonitor(self, unit, near, tolerance)
+            nearest = Nearest(f"{self.name} came", units.display(near, unit), unit, tolerance)
+            return NearMonitor(self, near, nearest)
         return SignalMonitor(self.signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most))
 
     def signal(self, trace: Trace) -> FloatArray:
@@ -97,39 +98,22 @@ class JointReading(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class NearMonitor:
-    """The fold of the distance to a value."""
+    """How near a reading came to a value."""
 
     spec: JointReading
-    unit: str
-    near: float
-    tolerance: float
-    goal: Goal = Goal()
-    end: float = 0.0
+    value: float
+    nearest: Nearest
 
     @property
     def state(self) -> State:
         """See Monitor.state."""
-        return self.goal.state
+        return self.nearest.state
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        if not len(trace):
-            return self
-        margin = self.tolerance - abs(self.spec.signal(trace) - self.near)
-        return replace(self, goal=self.goal.observe(trace.time, margin), end=float(trace.time[-1]))
+        distance = abs(self.spec.signal(trace) - self.value)
+        return replace(self, nearest=self.nearest.observe(trace.time, distance))
 
     def verdict(self) -> Verdict:
         """Measured is the least distance to the value, the limit its tolerance."""
-        passed = self.state is State.HOLDS
-        if self.goal.margin is None or self.goal.time is None:
-            return Verdict(False, None, self.tolerance, None, self.unit, None, "no moment to measure")
-        distance = self.tolerance - self.goal.margin
-        near, _ = units.display_apart(distance, self.tolerance, self.unit)
-        value = units.display(self.near, self.unit)
-        message = (
-            f"{self.spec.name} came within {near} of {value} in {self.goal.time:.2f} s"
-            if passed
-            else f"{self.spec.name} came no nearer than {near} to {value} in {self.end:.1f} s; nearest at "
-            f"{self.goal.time:.2f} s"
-        )
-        return Verdict(passed, distance, self.tolerance, self.goal.margin, self.unit, self.goal.time, message)
+        return self.nearest.verdict()

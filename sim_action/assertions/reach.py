@@ -10,7 +10,7 @@ from pydantic import Field
 
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
-from sim_action.assertions.fold import Goal
+from sim_action.assertions.nearest import Nearest
 from sim_action.observation import Observation
 from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.scene import Scene
@@ -45,61 +45,32 @@ class Reach(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        return ReachMonitor(self)
+        nearest = Nearest("came", self.place, "m", self.tolerance, self.yaw_tolerance)
+        return ReachMonitor(self, nearest)
 
 
 @dataclass(frozen=True, slots=True)
 class ReachMonitor:
-    """Folds the worse of both errors, as a part of its tolerance; keeps what they were at the best moment."""
+    """How near the base came to the place."""
 
     spec: Reach
-    goal: Goal = Goal()
-    distance: float = math.inf
-    yaw_error: float = 0.0
-    end: float = 0.0
+    nearest: Nearest
 
     @property
     def state(self) -> State:
         """See Monitor.state."""
-        return self.goal.state
+        return self.nearest.state
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        if not len(trace):
-            return self
-        distance, yaw_error = self._distance(trace), self._yaw_error(trace)
-        margin = self.spec.tolerance - distance
-        if yaw_error is not None:
-            scale = self.spec.tolerance / self.spec.yaw_tolerance
-            margin = margin.clip(max=(self.spec.yaw_tolerance - yaw_error) * scale)
-        later = replace(self, goal=self.goal.observe(trace.time, margin), end=float(trace.time[-1]))
-        if later.goal is self.goal:
-            return later
-        best = int((trace.time == later.goal.time).argmax())
-        error = 0.0 if yaw_error is None else float(yaw_error[best])
-        return replace(later, distance=float(distance[best]), yaw_error=error)
+        yaw_error = None if self.spec.yaw is None else trace.yaw_error_to(self.spec.yaw)
+        return replace(self, nearest=self.nearest.observe(trace.time, self._distance(trace), yaw_error))
 
     def verdict(self) -> Verdict:
-        """Measured and limit are distances; the margin also accounts for the heading."""
-        spec, passed = self.spec, self.state is State.HOLDS
-        if self.goal.time is None:
-            return Verdict(False, None, spec.tolerance, None, "m", None, "no moment to measure")
-        # Apart from the tolerances, which the title of the expectation shows beside the message.
-        near, _ = units.display_apart(self.distance, spec.tolerance, "m")
-        off, _ = units.display_apart(self.yaw_error, spec.yaw_tolerance, "rad")
-        facing = "" if spec.yaw is None else f", {off} off its heading,"
-        message = (
-            f"came within {near} of {spec.place}{facing} in {self.goal.time:.2f} s"
-            if passed
-            else f"came no nearer than {near} to {spec.place}{facing} in {self.end:.1f} s; nearest at "
-            f"{self.goal.time:.2f} s"
-        )
-        return Verdict(passed, self.distance, spec.tolerance, self.goal.margin, "m", self.goal.time, message)
+        """See Monitor.verdict."""
+        return self.nearest.verdict()
 
     def _distance(self, trace: Trace) -> FloatArray:
         if self.spec.z is None:
             return trace.planar_distance_to(self.spec.x, self.spec.y)
         return trace.distance_to((self.spec.x, self.spec.y, self.spec.z))
-
-    def _yaw_error(self, trace: Trace) -> FloatArray | None:
-        return None if self.spec.yaw is None else trace.yaw_error_to(self.spec.yaw)
