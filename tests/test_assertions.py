@@ -12,6 +12,7 @@ from sim_action.assertions import ASSERTIONS, Assertion, State
 from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
 from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading
 from sim_action.assertions.max_speed import MaxSpeed
@@ -21,6 +22,7 @@ from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
+from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
@@ -39,6 +41,7 @@ GOALS: list[Assertion] = [
     Clearance(at_most=0.5),
     SensorReading(name="scan", reading="ranges", which="min", at_most=1.0, once=True),
     FollowPath(path=PATH, end=PathEnd()),
+    Settled(),
     JointReading(name=WHEELS[0], at_least=1.0),
     JointReading(name=WHEELS[0], near=1.0, tolerance=0.1),
     Stl(formula="eventually (travel > 1 m)"),
@@ -49,6 +52,7 @@ GOALS: list[Assertion] = [
 INVARIANTS: list[Assertion] = [
     Travel(at_most=1.0),
     PathLength(at_most=1.0),
+    FinalPose(x=0.0, y=0.0, yaw=0.0),
     NoCollision(),
     Upright(),
     MaxSpeed(linear=1.0, angular=1.0),

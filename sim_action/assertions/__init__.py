@@ -114,6 +114,8 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "travel": "sim_action.assertions.travel:Travel",
         "path_length": "sim_action.assertions.path_length:PathLength",
         "reach": "sim_action.assertions.reach:Reach",
+        "settled": "sim_action.assertions.settled:Settled",
+        "final_pose": "sim_action.assertions.final_pose:FinalPose",
         "no_collision": "sim_action.assertions.no_collision:NoCollision",
         "upright": "sim_action.assertions.upright:Upright",
         "max_speed": "sim_action.assertions.max_speed:MaxSpeed",

@@ -16,6 +16,7 @@ from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import is_decided
+from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading
 from sim_action.assertions.max_speed import MaxSpeed
@@ -25,6 +26,7 @@ from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
+from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
@@ -52,6 +54,11 @@ SPECS: list[Assertion] = [
     Reach(x=0.3, y=0.3, tolerance=0.2),
     Reach(x=0.0, y=0.3, z=0.1, tolerance=0.3),
     Reach(x=0.0, y=0.3, yaw=1.0, tolerance=0.5, yaw_tolerance=0.5),
+    Settled(),
+    Settled.model_validate({"for": 0.01, "speed": 2.0, "turn_rate": 2.0}),
+    Settled.model_validate({"for": 0.01, "speed": 3.0, "turn_rate": 3.0, "joints": True}),
+    FinalPose(x=0.3, y=0.3, tolerance=0.5),
+    FinalPose(z=0.1, yaw=0.5, yaw_tolerance=1.0),
     NoCollision(),
     NoCollision(allow=("wall", "base_scan")),
     Upright(max_tilt=0.6),

@@ -1,0 +1,148 @@
+"""`final_pose: {x: 2 m, y: 0, yaw: 90 deg}`: where the robot is when the run is over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from sim_action import units
+from sim_action.assertions import Assertion, Monitor, State
+from sim_action.assertions.nearest import Nearest
+from sim_action.geometry import Pose
+from sim_action.observation import Observation
+from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
+from sim_action.scene import Scene
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.trace import FloatArray, Trace
+
+
+class FinalPose(Assertion):
+    """Where the base link is, and heads, when the run is over; or at `before`, if that is earlier.
+
+    It neither ends a run nor keeps it going: a run is over at its `duration`, or once all goals of the scenario are
+    met, where that is when the robot passes by. Ask for `settled`, or give a `duration`, to let it stop first. What is
+    left out of `x`, `y`, `z` and `yaw` is free.
+    """
+
+    key: ClassVar[str] = "final_pose"
+
+    x: Annotated[Metres | None, Field(description="left out: any")] = None
+    y: Annotated[Metres | None, Field(description="left out: any")] = None
+    z: Annotated[Metres | None, Field(description="left out: any")] = None
+    yaw: Annotated[Radians | None, Field(description="left out: any heading")] = None
+    tolerance: Annotated[PositiveMetres, Field(description="distance from the place")] = 0.05
+    yaw_tolerance: PositiveRadians = math.radians(5)
+    relative: Annotated[
+        bool, Field(description="to where it stood at first, x being ahead and y to the left; else in the world frame")
+    ] = False
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        if not self.place and self.yaw is None:
+            raise ValueError("give at least one of 'x', 'y', 'z' and 'yaw'")
+        return self
+
+    @property
+    def place(self) -> dict[str, float]:
+        """Axis -> coordinate, of those that were given."""
+        given = {"x": self.x, "y": self.y, "z": self.z}
+        return {axis: value for axis, value in given.items() if value is not None}
+
+    @property
+    def place_text(self) -> str:
+        """Such as "(2, 0)", or "x = 2 m"; empty if it may be anywhere."""
+        if "x" in self.place and "y" in self.place:
+            return f"({', '.join(f'{value:g}' for value in self.place.values())})"
+        return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.place.items())
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        facing = "" if self.yaw is None else f"facing {units.display(self.yaw, 'rad')}"
+        within = f"within {units.display(self.tolerance, 'm')}" if self.place else ""
+        parts = (self.key, self.place_text, facing, within, "from the start" if self.relative else "")
+        return " ".join(filter(None, parts))
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        nearest = Nearest("came", self.place_text, "m", self.tolerance, self.yaw_tolerance)
+        return FinalPoseMonitor(self, start.pose if self.relative else Pose(), nearest)
+
+
+@dataclass(frozen=True, slots=True)
+class FinalPoseMonitor:
+    """Knows the last moment, and how near the robot had come before.
+
+    Attributes:
+        origin: of the frame that the place is in.
+        distance, yaw_error: m and rad, at the last moment; 0 where any is right.
+        end: s of sim time.
+    """
+
+    spec: FinalPose
+    origin: Pose
+    nearest: Nearest
+    distance: float = 0.0
+    yaw_error: float = 0.0
+    end: float | None = None
+
+    @property
+    def state(self) -> State:
+        """Where the robot is now says nothing of where it will be."""
+        return State.HOLDS
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if not len(trace):
+            return self
+        distance, yaw_error = self._distance(trace), self._yaw_error(trace)
+        return replace(
+            self,
+            nearest=self.nearest.observe(trace.time, distance, yaw_error),
+            distance=float(distance[-1]),
+            yaw_error=float(yaw_error[-1]),
+            end=float(trace.time[-1]),
+        )
+
+    def verdict(self) -> Verdict:
+        """Of distance and heading, the one that is worse as a part of its tolerance."""
+        spec = self.spec
+        errors = [(self.distance, spec.tolerance, "m")] if spec.place else []
+        errors += [] if spec.yaw is None else [(self.yaw_error, spec.yaw_tolerance, "rad")]
+        error, limit, unit = max(errors, key=lambda error: error[0] / error[1])
+        if self.end is None:
+            return Verdict(False, None, limit, None, unit, None, "no moment to measure")
+        passed = error <= limit
+        message = f"ended {self._errors()} at {self.end:.2f} s{'' if passed else self._before()}"
+        return Verdict(passed, error, limit, limit - error, unit, self.end, message)
+
+    def _errors(self) -> str:
+        near, _ = units.display_apart(self.distance, self.spec.tolerance, "m")
+        off, _ = units.display_apart(self.yaw_error, self.spec.yaw_tolerance, "rad")
+        where = [f"{near} from {self.spec.place_text}"] if self.spec.place else []
+        return ", ".join(where + ([] if self.spec.yaw is None else [f"{off} off its heading"]))
+
+    def _before(self) -> str:
+        """Whether it went too far, or not far enough."""
+        nearest = self.nearest
+        if (nearest.distance, nearest.yaw_error) == (self.distance, self.yaw_error):
+            return ""
+        return f"; it was {'there' if nearest.state is State.HOLDS else 'nearest'} at {nearest.goal.time:.2f} s"
+
+    def _distance(self, trace: Trace) -> FloatArray:
+        """Over the axes that were given, in the frame of `origin`."""
+        from_origin = trace.base_position_xyz - np.asarray(self.origin.position_xyz)
+        cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        x, y, z = from_origin.T
+        axes = {"x": cosine * x + sine * y, "y": cosine * y - sine * x, "z": z}
+        squares = [(axes[axis] - value) ** 2 for axis, value in self.spec.place.items()]
+        return np.asarray(np.sqrt(sum(squares, np.zeros(len(trace)))), dtype=np.float64)
+
+    def _yaw_error(self, trace: Trace) -> FloatArray:
+        return np.zeros(len(trace)) if self.spec.yaw is None else trace.yaw_error_to(self.origin.yaw + self.spec.yaw)

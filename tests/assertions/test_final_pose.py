@@ -1,0 +1,107 @@
+"""Where the robot is when the run is over."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from sim_action.assertions import State
+from sim_action.assertions.final_pose import FinalPose
+from sim_action.assertions.window import Window
+from sim_action.geometry import Pose, quaternion_from_rpy
+from sim_action.panel import Panel
+from sim_action.verdict import Verdict
+from tests.traces import START, expectation, judged, monitor, scenario, scene, trace
+
+PAST = trace([1.0, 2.0, 3.0], x=[0.0, 1.75, 3.0], z=[0.5, 0.5, 0.5], yaw=[0.0, 0.5, 1.0])
+
+
+def test_the_last_moment_is_judged() -> None:
+    assert judged(FinalPose(x=2.75, y=0.0, tolerance=0.5), PAST) == Verdict(
+        True, 0.25, 0.5, 0.25, "m", 3.0, "ended 0.25 m from (2.75, 0) at 3.00 s"
+    )
+
+
+def test_a_place_that_was_passed_is_missed() -> None:
+    assert judged(FinalPose(x=1.75, y=0.0, tolerance=0.25), PAST) == Verdict(
+        False, 1.25, 0.25, -1.0, "m", 3.0, "ended 1.25 m from (1.75, 0) at 3.00 s; it was there at 2.00 s"
+    )
+
+
+def test_a_place_that_was_never_reached_says_when_it_was_nearest() -> None:
+    assert judged(FinalPose(x=1.5, y=0.0), PAST).message.endswith("; it was nearest at 2.00 s")
+    assert judged(FinalPose(x=4.0, y=0.0), PAST).message == "ended 1 m from (4, 0) at 3.00 s"
+
+
+def test_of_place_and_heading_the_worse_speaks() -> None:
+    verdict = judged(FinalPose(x=2.9, y=0.0, yaw=0.5, tolerance=0.2, yaw_tolerance=0.25), PAST)
+    assert (verdict.measured, verdict.limit, verdict.margin, verdict.unit) == (0.5, 0.25, -0.25, "rad")
+    assert verdict.message.startswith("ended 0.1 m from (2.9, 0), 28.65 deg off its heading at 3.00 s")
+
+
+def test_a_heading_alone_is_judged_the_short_way_round() -> None:
+    turned = trace([1.0], x=[7.0], yaw=[math.pi - 0.01])
+    verdict = judged(FinalPose(yaw=-math.pi + 0.01), turned)
+    assert verdict.passed
+    assert verdict.message == "ended 1.146 deg off its heading at 1.00 s"
+
+
+def test_an_axis_alone_leaves_the_others_free() -> None:
+    assert judged(FinalPose(z=0.5), PAST).passed
+    assert judged(FinalPose(y=1.0), PAST).message == "ended 1 m from y = 1 m at 3.00 s"
+
+
+def test_relative_to_the_start_x_is_ahead_and_y_to_the_left() -> None:
+    facing_left = Pose((1.0, 2.0, 0.25), quaternion_from_rpy(0.0, 0.0, math.pi / 2))
+    start = dataclasses.replace(START, pose=facing_left)
+    gone = trace([1.0], x=[0.5], y=[4.0], z=[0.5], yaw=[math.pi])
+    spec = FinalPose(x=2.0, y=0.5, z=0.25, yaw=math.pi / 2, tolerance=1e-9, yaw_tolerance=1e-9, relative=True)
+    assert judged(spec, gone, start).passed
+    assert not judged(spec.model_copy(update={"y": -0.5}), gone, start).passed
+
+
+def test_it_neither_ends_a_run_nor_keeps_it_going() -> None:
+    for place in (0.0, 9.0):
+        assert monitor(FinalPose(x=place)).observe(PAST).state is State.HOLDS
+    panel = Panel.open(scenario(expectation(FinalPose(x=9.0)), duration=2.5), scene(), START)
+    ended, seen = panel.observe_until_end(PAST)
+    assert (ended.end, len(seen), ended.verdicts()[0].passed) == ("duration", 3, False)
+
+
+def test_before_says_when_it_is_judged() -> None:
+    seen = Window(monitor(FinalPose(x=1.75)), before=2.0).observe(PAST)
+    assert (seen.verdict().passed, seen.verdict().time) == (True, 2.0)
+
+
+def test_it_needs_a_moment() -> None:
+    assert judged(FinalPose(x=0.0), trace([])) == Verdict(False, None, 0.05, None, "m", None, "no moment to measure")
+
+
+@pytest.mark.parametrize(
+    ("spec", "title"),
+    [
+        ({"x": "2 m", "y": 0}, "final_pose (2, 0) within 0.05 m"),
+        ({"x": 1, "z": 3, "tolerance": "10 cm"}, "final_pose x = 1 m, z = 3 m within 0.1 m"),
+        ({"yaw": "90 deg"}, "final_pose facing 90 deg"),
+        ({"x": 1, "y": 0, "yaw": 0, "relative": True}, "final_pose (1, 0) facing 0 deg within 0.05 m from the start"),
+    ],
+)
+def test_the_title_says_what_is_asked(spec: dict[str, Any], title: str) -> None:
+    assert FinalPose.model_validate(spec).title == title
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [({}, "at least one of 'x', 'y', 'z' and 'yaw'"), ({"x": 1, "tolerance": 0}, "greater than 0")],
+)
+def test_a_pose_that_is_none_is_refused(spec: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        FinalPose.model_validate(spec)
+
+
+def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
+    assert "ended 0.050001 m from" in judged(FinalPose(x=0.0), trace([1.0], x=[0.050001])).message
