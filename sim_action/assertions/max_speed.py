@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from sim_action import units
-from sim_action.assertions import Assertion, Monitor, State
-from sim_action.assertions.bounds import Bounds
-from sim_action.assertions.fold import joined
+from sim_action.assertions import Assertion, Monitor
+from sim_action.assertions.bounds import Bounds, SignalMonitor
+from sim_action.assertions.every import Every
 from sim_action.observation import Observation
 from sim_action.quantities import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.scene import Scene
-from sim_action.verdict import Verdict
-
-if TYPE_CHECKING:
-    from sim_action.trace import Trace
 
 
 class MaxSpeed(Assertion):
@@ -42,37 +37,10 @@ class MaxSpeed(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        return MaxSpeedMonitor(
-            None if self.linear is None else Bounds("moved with", "m/s", None, self.linear),
-            None if self.angular is None else Bounds("turned with", "rad/s", None, self.angular),
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class MaxSpeedMonitor:
-    """Both limits, each where it was asked for."""
-
-    linear: Bounds | None
-    angular: Bounds | None
-
-    @property
-    def state(self) -> State:
-        """See Monitor.state."""
-        return joined(*(bounds.state for bounds in self._asked()))
-
-    def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
-        return replace(
-            self,
-            linear=self.linear and self.linear.observe(trace.time, trace.speed),
-            angular=self.angular and self.angular.observe(trace.time, trace.turn_rate),
-        )
-
-    def verdict(self) -> Verdict:
-        """The limit that was broken first, else the one that was come nearest to, as a part of it."""
-        verdicts = [bounds.verdict() for bounds in self._asked()]
-        nearest = min(verdicts, key=lambda v: (v.margin or 0.0) / (v.limit or 1.0))
-        return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=nearest)
-
-    def _asked(self) -> tuple[Bounds, ...]:
-        return tuple(bounds for bounds in (self.linear, self.angular) if bounds is not None)
+        monitors = []
+        if self.linear is not None:
+            monitors.append(SignalMonitor(lambda trace: trace.speed, Bounds("moved with", "m/s", None, self.linear)))
+        if self.angular is not None:
+            bounds = Bounds("turned with", "rad/s", None, self.angular)
+            monitors.append(SignalMonitor(lambda trace: trace.turn_rate, bounds))
+        return Every(tuple(monitors))

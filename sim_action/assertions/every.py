@@ -1,0 +1,35 @@
+"""Several limits that must all hold, and the one to speak of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+from sim_action.assertions import Monitor, State
+from sim_action.assertions.fold import joined
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class Every:
+    """The monitor of several."""
+
+    monitors: tuple[Monitor, ...]
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return joined(*(monitor.state for monitor in self.monitors))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))
+
+    def verdict(self) -> Verdict:
+        """The limit that was broken first, else the one that was come nearest to, as a part of it."""
+        verdicts = [monitor.verdict() for monitor in self.monitors]
+        nearest = min(verdicts, key=lambda v: (v.margin or 0.0) / (v.limit or 1.0))
+        return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=nearest)
