@@ -108,6 +108,7 @@ PositiveMetresPerSecondSquared = Annotated[float, Gt(0), Quantity((units.ACCELER
 NonNegativeMetresPerSecondSquared = Annotated[float, Ge(0), Quantity((units.ACCELERATION,))]
 PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
 PositiveNewtons = Annotated[float, Gt(0), Quantity((units.FORCE,))]
+NonNegativeJoules = Annotated[float, Ge(0), Quantity((units.ENERGY,))]
 NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTIA,))]
 Ratio = Annotated[float, Quantity((units.RATIO,))]
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]

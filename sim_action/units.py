@@ -41,6 +41,7 @@ ANGULAR_SPEED: Final = _dimension("angular speed", "rad/s", {"deg/s": _DEGREE, "
 ACCELERATION: Final = _dimension("acceleration", "m/s^2", {"cm/s^2": 1e-2})
 FORCE: Final = _dimension("force", "N", {"mN": 1e-3, "kN": 1e3})
 TORQUE: Final = _dimension("torque", "N m", {"Nm": 1.0})
+ENERGY: Final = _dimension("energy", "J", {"mJ": 1e-3, "kJ": 1e3, "Wh": 3600.0, "kWh": 3.6e6})
 INERTIA: Final = _dimension("moment of inertia", "kg m^2", {"g m^2": 1e-3})
 RATIO: Final = _dimension("ratio", "")
 SHARE: Final = _dimension("share", "", {"%": 1e-2})

@@ -12,9 +12,12 @@ from sim_action.assertions import ASSERTIONS, Assertion, State
 from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
 from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.effort import Effort
+from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading
+from sim_action.assertions.joint_within import JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.negation import Negation
 from sim_action.assertions.no_collision import NoCollision
@@ -66,6 +69,10 @@ INVARIANTS: list[Assertion] = [
     AnyOf(parts=(Travel(at_most=1.0), NoCollision())),
     AllOf(parts=(Travel(at_most=1.0), NoCollision())),
     Negation(part=Reach(x=5.0, y=5.0)),
+    JointWithin(position={WHEELS[0]: (-1.0, 1.0)}),
+    Effort(at_most=1.0),
+    Effort(rms_at_most=1.0),
+    Energy(at_most=1.0),
 ]
 
 

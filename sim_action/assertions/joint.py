@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
@@ -10,6 +11,7 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
+from sim_action.assertions.joint_choice import as_written, reading_of
 from sim_action.assertions.nearest import Nearest
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
@@ -58,7 +60,7 @@ class JointReading(Assertion):
     def title(self) -> str:
         """See Assertion.title."""
         wanted = ", ".join(
-            f"{word.replace('_', ' ')} {value if isinstance(value, str) else f'{value:.4g}'}"
+            f"{word.replace('_', ' ')} {as_written(value)}"
             for word, value in self._asked().items()
             if value is not None and word != "tolerance"
         )
@@ -80,27 +82,19 @@ class JointReading(Assertion):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
         unit = scene.model.joints_by_name[self.name].dimension(self.reading).si
+        signal = reading_of(self.name, self.reading)
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
         if near is not None and tolerance is not None:
             nearest = Nearest(f"{self.name} came", units.display(near, unit), unit, tolerance)
-            return NearMonitor(self, near, nearest)
-        return SignalMonitor(self.signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most))
-
-    def signal(self, trace: Trace) -> FloatArray:
-        """(T,) what is held against the bounds."""
-        columns = {
-            "position": trace.joint_position,
-            "velocity": trace.joint_velocity,
-            "effort": trace.joint_effort,
-        }
-        return columns[self.reading][:, trace.joint_names.index(self.name)]
+            return NearMonitor(signal, near, nearest)
+        return SignalMonitor(signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most))
 
 
 @dataclass(frozen=True, slots=True)
 class NearMonitor:
     """How near a reading came to a value."""
 
-    spec: JointReading
+    signal: Callable[[Trace], FloatArray]
     value: float
     nearest: Nearest
 
@@ -111,7 +105,7 @@ class NearMonitor:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        distance = abs(self.spec.signal(trace) - self.value)
+        distance = abs(self.signal(trace) - self.value)
         return replace(self, nearest=self.nearest.observe(trace.time, distance))
 
     def verdict(self) -> Verdict:

@@ -16,9 +16,12 @@ from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import is_decided
+from sim_action.assertions.effort import Effort
+from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading
+from sim_action.assertions.joint_within import JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.negation import Negation
 from sim_action.assertions.no_collision import NoCollision
@@ -87,6 +90,13 @@ SPECS: list[Assertion] = [
     Negation(part=AllOf(parts=(Travel(at_least=0.25, at_most=0.75), NoCollision()))),
     Negation(part=NoCollision()),
     Negation(part=Reach(x=0.3, y=0.3, tolerance=0.2)),
+    JointWithin(position={WHEELS[0]: (-0.5, 0.5)}, velocity={"*": (-2.0, 2.0)}),
+    Effort(at_most=2.0),
+    Effort(joints=(WHEELS[1],), at_most=4.0, rms_at_most=1.0),
+    Effort(rms_at_most=1.0),
+    Energy(at_most=0.05),
+    Energy(at_most=0.05, braking="costs", joints=(WHEELS[1],)),
+    Energy(at_most=0.01, braking="regained"),
 ]
 
 

@@ -1,0 +1,72 @@
+"""Which joints of a robot an assertion is of: names, or patterns such as `*_wheel_joint`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+from sim_action import units
+from sim_action.messages import FirstFew, did_you_mean
+from sim_action.robot_model import Joint, Reading, RobotModel
+from sim_action.scene import SpecProblems
+
+if TYPE_CHECKING:
+    from sim_action.trace import FloatArray, Trace
+
+
+def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:
+    """The moving joints that are named, in the order of the model; without a name: all of them."""
+    wanted = tuple(names) or ("*",)
+    return tuple(joint for joint in model.moving_joints if any(_means(name, joint) for name in wanted))
+
+
+def _means(name: str, joint: Joint) -> bool:
+    return name == joint.name or fnmatchcase(joint.name, name)
+
+
+def name_problem(model: RobotModel, name: str, hinted: FirstFew) -> str | None:
+    """What to say of a name that no moving joint has, with a hint for the first few; None if one has it."""
+    if chosen(model, (name,)):
+        return None
+    hint = did_you_mean(name, [joint.name for joint in model.moving_joints]) if hinted.one_more() else ""
+    return f"the model has no moving joint '{name}'{hint}"
+
+
+def unit_problem(joint: Joint, reading: Reading, written: float | str) -> str | None:
+    """What to say of a quantity with a unit that is not the joint's; None if it fits."""
+    try:
+        units.parse(written, joint.dimension(reading))
+    except units.UnitError as error:
+        motion = "slides" if joint.type == "prismatic" else "turns"
+        return f"joint '{joint.name}' {motion}: {error}"
+    return None
+
+
+def choice_problems(model: RobotModel, names: tuple[str, ...]) -> SpecProblems:
+    """Names in `joints` that no moving joint has, and a robot without any."""
+    hinted = FirstFew()
+    for index, name in enumerate(names):
+        if (trouble := name_problem(model, name, hinted)) is not None:
+            yield ("joints", index), trouble
+    if not names and not model.moving_joints:
+        yield (), "the model has no moving joint"
+
+
+def as_written(quantity: float | str) -> str:
+    """A quantity of a joint in a title, where it is not known whether the joint turns or slides."""
+    return quantity if isinstance(quantity, str) else f"{quantity:.4g}"
+
+
+def reading_of(joint: str, reading: Reading) -> Callable[[Trace], FloatArray]:
+    """(T,) the position, velocity or motor effort of a joint."""
+
+    def signal(trace: Trace) -> FloatArray:
+        columns = {
+            "position": trace.joint_position,
+            "velocity": trace.joint_velocity,
+            "effort": trace.joint_effort,
+        }
+        return columns[reading][:, trace.joint_names.index(joint)]
+
+    return signal
