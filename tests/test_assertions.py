@@ -12,6 +12,7 @@ from sim_action.assertions import ASSERTIONS, Assertion, State
 from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
 from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.contact import Touch
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
@@ -45,6 +46,7 @@ GOALS: list[Assertion] = [
     SensorReading(name="scan", reading="ranges", which="min", at_most=1.0, once=True),
     FollowPath(path=PATH, end=PathEnd()),
     Settled(),
+    Touch.model_validate({"with": "wall", "at_least": 1.0, "at_most": 20.0, "for": 1.0}),
     JointReading(name=WHEELS[0], at_least=1.0),
     JointReading(name=WHEELS[0], near=1.0, tolerance=0.1),
     Stl(formula="eventually (travel > 1 m)"),

@@ -55,6 +55,6 @@ class Stretch:
         held_before = np.concatenate(([self.since is not None], holds[:-1]))
         begins = np.where(holds & ~held_before, time, -math.inf)
         since = np.maximum.accumulate(np.concatenate(([begins[0] if self.since is None else self.since], begins[1:])))
-        lasted = np.where(holds, np.round(time - since, _DIGITS), -math.inf)
-        goal = self.goal.observe(time, lasted - self.wanted)
+        margin = np.where(holds, np.round(time - since - self.wanted, _DIGITS) + 0.0, -math.inf)
+        goal = self.goal.observe(time, margin)
         return replace(self, since=float(since[-1]) if holds[-1] else None, goal=goal)

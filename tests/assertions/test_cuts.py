@@ -16,6 +16,7 @@ from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.any_of import AnyOf
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import is_decided
+from sim_action.assertions.contact import Touch
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
@@ -64,6 +65,10 @@ SPECS: list[Assertion] = [
     FinalPose(z=0.1, yaw=0.5, yaw_tolerance=1.0),
     NoCollision(),
     NoCollision(allow=("wall", "base_scan")),
+    Touch.model_validate({"with": "ball"}),
+    Touch.model_validate({"with": "wall", "link": "base_*", "at_least": 15.0, "at_most": 18.0}),
+    Touch.model_validate({"with": "wall", "link": "base_scan", "for": 0.008, "at_most": 25.0}),
+    Touch.model_validate({"with": "wall", "for": 0.004}),
     Upright(max_tilt=0.6),
     MaxSpeed(linear=2.0),
     MaxSpeed(linear=2.0, angular=2.0),
@@ -101,16 +106,20 @@ SPECS: list[Assertion] = [
 
 
 def random_trace(seed: int, steps: int = STEPS) -> Trace:
-    """A random walk, turning and swaying, with a contact now and then."""
+    """A random walk, turning and swaying, with a contact now and then, or most of the time."""
     rng = np.random.default_rng(seed)
     time = np.arange(1, steps + 1) / RATE
     turn = rng.normal(size=(steps, 4)) + np.array((0.0, 0.0, 0.0, 3.0))
+    density = rng.choice([0.02, 0.6])
     touches: list[Contact] = [
         contact(
-            float(at), body=str(rng.choice(["wall", "ball"])), link=str(rng.choice(["base_scan", "base_footprint"]))
+            float(at),
+            body=str(rng.choice(["wall", "ball"])),
+            link=str(rng.choice(["base_scan", "base_footprint"])),
+            force=float(rng.uniform(10.0, 20.0)),
         )
         for at in time
-        if rng.random() < rng.random() * 0.05
+        if rng.random() < density
     ]
     seen = Trace.of_columns(
         joint_names=WHEELS,

@@ -43,3 +43,4 @@ def test_rounding_of_sim_time_costs_no_step() -> None:
     for first in range(60):
         holds = np.arange(300) >= first
         assert Stretch(1.0).observe(time, holds).goal.time == time[first + 240]
+        assert Stretch(2 / 240).observe(time, holds).goal.time == time[first + 2]

@@ -1,0 +1,156 @@
+"""Forces of touches folded over time: what the monitor of `contact` does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, Self
+
+import numpy as np
+
+from sim_action import units
+from sim_action.assertions import State
+from sim_action.assertions.fold import Goal, Invariant, joined
+from sim_action.assertions.least_distance import nearest_of
+from sim_action.assertions.stretch import Stretch
+from sim_action.clearance_record import Nearness
+from sim_action.observation import Contact
+from sim_action.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.assertions.contact import Touch
+    from sim_action.trace import FloatArray, Trace
+
+# s: what is pushed along is out of touch for up to five steps at a time, in MuJoCo.
+_LOST_TOUCH: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class TouchMonitor:
+    """Folds the force of each step that has a touch; a stored trace has fewer moments than that.
+
+    Attributes:
+        step: s of sim time.
+        force: the fold against `at_least`, or against nothing.
+        limit: the fold against `at_most`.
+        touches: whether there was one at all.
+        last: sim time in s of the last one that is strong enough.
+        nearest: how near it came.
+        instead: another contact: of the body with another link, or else the first of all others.
+        end: sim time in s of the last moment seen.
+    """
+
+    spec: Touch
+    step: float
+    stretch: Stretch
+    force: Goal = Goal()
+    limit: Invariant = Invariant()
+    touches: bool = False
+    last: float | None = None
+    nearest: Nearness | None = None
+    instead: Contact | None = None
+    end: float | None = None
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return joined(self.limit.state, self.stretch.state)
+
+    @property
+    def is_decided(self) -> bool:
+        """See Decisive.is_decided: a touch is, unless there is a force that it must not exceed."""
+        return self.state is State.BROKEN or (self.state is State.HOLDS and self.spec.at_most is None)
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        forces: dict[float, float] = {}
+        others = []
+        for contact in trace.contacts:
+            if self.spec.is_meant(contact):
+                forces[contact.time] = forces.get(contact.time, 0.0) + contact.force
+            else:
+                others.append(contact)
+        end = float(trace.time[-1]) if len(trace) else self.end
+        nearest = nearest_of(trace, self.spec.watch, self.nearest)
+        seen = replace(self, end=end, instead=self._instead_of(others), nearest=nearest)
+        return seen.touched(np.array(list(forces)), np.array(list(forces.values()))) if forces else seen
+
+    def _instead_of(self, others: list[Contact]) -> Contact | None:
+        """The first of those that come nearest to what was meant."""
+        known = others if self.instead is None else [self.instead, *others]
+        of_body = (contact for contact in known if contact.body == self.spec.body)
+        return next(of_body, next(iter(known), None))
+
+    def touched(self, time: FloatArray, force: FloatArray) -> Self:
+        """The fold after these steps with a touch, (N,) s and (N,) N."""
+        enough = force - (self.spec.at_least or 0.0)
+        limit = self.limit if self.spec.at_most is None else self.limit.observe(time, self.spec.at_most - force)
+        seen = replace(self, force=self.force.observe(time, enough), limit=limit, touches=True)
+        strong = time[enough >= 0]
+        return seen.lasted(strong) if len(strong) else seen
+
+    def lasted(self, time: FloatArray) -> Self:
+        """The fold after these steps whose touch is strong enough, (N,) s."""
+        longest = max(_LOST_TOUCH, 1.5 * self.step)
+        begins = np.flatnonzero(np.diff(time, prepend=-np.inf if self.last is None else self.last) > longest)
+        # The steps without a touch are not in the list: one stands for all of them, where a touch begins anew.
+        moments = np.insert(time, begins, time[begins] - self.step)
+        holds = np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
+        return replace(self, stretch=self.stretch.observe(moments, holds), last=float(time[-1]))
+
+    def verdict(self) -> Verdict:
+        """Of the force that was too much; else of what is missing; else of the strictest that was asked."""
+        spec, passed = self.spec, self.state is State.HOLDS
+        if self.limit.state is State.BROKEN or (passed and spec.at_least is None and spec.span is None):
+            return self._at_most() if spec.at_most is not None else self._counted()
+        if spec.span is not None and self.force.state is State.HOLDS:
+            return self._lasting(spec.span)
+        return self._counted() if spec.at_least is None or not self.touches else self._at_least(spec.at_least)
+
+    def _counted(self) -> Verdict:
+        if self.end is None and not self.touches:
+            return Verdict(False, None, 1.0, None, "contacts", None, "no moment to measure")
+        if not self.touches:
+            message = f"did not touch {self.spec.body} in {self.end:.1f} s; {self._near()}{self._instead()}"
+            return Verdict(False, 0.0, 1.0, -1.0, "contacts", self.end, message)
+        message = f"touched {self.spec.body} at {self.force.time:.2f} s, with {units.display(self._met(0.0), 'N')}"
+        return Verdict(True, 1.0, 1.0, 0.0, "contacts", self.force.time, message)
+
+    def _at_least(self, limit: float) -> Verdict:
+        passed, force = self.force.state is State.HOLDS, self._met(limit)
+        found, wanted = units.display_apart(force, limit, "N")
+        message = f"touched {self.spec.body} with {found}{'' if passed else f' of {wanted}'} at {self.force.time:.2f} s"
+        return Verdict(passed, force, limit, self.force.margin, "N", self.force.time, message)
+
+    def _at_most(self) -> Verdict:
+        limit, passed = self.spec.at_most or 0.0, self.limit.state is State.HOLDS
+        force = limit - (self.limit.margin or 0.0)
+        found, allowed = units.display_apart(force, limit, "N")
+        bound = f", {'limit' if passed else 'more than'} {allowed}"
+        message = (
+            f"touched {self.spec.body} with {'at most ' if passed else ''}{found} at {self.limit.time:.2f} s{bound}"
+        )
+        return Verdict(passed, force, limit, self.limit.margin, "N", self.limit.time, message)
+
+    def _lasting(self, span: float) -> Verdict:
+        touch = self.stretch
+        lasted, wanted = units.display_apart(touch.longest, span, "s")
+        how_long = lasted if touch.state is State.HOLDS else f"{lasted} of {wanted}"
+        message = f"touched {self.spec.body} for {how_long}, from {touch.began:.2f} s on"
+        passed, margin = touch.state is State.HOLDS, touch.longest - span
+        return Verdict(passed, touch.longest, span, margin, "s", touch.goal.time, message)
+
+    def _met(self, limit: float) -> float:
+        return limit + (self.force.margin or 0.0)
+
+    def _near(self) -> str:
+        if self.nearest is None:
+            return ""
+        return f"came within {units.display(self.nearest.distance, 'm')} at {self.nearest.time:.2f} s; "
+
+    def _instead(self) -> str:
+        other = self.instead
+        if other is None:
+            return "touched nothing else"
+        if other.body == self.spec.body:
+            return f"{other.link} touched it at {other.time:.2f} s"
+        return f"{other.link} touched {other.body} at {other.time:.2f} s"
