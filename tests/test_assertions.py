@@ -29,9 +29,9 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stl import Stl
+from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
-from sim_action.channels import ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord, Nearness
 from sim_action.sensor_record import SensorRecord
 from tests.traces import WHEELS, monitor, scene, trace
@@ -46,6 +46,7 @@ GOALS: list[Assertion] = [
     SensorReading(name="scan", reading="ranges", which="min", at_most=1.0, once=True),
     FollowPath(path=PATH, end=PathEnd()),
     Settled(),
+    StopsBefore(body="wall", gap=(0.1, 0.5)),
     Touch.model_validate({"with": "wall", "at_least": 1.0, "at_most": 20.0, "for": 1.0}),
     JointReading(name=WHEELS[0], at_least=1.0),
     JointReading(name=WHEELS[0], near=1.0, tolerance=0.1),
@@ -118,7 +119,8 @@ def test_every_verdict_is_of_plain_python_types(spec: Assertion) -> None:
             "odometry", np.array([0.1]), {"position_xyz": np.ones((1, 3)), "orientation_xyzw": np.eye(4)[3:]}
         ),
     }
-    verdict = monitor(spec).observe(replace(seen, clearances={ClearanceWatch(): near}, sensors=sensors)).verdict()
+    told = replace(seen, clearances=dict.fromkeys(spec.channels.clearances, near), sensors=sensors)
+    verdict = monitor(spec).observe(told).verdict()
     assert type(verdict.passed) is bool
     assert {type(value) for value in (verdict.measured, verdict.limit, verdict.margin, verdict.time)} <= {float}
     assert verdict.message.isprintable()

@@ -118,6 +118,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "final_pose": "sim_action.assertions.final_pose:FinalPose",
         "no_collision": "sim_action.assertions.no_collision:NoCollision",
         "contact": "sim_action.assertions.contact:Touch",
+        "stops_before": "sim_action.assertions.stops_before:StopsBefore",
         "upright": "sim_action.assertions.upright:Upright",
         "max_speed": "sim_action.assertions.max_speed:MaxSpeed",
         "stay_within": "sim_action.assertions.stay_within:StayWithin",

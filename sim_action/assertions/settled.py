@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
@@ -11,10 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from sim_action import units
-from sim_action.assertions import Assertion, Monitor, State
+from sim_action.assertions import Monitor, State
+from sim_action.assertions.at_rest import AtRest
 from sim_action.assertions.stretch import Stretch
 from sim_action.observation import Observation
-from sim_action.quantities import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
 from sim_action.scene import Scene
 from sim_action.verdict import Verdict
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from sim_action.trace import FloatArray, Trace
 
 
-class Settled(Assertion):
+class Settled(AtRest):
     """A goal: the robot comes to rest, and stays at rest for some time.
 
     At rest is what moves and turns no faster than two limits: the base, and the joints where they count. The time is
@@ -32,11 +31,6 @@ class Settled(Assertion):
 
     key: ClassVar[str] = "settled"
 
-    speed: Annotated[PositiveMetresPerSecond, Field(description="of the base, and of joints that slide")] = 0.01
-    turn_rate: Annotated[PositiveRadiansPerSecond, Field(description="of the base, and of joints that turn")] = (
-        math.radians(1)
-    )
-    span: Annotated[PositiveSeconds, Field(alias="for", description="how long it stays at rest")] = 1.0
     joints: Annotated[bool | None, Field(description="whether they count; left out: if the base is fixed")] = None
 
     @property

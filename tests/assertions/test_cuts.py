@@ -33,10 +33,11 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stl import Stl
+from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
-from sim_action.channels import ClearanceWatch
+from sim_action.channels import Channels, ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord, Nearness
 from sim_action.observation import Contact
 from sim_action.sensor_record import SensorRecord
@@ -69,6 +70,8 @@ SPECS: list[Assertion] = [
     Touch.model_validate({"with": "wall", "link": "base_*", "at_least": 15.0, "at_most": 18.0}),
     Touch.model_validate({"with": "wall", "link": "base_scan", "for": 0.008, "at_most": 25.0}),
     Touch.model_validate({"with": "wall", "for": 0.004}),
+    StopsBefore.model_validate({"body": "wall", "gap": (0.1, 0.4), "speed": 2.0, "turn_rate": 3.0, "for": 0.01}),
+    StopsBefore.model_validate({"body": "ball", "gap": (0.2, 0.3), "speed": 2.0, "turn_rate": 3.0, "for": 0.02}),
     Upright(max_tilt=0.6),
     MaxSpeed(linear=2.0),
     MaxSpeed(linear=2.0, angular=2.0),
@@ -87,6 +90,13 @@ SPECS: list[Assertion] = [
     JointReading(name=WHEELS[0], at_least=0.5),
     JointReading(name=WHEELS[1], reading="velocity", at_most=2.0, at_least=1.0),
     JointReading(name=WHEELS[0], reading="effort", near=1.0, tolerance=0.1),
+    JointWithin(position={WHEELS[0]: (-0.5, 0.5)}, velocity={"*": (-2.0, 2.0)}),
+    Effort(at_most=2.0),
+    Effort(joints=(WHEELS[1],), at_most=4.0, rms_at_most=1.0),
+    Effort(rms_at_most=1.0),
+    Energy(at_most=0.05),
+    Energy(at_most=0.05, braking="costs", joints=(WHEELS[1],)),
+    Energy(at_most=0.01, braking="regained"),
     Stl(formula="always (speed < 2 implies eventually[0 s, 50 ms] (travel > 30 cm))"),
     Stl(formula="(tilt < 1 until[20 ms, 100 ms] x > 0.2) or always (eventually (y > 0.4))"),
     AnyOf(parts=(Reach(x=0.3, y=0.3, tolerance=0.2), NoCollision())),
@@ -95,14 +105,9 @@ SPECS: list[Assertion] = [
     Negation(part=AllOf(parts=(Travel(at_least=0.25, at_most=0.75), NoCollision()))),
     Negation(part=NoCollision()),
     Negation(part=Reach(x=0.3, y=0.3, tolerance=0.2)),
-    JointWithin(position={WHEELS[0]: (-0.5, 0.5)}, velocity={"*": (-2.0, 2.0)}),
-    Effort(at_most=2.0),
-    Effort(joints=(WHEELS[1],), at_most=4.0, rms_at_most=1.0),
-    Effort(rms_at_most=1.0),
-    Energy(at_most=0.05),
-    Energy(at_most=0.05, braking="costs", joints=(WHEELS[1],)),
-    Energy(at_most=0.01, braking="regained"),
 ]
+
+WATCHES = sorted(Channels.all_of(spec.channels for spec in SPECS).clearances, key=repr)
 
 
 def random_trace(seed: int, steps: int = STEPS) -> Trace:
@@ -134,7 +139,8 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
         contacts=tuple(touches),
     )
     sensors = {"scan": random_scans(rng, time - 1 / RATE), "odometry": random_odometry(rng, time - 1 / RATE)}
-    return replace(seen, clearances={ClearanceWatch(): random_clearances(rng, time)}, sensors=sensors)
+    clearances = {watch: random_clearances(rng, watch, time) for watch in WATCHES}
+    return replace(seen, clearances=clearances, sensors=sensors)
 
 
 def random_scans(rng: np.random.Generator, time: FloatArray) -> SensorRecord:
@@ -150,15 +156,14 @@ def random_odometry(rng: np.random.Generator, time: FloatArray) -> SensorRecord:
     return SensorRecord("odometry", time[::2], columns)
 
 
-def random_clearances(rng: np.random.Generator, time: FloatArray) -> ClearanceRecord:
-    """Nearer and nearer, from 1 m down to about 0."""
-    distances = np.minimum.accumulate(rng.uniform(size=len(time)))
-    pairs = [(str(rng.choice(["base_scan", "base_footprint"])), str(rng.choice(["wall", "ball"]))) for _ in time]
-    near = [
-        Nearness(at, distance, *pair)
-        for at, distance, pair in zip(time.tolist(), distances.tolist(), pairs, strict=True)
-    ]
-    return ClearanceRecord.of([one for n, one in enumerate(near) if not n or one.distance < near[n - 1].distance])
+def random_clearances(rng: np.random.Generator, watch: ClearanceWatch, time: FloatArray) -> ClearanceRecord:
+    """A random walk of a distance, told as the watch wants it: always, or where it is less than ever before."""
+    found: list[Nearness] = []
+    for at, distance in zip(time.tolist(), np.cumsum(rng.normal(scale=0.05, size=len(time))) + 0.4, strict=True):
+        if distance <= watch.within and (watch.always or not found or distance < found[-1].distance):
+            link, body = rng.choice(["base_scan", "base_footprint"]), rng.choice(["wall", "ball"])
+            found.append(Nearness(at, float(distance), str(link), str(body)))
+    return ClearanceRecord.of(found)
 
 
 cuts = st.lists(st.integers(0, STEPS), max_size=12)
