@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 # In m: less of a way tells nothing of a drift.
 _SHORTEST_WAY: Final = 1.0
 
+# Sim time is step / rate: two ways to the same moment differ by rounding alone.
+_SAME_TIME: Final = 1e-9
+
 _UNITS: Final = {"position": "m", "yaw": "rad", "drift": ""}
 
 
@@ -139,11 +142,16 @@ def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[
 
 
 def _around(wanted: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """(N,) the moment before each time or at it, the one after it, and how much of the way it is between them."""
-    before = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, None)
-    after = np.minimum(before + 1, len(time) - 1)
+    """(N,) the moment before each time, the one after it, and how much of the way it is between them.
+
+    A time that is that of a moment is between it and itself: what is worked out then does not depend on its neighbours,
+    which are others if the run is cut there.
+    """
+    last = len(time) - 1
+    after = np.minimum(np.searchsorted(time, wanted - _SAME_TIME), last)
+    before = np.where(time[after] > wanted + _SAME_TIME, np.maximum(after - 1, 0), after)
     span = time[after] - time[before]
-    return before, after, np.clip((wanted - time[before]) / np.where(span > 0, span, 1.0), 0.0, 1.0)
+    return before, after, np.where(span > 0, (wanted - time[before]) / np.where(span > 0, span, 1.0), 0.0)
 
 
 def _turn(angle: FloatArray) -> FloatArray:

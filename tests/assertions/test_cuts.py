@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sim_action.assertions import ASSERTIONS, Assertion, Monitor, State
@@ -199,6 +199,7 @@ def test_a_monitor_says_the_same_of_single_steps_as_of_the_whole(spec: Assertion
 
 @settings(max_examples=150)
 @given(st.sampled_from(SPECS), seeds, cuts, moments, moments | st.just(math.inf))
+@example(OdometryError(position=1.0), 243353463, [48], 0.0, math.inf)
 def test_windows_do_not_change_that(spec: Assertion, seed: int, at: list[int], after: float, before: float) -> None:
     seen, opened = random_trace(seed), Window(monitor(spec), after, before)
     whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
