@@ -21,6 +21,7 @@ from sim_action.quantities import (
 )
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import Workspace
+from sim_action.world import FASTEST_PHYSICS
 
 # In m: where floats no longer tell millimetres apart once they are squared.
 _FURTHEST: Final = 1e6
@@ -71,12 +72,13 @@ class WaypointCommands(CommandSource):
         if self.lookahead < self.tolerance:
             yield ("lookahead",), f"must not be less than tolerance ({units.display(self.tolerance, 'm')})"
         if self.speed > self.tolerance * self.rate:
-            step, least = units.display(self.speed / self.rate, "m"), math.ceil(self.speed / self.tolerance)
+            step, least = units.display(self.speed / self.rate, "m"), self.speed / self.tolerance
+            faster = f"a rate of {math.ceil(least)} Hz or more, or " if least <= FASTEST_PHYSICS else ""
             yield (
                 ("speed",),
                 (
                     f"from one tick to the next it would drive {step}, further than its tolerance of "
-                    f"{units.display(self.tolerance, 'm')}; give a rate of {least} Hz or more, or a wider tolerance"
+                    f"{units.display(self.tolerance, 'm')}; give {faster}a wider tolerance"
                 ),
             )
 

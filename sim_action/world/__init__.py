@@ -16,7 +16,7 @@ from sim_action.world.disturbance import Disturbance
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.gravity import GRAVITY, Gravity
 from sim_action.world.ground import GROUND, Ground, Patch
-from sim_action.world.physics import FASTEST, Physics
+from sim_action.world.physics import FASTEST, FASTEST_PHYSICS, Physics
 from sim_action.world.placement import Placement
 from sim_action.world.robot import Robot
 from sim_action.world.shapes import Cylinder, Ramp, Sphere, Stairs
@@ -24,6 +24,7 @@ from sim_action.world.timed_path import PathPoint
 
 __all__ = [
     "FASTEST",
+    "FASTEST_PHYSICS",
     "GRAVITY",
     "GROUND",
     "Body",

@@ -15,6 +15,9 @@ from sim_action.quantities import (
     RadiansPerSecond,
 )
 
+FASTEST_PHYSICS: Final = 100_000.0
+"""Hz, of physics steps and thereby of all ticks."""
+
 FASTEST: Final = 10_000.0
 """m/s and rad/s at which engines are told to stop the base and every joint: bounds of speed go no further."""
 
@@ -22,7 +25,7 @@ FASTEST: Final = 10_000.0
 class Physics(FrozenModel):
     """How the engine steps."""
 
-    rate: Annotated[PositiveHertz, Field(ge=1, le=100_000, description="steps in a second of sim time")] = 240.0
+    rate: Annotated[PositiveHertz, Field(ge=1, le=FASTEST_PHYSICS, description="steps in a second of sim time")] = 240.0
     settle: Annotated[
         NonNegativeSeconds, Field(le=60, description="longest time to come to rest before t = 0; 0: do not wait")
     ] = 2.0

@@ -67,6 +67,8 @@ def test_figures_may_have_units_and_may_be_left_out(tmp_path: Path) -> None:
             "speed: 2 m/s",
             "speed: from one tick to the next it would drive 0.1 m, further than its tolerance of 0.05 m; give a rate",
         ),
+        ("[{x: 1, y: 2}]", "speed: 1e300", "further than its tolerance of 0.05 m; give a wider tolerance"),
+        ("[{x: 1, y: 2}]", "tolerance: 1e-320", "further than its tolerance of 1e-320 m; give a wider tolerance"),
     ],
 )
 def test_a_path_to_nowhere_is_refused_with_its_place(
