@@ -18,6 +18,8 @@ from sim_action.scene import Scene, SpecProblems
 
 _LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fast, "effort": too_strong})
 _WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})
+# In s, of sim time: scenarios may last no longer.
+_LONGEST: Final = 86_400
 # Times that are advised are rounded up to it, in s.
 _ADVISED: Final = 0.01
 
@@ -82,6 +84,10 @@ def _way_problems(joint: Joint, value: float, wanted: Iterable[tuple[Knot, float
         # No time is left where the points are not in order, which is told, or where the first is a step at 0 s.
         found = too_fast(joint, way / (knot.time - time)) if knot.time > time else None
         if found is not None and joint.max_velocity is not None:
-            least = math.ceil(way / joint.max_velocity / _ADVISED) * _ADVISED
-            yield knot.path, f"too little time from {time:g} s to here: {found}; it takes {least:.4g} s"
+            yield knot.path, f"too little time from {time:g} s to here: {found}; {_advice(way / joint.max_velocity)}"
         time, value = knot.time, goal
+
+
+def _advice(least: float) -> str:
+    """How much time a way takes; a model may say of a joint that it hardly moves."""
+    return f"it takes {math.ceil(least / _ADVISED) * _ADVISED:.4g} s" if least <= _LONGEST else "it takes days"

@@ -256,6 +256,14 @@ def test_the_time_that_is_advised_is_enough(tmp_path: Path) -> None:
         assert problems or load(tmp_path, text)
 
 
+def test_a_joint_that_hardly_moves_takes_days(tmp_path: Path) -> None:
+    text = scenario(tmp_path, "[{at: 1, position: {elbow: 2}}]")
+    arm = (tmp_path / "arm.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(arm.replace('velocity="3"', 'velocity="1e-320"'))
+    (found,) = told(tmp_path, text)
+    assert found.endswith("; it takes days")
+
+
 def test_a_joint_may_begin_with_a_step(tmp_path: Path) -> None:
     assert load(tmp_path, scenario(tmp_path, "[{at: 0, position: {elbow: 2}}]"))
 
