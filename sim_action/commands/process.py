@@ -27,6 +27,9 @@ from sim_action.workspace import PathError, Workspace
 VERSION: Final = 1
 """Of the protocol."""
 
+# In s: no clock of a system can wait for as long as a float can say.
+_A_DAY: Final = 86_400
+
 _ENCODER: Final = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
@@ -88,10 +91,10 @@ class ProcessCommands(CommandSource):
             "a program with a slash in it is a file of the workspace, else it is looked for on PATH",
         ),
     ]
-    answer_within: Annotated[PositiveSeconds, Field(description="of wall time, for each answer")] = 2.0
-    start_within: Annotated[PositiveSeconds, Field(description="of wall time, from its start to its first answer")] = (
-        10.0
-    )
+    answer_within: Annotated[PositiveSeconds, Field(le=_A_DAY, description="of wall time, for each answer")] = 2.0
+    start_within: Annotated[
+        PositiveSeconds, Field(le=_A_DAY, description="of wall time, from its start to its first answer")
+    ] = 10.0
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """A program that is not there. Nothing is run."""
