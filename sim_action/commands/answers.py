@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_action.command import JointTargets, is_finite
+from sim_action.command import Command, JointTargets, is_finite
 from sim_action.geometry import Twist
 from sim_action.robot_model import RobotModel
 
@@ -15,15 +15,24 @@ def problem_with(answer: object, model: RobotModel) -> str | None:
         return f"a {type(answer).__name__}; it may return a Twist, JointTargets or None"
     if isinstance(answer, Twist) and not _has_three_each(answer):
         return f"{answer!r}; a Twist has two vectors of 3 numbers: Twist.planar(linear, angular) makes one"
+    if problem := _problem_with_numbers(answer):
+        return problem
+    return None if isinstance(answer, Twist) else _problem_with_targets(answer, model)
+
+
+def _problem_with_numbers(command: Command) -> str | None:
     try:
-        if not is_finite(answer):
-            return f"{answer!r}, in which not every value is finite"
-        return None if isinstance(answer, Twist) else _problem_with_targets(answer, model)
+        return None if is_finite(command) else f"{command!r}, in which not every value is finite"
+    except OverflowError:
+        # Whole numbers have no bounds, and of very long ones there is no text.
+        return f"a {type(command).__name__}, whose values are too large"
     except (TypeError, ValueError, AttributeError):
-        return f"{answer!r}, whose values are not numbers"
+        return f"{command!r}, whose values are not numbers"
 
 
 def _problem_with_targets(targets: JointTargets, model: RobotModel) -> str | None:
+    if targets.base is not None:
+        return "a push of the base, which is for drives alone; motors move a robot"
     for name in (*targets.names(), *targets.max_effort):
         if (trouble := model.why_not_driven(str(name))) is not None:
             return f"a target that no motor can take: {trouble}"

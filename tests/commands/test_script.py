@@ -169,6 +169,9 @@ def test_a_command_is_a_twist_joint_targets_or_none(body: str, command: object, 
         ("return sim.JointTargets(velocity={'wheel_left_joint': None})", "whose values are not numbers"),
         ("return sim.JointTargets(velocity=[1, 2])", "whose values are not numbers"),
         ("return sim.JointTargets(effort={'wheel_left_joint': 1e999})", "in which not every value is finite"),
+        ("return sim.JointTargets(effort={'wheel_left_joint': 10**400})", "whose values are too large"),
+        # Python refuses to write such a number out.
+        ("return sim.Twist((10**5000, 0, 0))", "a Twist, whose values are too large"),
         (
             "return sim.JointTargets(velocity={'wheel_left': 1})",
             "the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'?",
@@ -181,6 +184,10 @@ def test_a_command_is_a_twist_joint_targets_or_none(body: str, command: object, 
         ("return sim.JointTargets(max_effort={'arm': 1.0})", "the model has no moving joint 'arm'"),
         ("return sim.JointTargets(position={'scan_joint': 1.0})", "the model has no moving joint 'scan_joint'"),
         ("return sim.JointTargets(max_effort={'wheel_left_joint': -1})", "a max_effort below 0 for joint 'wheel_left_"),
+        (
+            "return sim.JointTargets(base=sim.command.BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0))",
+            "a push of the base, which is for drives alone; motors move a robot",
+        ),
     ],
 )
 def test_any_other_answer_is_an_error_at_the_script(body: str, message: str, tmp_path: Path) -> None:
