@@ -14,6 +14,8 @@ from sim_action.command import JointTargets, is_finite
 from sim_action.commands.answer_text import AnswerError, command_of
 from sim_action.geometry import Twist
 
+MANY = '"{}":1'
+
 
 @pytest.mark.parametrize(
     ("line", "command"),
@@ -55,6 +57,12 @@ def test_what_an_answer_means(line: bytes, command: object) -> None:
         (b'{"twist": {}, "x": 1}', "the answer has the unknown key 'x' (allowed: twist)"),
         (b'{"twist": {}, "effort": {}}', "has both 'twist' and 'effort': an answer is one command"),
         (b'{"twist": {"linear": 1, "linear": 2}}', "has the key 'linear' twice"),
+        (b'{"a": 1, "b": 1, "b": 1, "a": 1}', "has the key 'b' twice"),
+        # As many keys as a line may have: to compare each with all others would take minutes.
+        (
+            f"{{{','.join(map(MANY.format, range(90_000)))},{MANY.format(89_999)}}}".encode(),
+            "has the key '89999' twice",
+        ),
         (b'{"twist": 1}', "'twist' is 1; expected an object of numbers by name"),
         (b'{"twist": null}', "'twist' is null; expected an object of numbers by name"),
         (b'{"position": [1, 2]}', "'position' is a list of 2; expected an object of numbers by name"),
