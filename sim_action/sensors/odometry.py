@@ -17,7 +17,7 @@ from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.wheel_motion import PlanarWay, WheelMotion
 
 # Wheels measure nothing if they are taken for none, and the way backward if for less.
-_Error = Annotated[Ratio, Field(gt=-1)]
+ErrorRatio = Annotated[Ratio, Field(gt=-1)]
 
 
 class Odometry(Sensor):
@@ -39,11 +39,12 @@ class Odometry(Sensor):
         Field(description="standard deviation of a wheel's way after 1 m; it grows with the root of the way"),
     ] = 0.0
     resolution: Annotated[
-        int | None, Field(gt=0, description="ticks of a wheel's encoder in a turn; left out: it is exact")
+        int | None,
+        Field(gt=0, le=1_000_000_000, description="ticks of a wheel's encoder in a turn; left out: it is exact"),
     ] = None
-    radius_error: Annotated[_Error, Field(description="of the radius of the wheels")] = 0.0
+    radius_error: Annotated[ErrorRatio, Field(description="of the radius of the wheels")] = 0.0
     separation_error: Annotated[
-        _Error, Field(description="of the distance of the wheels; with steered wheels, of the wheelbase")
+        ErrorRatio, Field(description="of the distance of the wheels; with steered wheels, of the wheelbase")
     ] = 0.0
 
     def open(self, mount: Mount) -> Measure:
@@ -82,7 +83,8 @@ class _Odometer:
         return steered | {name: self._ticked(robot.joints[name].position) for name in self._wheels.gears}
 
     def _ticked(self, angle: float) -> float:
-        if self._spec.resolution is None:
+        # Of a state that is not finite there is no whole number; the watchdog tells of it.
+        if self._spec.resolution is None or not math.isfinite(angle):
             return angle
         tick = math.tau / self._spec.resolution
         return math.floor(angle / tick) * tick

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from sim_action.drives.diff import DiffDrive
 from sim_action.geometry import Pose, compose, inverse, quaternion_from_rpy
@@ -103,6 +104,16 @@ def test_encoders_count_whole_ticks() -> None:
     assert ticks == pytest.approx(np.round(ticks), abs=1e-9)
     # Never off by more than a tick, however long the way.
     assert max(abs(way - 0.003 * step) for step, way in enumerate(ways)) <= tick
+
+
+def test_encoders_have_as_many_ticks_as_there_are() -> None:
+    with pytest.raises(ValidationError, match="less than or equal to 1000000000"):
+        Odometry(resolution=10**400)
+
+
+def test_a_state_that_is_no_longer_finite_is_left_to_the_watchdog() -> None:
+    _, last = believed(Odometry(resolution=100), [(0.0, 0.0), (math.nan, 1.0)])
+    assert math.isnan(last.pose.yaw)
 
 
 @pytest.mark.parametrize("ticks", [1, 20])
