@@ -12,10 +12,10 @@ from sim_action.workspace import PathError, Workspace
 def program_of(word: str, workspace: Workspace) -> Path:
     """With a slash it is a file of the workspace; else it is looked for on PATH. Raises PathError."""
     if "/" in word or os.sep in word:
-        found = workspace.file(word)
-        if not os.access(found, os.X_OK):
+        if not os.access(workspace.file(word), os.X_OK):
             raise PathError(f"'{word}' may not be executed; chmod +x, or begin with what runs it, such as python3")
-        return found
+        # Not what a link leads to: a Python knows its virtual environment by the name that it was called by.
+        return (workspace.directory / word).absolute()
     on_path = shutil.which(word)
     if on_path is None:
         beside = workspace.directory / word

@@ -28,6 +28,13 @@ def test_a_word_with_a_slash_is_a_file_of_the_workspace(tmp_path: Path) -> None:
     assert found(tmp_path, "./bin/controller") == found(tmp_path, "bin/controller") == program
 
 
+def test_a_link_is_run_under_its_own_name(tmp_path: Path) -> None:
+    # By which a Python knows its virtual environment, and busybox its applet.
+    (tmp_path / "program").touch(0o700)
+    (tmp_path / "link").symlink_to("program")
+    assert found(tmp_path, "./link") == tmp_path / "link"
+
+
 @pytest.mark.parametrize(
     ("word", "why"),
     [
