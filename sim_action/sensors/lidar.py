@@ -74,14 +74,16 @@ class Lidar(Sensor):
 
         first, increment = self._first_angle, self._increment
         angles = first + increment * np.arange(self.rays)
-        # (N, 3): where each ray ends, by the ends of the sensor's x and y axes, and its place.
-        fan = np.column_stack((np.cos(angles), np.sin(angles), np.ones(self.rays)))
+        cosines, sines = np.cos(angles), np.sin(angles)
 
         def measure(sight: Sight) -> LidarScan:
             pose = compose(sight.probe.link_pose(mount.link), mount.pose)
             x_axis = rotate(pose.orientation_xyzw, (self.range, 0.0, 0.0))
             y_axis = rotate(pose.orientation_xyzw, (0.0, self.range, 0.0))
-            ends = fan @ np.array((x_axis, y_axis, pose.position_xyz))
+            ends = np.empty((self.rays, 3))
+            # Sums of products, not a product of matrices, which rounds as the kind of processor has it.
+            for column, (x, y, start) in enumerate(zip(x_axis, y_axis, pose.position_xyz, strict=True)):
+                ends[:, column] = cosines * x + sines * y + start
             ranges = self._told(self.range * sight.probe.cast_rays(pose.position_xyz, ends), mount.random)
             ranges.flags.writeable = False
             return LidarScan(sight.time, first, increment, self.min_range, self.range, ranges)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim_action.geometry import Pose, Vector3, quaternion_from_rpy
+from sim_action.geometry import Pose, Vector3, quaternion_from_rpy, rotate
 from sim_action.readings import LidarScan
 from sim_action.sensors import Mount
 from sim_action.sensors.lidar import Lidar
@@ -38,6 +38,19 @@ def scans(lidar: Lidar, fog: Fog, *, seed: int = 0, pose: Pose | None = None, co
     read = [measure(sight_of(replace(START, time=2.0), fog)) for _ in range(count)]
     assert all(isinstance(scan, LidarScan) for scan in read)
     return [scan for scan in read if isinstance(scan, LidarScan)]
+
+
+def test_where_rays_end_is_the_same_to_the_last_bit_on_every_processor() -> None:
+    # Products of matrices fuse multiplications with additions where a processor can.
+    orientation, place = quaternion_from_rpy(0.1, 0.2, 0.3), (0.7, -1.3, 0.2)
+    fog = Fog(0.5, link=Pose(place, orientation))
+    (scan,) = scans(Lidar(range=3.5), fog)
+    assert fog.ends is not None
+    x_axis, y_axis = (rotate(orientation, axis) for axis in ((3.5, 0.0, 0.0), (0.0, 3.5, 0.0)))
+    for angle, end in zip(scan.angles, fog.ends.tolist(), strict=True):
+        cosine, sine = float(np.cos(angle)), float(np.sin(angle))
+        parts = zip(x_axis, y_axis, place, strict=True)
+        assert end == [cosine * x + sine * y + start for x, y, start in parts]
 
 
 @pytest.mark.parametrize(
