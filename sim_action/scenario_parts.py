@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import count
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -28,6 +28,8 @@ Model = TypeVar("Model", bound=BaseModel)
 Options = TypeVar("Options", bound=BaseModel)
 Reader = Callable[[type[Model], Any, KeyPath], Model | None]
 """What makes a spec of a class out of plain values, and notes what is wrong."""
+
+_MOST_SOURCES: Final = 50
 
 
 class PartReader:
@@ -65,6 +67,10 @@ class PartReader:
     def _commands(self, data: Any) -> tuple[CommandSource, ...]:
         entries: list[tuple[KeyPath, Any]]
         entries = [(("commands", index), entry) for index, entry in enumerate(data)] if isinstance(data, tuple) else []
+        if len(entries) > _MOST_SOURCES:
+            # Each may name a file that takes a second to be read.
+            self._problems.note(("commands",), f"{len(entries):,} sources; no more than {_MOST_SOURCES} are read")
+            entries = entries[:1]
         found = [(path, self._command(entry, path)) for path, entry in entries or [(("commands",), data)]]
         self.command_paths = [path for path, source in found if source is not None]
         return tuple(source for _, source in found if source is not None)

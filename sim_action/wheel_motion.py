@@ -32,11 +32,13 @@ class PlanarWay:
 
     def pose(self) -> Pose:
         """Where it leads to, seen from where it begins. Exact: an arc is its chord, half-way turned."""
-        half = self.turn / 2
+        # Of a state that is not finite nothing is known; the watchdog tells of it.
+        turn = self.turn if math.isfinite(self.turn) else math.nan
+        half = turn / 2
         chord = math.sin(half) / half if half else 1.0
         cosine, sine = chord * math.cos(half), chord * math.sin(half)
         position = (cosine * self.x - sine * self.y, sine * self.x + cosine * self.y, 0.0)
-        return Pose(position, quaternion_from_rpy(0.0, 0.0, self.turn))
+        return Pose(position, quaternion_from_rpy(0.0, 0.0, turn))
 
     def twist(self, duration: float) -> Twist:
         """The velocity at which it takes so many seconds, in the frame of the base."""

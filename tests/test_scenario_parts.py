@@ -142,3 +142,12 @@ def test_what_parts_watch_is_watched(tmp_path: Path) -> None:
 def test_assertions_as_deep_as_yaml_goes_are_read(tmp_path: Path) -> None:
     entry = "{not: " * 30 + "no_collision" + "}" * 30
     assert len(read(tmp_path, entry).assertions) == 1
+
+
+def test_of_very_many_sources_the_files_are_not_read(tmp_path: Path) -> None:
+    entry, commands = "  - replay: absent.csv\n", "  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
+    assert commands in LEAST
+    found = told(tmp_path, LEAST.replace(commands, entry * 51))
+    assert sum("'absent.csv' does not exist" in line for line in found) == 1
+    assert any("commands: 51 sources; no more than 50 are read" in line for line in found)
+    assert len(told(tmp_path, LEAST.replace(commands, entry * 50))) == 50

@@ -17,7 +17,7 @@ from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.wheel_motion import PlanarWay, WheelMotion
 
 # Wheels measure nothing if they are taken for none, and the way backward if for less.
-ErrorRatio = Annotated[Ratio, Field(gt=-1)]
+ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]
 
 
 class Odometry(Sensor):
@@ -36,7 +36,7 @@ class Odometry(Sensor):
 
     noise: Annotated[
         NonNegativeMetres,
-        Field(description="standard deviation of a wheel's way after 1 m; it grows with the root of the way"),
+        Field(le=1000, description="standard deviation of a wheel's way after 1 m; it grows with the root of the way"),
     ] = 0.0
     resolution: Annotated[
         int | None,

@@ -111,9 +111,16 @@ def test_encoders_have_as_many_ticks_as_there_are() -> None:
         Odometry(resolution=10**400)
 
 
+@pytest.mark.parametrize("key", ["noise", "radius_error", "separation_error"])
+def test_errors_stay_within_what_numbers_can_tell(key: str) -> None:
+    with pytest.raises(ValidationError, match="less than or equal to 100"):
+        Odometry.model_validate({key: 1e308})
+
+
 def test_a_state_that_is_no_longer_finite_is_left_to_the_watchdog() -> None:
-    _, last = believed(Odometry(resolution=100), [(0.0, 0.0), (math.nan, 1.0)])
-    assert math.isnan(last.pose.yaw)
+    for resolution, rim in ((100, math.nan), (100, math.inf), (None, math.nan), (None, math.inf)):
+        _, last = believed(Odometry(resolution=resolution), [(0.0, 0.0), (rim, 1.0)])
+        assert math.isnan(last.pose.yaw)
 
 
 @pytest.mark.parametrize("ticks", [1, 20])
