@@ -111,8 +111,12 @@ def test_a_program_that_never_reads_is_not_waited_for(tmp_path: Path) -> None:
 
 
 def test_one_that_has_ended_while_what_it_started_holds_its_output_is_told_so(tmp_path: Path) -> None:
-    child = "if os.fork() == 0: time.sleep(600)\nsys.exit(4)"
-    assert "ended by itself, with exit code 4" in str(refusal(child, tmp_path, Patience(1.0, "answer_within")))
+    child = "input()\nif os.fork() == 0: time.sleep(600)\nprint('a', flush=True)\nos._exit(4)"
+    with running(child, tmp_path) as lockstep:
+        # Until it is about to end, however slow the machine is.
+        lockstep.ask(b"x", PATIENCE)
+        with pytest.raises(ScriptError, match="ended by itself, with exit code 4"):
+            lockstep.ask(b"y", Patience(1.0, "answer_within"))
 
 
 def test_last_words_are_its_own_and_not_without_end(tmp_path: Path) -> None:

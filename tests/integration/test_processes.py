@@ -101,9 +101,9 @@ def environment(folder: Path) -> dict[str, str]:
     return {**kept, "PATH": path, "PYTHONPATH": str(ROOT), "MARK": str(folder)}
 
 
-def run(folder: Path, *options: str, variables: dict[str, str] | None = None) -> dict[str, Outcome]:
+def run(folder: Path, *options: str, paths: str = ".", variables: dict[str, str] | None = None) -> dict[str, Outcome]:
     subprocess.run(
-        [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "2", *options],
+        [sys.executable, "-m", "sim_action", "run", paths, "--jobs", "2", *options],
         cwd=folder,
         env=variables or environment(folder),
         capture_output=True,
@@ -221,7 +221,10 @@ NEVER_READS: Final = "import time\ntime.sleep(600)\n"
 def write_bad(folder: Path, name: str, text: str) -> None:
     stem = name.replace(" ", "_")
     (folder / f"{stem}.py").write_text(text)
-    limits = "start_within: 5 s, answer_within: 1 s"
+    # What is told of a program must not depend on how soon a busy machine lets it go on. Of one that is gone, what it
+    # left behind may hold its output: that, too, is found out when the time is over.
+    is_waited_for = name == "leaves children" or (name in BAD and "within 1 s" in BAD[name][2])
+    limits = f"start_within: {60 if name in BAD else 5} s, answer_within: {1 if is_waited_for else 60} s"
     write(folder, name, f"process: [python, {stem}.py], {limits}", "output_limit: 1 MB\n")
 
 
@@ -350,7 +353,7 @@ def test_programs_run_as_on_linux_where_python_has_what_it_has_on_other_systems(
         (failure,) = outcomes[name].failures
         assert BAD[name][2] in failure.message
     assert outcomes["killed"].status == "error"
-    here = run(tmp_path, "--backend", "mujoco", "--output-dir", "sim-results")
+    here = run(tmp_path, "--backend", "mujoco", paths="good.sim.yml")
     assert here["good"].digest == outcomes["good"].digest
 
 
