@@ -22,12 +22,19 @@ def problem_with(answer: object, model: RobotModel) -> str | None:
 
 def _problem_with_numbers(command: Command) -> str | None:
     try:
-        return None if is_finite(command) else f"{command!r}, in which not every value is finite"
-    except OverflowError:
-        # Whole numbers have no bounds, and of very long ones there is no text.
-        return f"a {type(command).__name__}, whose values are too large"
-    except (TypeError, ValueError, AttributeError):
-        return f"{command!r}, whose values are not numbers"
+        finite = is_finite(command)
+    except OverflowError:  # whole numbers have no bounds
+        return f"{_text(command)}, whose values are too large"
+    except Exception:  # noqa: BLE001 - values may be of classes of the user's, which raise what they like
+        return f"{_text(command)}, whose values are not numbers"
+    return None if finite else f"{_text(command)}, in which not every value is finite"
+
+
+def _text(command: Command) -> str:
+    try:
+        return repr(command)
+    except Exception:  # noqa: BLE001 - as above; nor is there a text of a whole number of thousands of digits
+        return f"a {type(command).__name__}"
 
 
 def _problem_with_targets(targets: JointTargets, model: RobotModel) -> str | None:

@@ -170,7 +170,15 @@ def test_a_command_is_a_twist_joint_targets_or_none(body: str, command: object, 
         ("return sim.JointTargets(velocity=[1, 2])", "whose values are not numbers"),
         ("return sim.JointTargets(effort={'wheel_left_joint': 1e999})", "in which not every value is finite"),
         ("return sim.JointTargets(effort={'wheel_left_joint': 10**400})", "whose values are too large"),
+        (
+            "return sim.JointTargets(effort=type('Mine', (dict,), {'values': lambda self: 1 / 0})(arm=1))",
+            "whose values are not numbers",
+        ),
         # Python refuses to write such a number out.
+        (
+            "return sim.JointTargets(velocity={'a': None, 'b': 10**5000})",
+            "a JointTargets, whose values are not numbers",
+        ),
         ("return sim.Twist((10**5000, 0, 0))", "a Twist, whose values are too large"),
         (
             "return sim.JointTargets(velocity={'wheel_left': 1})",
