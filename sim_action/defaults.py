@@ -17,6 +17,7 @@ from pydantic import Field, ValidationError
 from sim_action.discovery import file_name
 from sim_action.errors import UsageError
 from sim_action.location import Location
+from sim_action.messages import escaped_line
 from sim_action.quantities import FrozenModel
 from sim_action.regular_files import open_regular
 from sim_action.spec_errors import spec_errors
@@ -29,6 +30,8 @@ TABLE: Final = ("tool", "sim-action")
 _MOST_BYTES: Final = 1_000_000
 _HEADER: Final = re.compile(r"\s*\[\s*tool\s*\.\s*[\"']?sim-action[\"']?\s*\]")
 _KEY: Final = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
+# To read a key takes tomllib the square of its steps: with 20,000 of them a minute.
+_ENDLESS_KEY: Final = re.compile(r"(?:[\"']?[A-Za-z0-9_-]++[\"']?\s*+\.\s*+){100}")
 
 
 class Defaults(FrozenModel):
@@ -97,11 +100,15 @@ def _read(path: Path) -> Document | None:
             text = file.read(_MOST_BYTES).decode("utf-8", errors="replace")
         if TABLE[1] not in text:
             return None
+        if _ENDLESS_KEY.search(text):
+            raise UsageError(f"{name} is not read: it has a key of more than 100 steps")
         data: Any = tomllib.loads(text)
     except OSError as error:
         raise UsageError(f"{name} cannot be read: {error.strerror}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"{name} is not valid TOML: {error}") from None
+    except RecursionError:
+        raise UsageError(f"{name} is not read: its lists or tables go too deep") from None
+    except ValueError as error:  # what is no TOML, and whole numbers of more digits than Python reads
+        raise UsageError(f"{name} is not valid TOML: {escaped_line(str(error))}") from None
     for step in TABLE:
         data = data.get(step) if isinstance(data, dict) else None
     return None if data is None else Document(name, data, dict(_marks(name, text)))

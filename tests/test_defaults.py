@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,21 @@ def test_what_is_no_toml_is_told_if_it_is_about_us(folder: Path) -> None:
     assert default_map("run", folder) == {}
     (folder / "pyproject.toml").write_text("tool.sim-action = 3")
     with pytest.raises(UsageError, match="expected a map of keys, found 3"):
+        default_map("run", folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"a = {'[' * 5000}{']' * 5000}", "is not read: its lists or tables go too deep"),
+        (f"a = {'1' * 5000}", "is not valid TOML: Exceeds the limit"),
+        (f"a{' . a' * 100_000} = 1", "is not read: it has a key of more than 100 steps"),
+        ("'a'" + '."a"' * 100_000 + " = 1", "is not read: it has a key of more than 100 steps"),
+    ],
+)
+def test_what_would_take_the_reader_down_is_refused(folder: Path, text: str, message: str) -> None:
+    (folder / "pyproject.toml").write_text(f"{text}\n[tool.sim-action]\n")
+    with pytest.raises(UsageError, match=re.escape(f"pyproject.toml {message}")):
         default_map("run", folder)
 
 
