@@ -14,8 +14,8 @@ import numpy as np
 from sim_action.assertions import State
 from sim_action.errors import ScriptError
 from sim_action.location import Location
-from sim_action.messages import escaped_line
-from sim_action.python_files import run_file, told_at
+from sim_action.messages import escaped_line, shown
+from sim_action.python_files import run_file, script_error, told_at
 from sim_action.trace import Trace
 from sim_action.verdict import Verdict
 
@@ -38,9 +38,11 @@ class Judge:
         """Runs the file, and makes the object."""
         found = run_file(path, f"the file of {name}").get(name)
         where = Location(str(path))
-        if not isinstance(found, type) or not callable(getattr(found, "judge", None)):
+        with told_at(path, name):
+            judge = getattr(found, "judge", None)
+            kind: Kind = getattr(found, "kind", "end")
+        if not isinstance(found, type) or not callable(judge):
             raise ScriptError(f"{name} is no class with a method judge(self, trace)", where)
-        kind: Kind = getattr(found, "kind", "end")
         if kind not in get_args(Kind):
             raise ScriptError(f"{name}.kind is {kind!r}; it is one of {', '.join(get_args(Kind))}", where)
         with told_at(path, f"{name}(...), made with its settings,"):
@@ -58,6 +60,8 @@ class Judge:
             line = None if code is None or code.co_filename != str(self.path) else code.co_firstlineno
             message = escaped_line(f"{self.name}.judge() returned {error}")
             raise ScriptError(message, Location(str(self.path), line)) from None
+        except Exception as error:  # noqa: BLE001 - numbers and texts of the user's own kinds may raise anything
+            raise script_error(error, self.path, f"what {self.name}.judge() returned") from None
 
 
 def _plain(answer: object) -> Verdict:
@@ -77,9 +81,16 @@ def _plain(answer: object) -> Verdict:
 def _number(name: str, value: object) -> float | None:
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
-        raise TypeError(f"a Verdict whose '{name}' is {value!r}; it is a finite number or None")
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not _is_finite(value):
+        raise TypeError(f"a Verdict whose '{name}' is {shown(value)}; it is a finite number or None")
     return float(value)
+
+
+def _is_finite(value: numbers.Real) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number that no float can hold
+        return False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

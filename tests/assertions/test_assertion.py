@@ -144,12 +144,18 @@ def test_a_message_is_one_printable_line(tmp_path: Path) -> None:
         ("return sim.Verdict(True, float('nan'))", "a Verdict whose 'measured' is nan; it is a finite number", 5),
         ("return sim.Verdict(True, margin=np.inf)", "a Verdict whose 'margin' is inf; it is a finite number", 5),
         ("return sim.Verdict(True, time='1 s')", "a Verdict whose 'time' is '1 s'; it is a finite number", 5),
-        ("return sim.Verdict(True, limit=True)", "a Verdict whose 'limit' is True; it is a finite number", 5),
+        ("return sim.Verdict(True, limit=True)", "a Verdict whose 'limit' is true; it is a finite number", 5),
+        ("return sim.Verdict(True, 10**400)", "Slow.judge() returned a Verdict whose 'measured' is 1000", 5),
+        ("return sim.Verdict(True, 10**5000)", "what Slow.judge() returned raised ValueError: Exceeds", None),
+        ("return sim.Verdict(True, message=Sly('x'))", "what Slow.judge() returned raised RuntimeError: sly", 10),
         ("return sim.Verdict(True, unit=3)", "a Verdict whose 'unit' or 'message' is no text", 5),
     ],
 )
-def test_what_it_raises_or_answers_is_an_error_at_its_line(tmp_path: Path, body: str, message: str, line: int) -> None:
-    error = refusal(tmp_path, judging(body))
+def test_what_it_raises_or_answers_is_an_error_at_its_line(
+    tmp_path: Path, body: str, message: str, line: int | None
+) -> None:
+    sly = "\nclass Sly(str):\n    def __getitem__(self, index):\n        raise RuntimeError('sly')\n"
+    error = refusal(tmp_path, judging(body) + sly)
     assert message in str(error)
     assert error.location is not None
     assert (error.location.file, error.location.line) == (str(tmp_path / "checks.py"), line)
@@ -161,6 +167,10 @@ def test_what_it_raises_or_answers_is_an_error_at_its_line(tmp_path: Path, body:
         ("1 / 0", "the file of Slow raised ZeroDivisionError"),
         ("Slow = 3", "Slow is no class with a method judge(self, trace)"),
         ("class Slow: pass", "Slow is no class with a method judge(self, trace)"),
+        (
+            "class M(type):\n    def __getattr__(self, name):\n        1 / 0\nclass Slow(metaclass=M): ...",
+            "Slow raised ZeroDivisionError",
+        ),
         (
             "class Slow:\n    kind = 'always'\n    def judge(self, trace): ...",
             "Slow.kind is 'always'; it is one of end,",
