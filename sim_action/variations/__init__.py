@@ -21,7 +21,7 @@ from sim_action.location import Location, Problem
 from sim_action.messages import shown
 from sim_action.source import Source, Varied
 from sim_action.variations.keys import NoSuchKey, placed, resolved
-from sim_action.variations.naming import labels, texts
+from sim_action.variations.naming import is_nameable, labels, texts
 from sim_action.variations.values import ValueList, ValuesError, value_list
 from sim_action.yaml_document import Document, KeyPath
 
@@ -125,7 +125,7 @@ def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
     for written, values in stated.items():
         try:
             path = resolved(base.data, written)
-            _refuse_fixed(path)
+            _refuse_unfit(path, written)
             found[written] = path, value_list(written, values, seed)
         except NoSuchKey as error:
             problems.append(document.problem(("variations", written), str(error)))
@@ -138,7 +138,9 @@ def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
     return [_Key(key, path, values, called[key], texts(values)) for key, (path, values) in found.items()]
 
 
-def _refuse_fixed(path: KeyPath) -> None:
+def _refuse_unfit(path: KeyPath, written: str) -> None:
+    if not is_nameable(written):
+        raise NoSuchKey("runs are named after it: it is plain text of at most 200 characters, without any of [],=*?")
     if path[0] in _FIXED:
         instead = "; --backend all runs a scenario on every engine" if path[0] == "backend" else ""
         raise NoSuchKey(f"'{path[0]}' is the same in all variations{instead}")

@@ -15,6 +15,13 @@ _FEWEST_DIGITS: Final = 3
 _MOST_DIGITS: Final = 17
 # What would be taken for a part of the name's own form, or of a pattern.
 _NOT_IN_TEXTS: Final = re.compile(r"[][,=*?\s]")
+_NOT_IN_KEYS: Final = re.compile(r"[][,=*?]")
+_LONGEST_KEY: Final = 200
+
+
+def is_nameable(text: str) -> bool:
+    """Whether a key or a unit can stand in a name, as part of it."""
+    return is_plain_name(text) and len(text) <= _LONGEST_KEY and not _NOT_IN_KEYS.search(text)
 
 
 def labels(keys: Sequence[str]) -> dict[str, str]:

@@ -18,7 +18,9 @@ from sim_action.yaml_document import KeyPath
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-_QUANTITY: Final = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.{0,20}?)\s*")
+_QUANTITY: Final = re.compile(
+    r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*((?:[A-Za-z][A-Za-z0-9/^ ]{0,19})?)\s*"
+)
 
 Bounds = tuple[float | str, float | str]
 

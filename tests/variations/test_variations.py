@@ -182,6 +182,11 @@ def test_a_name_in_a_list_leads_to_its_entry_wherever_that_stands() -> None:
         ("{robot.pose.x: {normal: [0, 1], samples: 0}}", "must be at least 1, found 0"),
         ("{robot.pose.x: {normal: [0], samples: 1}}", "the list ends before entry 2"),
         ("{robot.pose.x: {normal: [far, 1], samples: 1}}", "expected a finite number, maybe with a unit, found 'far'"),
+        ("{robot.pose.x: {normal: ['1 |', '1 |'], samples: 1}}", "a finite number, maybe with a unit, found '1 |'"),
+        ('{"robot.args.\\n::error::x": [1]}', "runs are named after it: it is plain text"),
+        ("{robot.args.<b>: [1]}", "runs are named after it: it is plain text"),
+        ("{'robot.args.a=1,b': [1]}", "without any of [],=*?"),
+        (f"{{robot.args.{'x' * 200}: [1]}}", "of at most 200 characters"),
         ("[1]", "variations: expected a map of 1 to 20 keys"),
         ("{}", "variations: expected a map of 1 to 20 keys"),
         (
