@@ -21,7 +21,7 @@ from sim_action.scenario_files import read_only_scenario
 from sim_action.scenario_parts import PartReader
 from sim_action.scene import Scene
 from sim_action.source import Refused, Source
-from sim_action.surroundings import read_surroundings
+from sim_action.surroundings import ShapeLibrary, read_surroundings
 from sim_action.workspace import Workspace
 
 _PERMISSIONS: Final = Permissions()
@@ -38,7 +38,12 @@ def load_scenario(
 
 
 def checked(
-    source: Source, permissions: Permissions, models: ModelLibrary | None = None, *, evaluate: bool = False
+    source: Source,
+    permissions: Permissions,
+    models: ModelLibrary | None = None,
+    shapes: ShapeLibrary | None = None,
+    *,
+    evaluate: bool = False,
 ) -> LoadedScenario:
     """Checks everything that can be checked of a scenario without running it.
 
@@ -46,12 +51,13 @@ def checked(
         source: what is written.
         permissions: what it may do.
         models: those that scenarios of the same suite have read.
+        shapes: of bodies, those that they have read.
         evaluate: whether models are read that may be read in a scenario's own process alone: xacro is code, and
             native code reads MJCF.
 
     Raises InvalidScenario with all problems.
     """
-    loader = _Loader(source, permissions, models or ModelLibrary(), evaluate=evaluate)
+    loader = _Loader(source, permissions, models or ModelLibrary(), shapes or ShapeLibrary(), evaluate=evaluate)
     scenario = loader.load()
     if source.group is not None:
         scenario = scenario.model_copy(update={"name": source.name})
@@ -59,14 +65,14 @@ def checked(
 
 
 def load_all(sources: Iterable[Source | Refused], permissions: Permissions) -> list[LoadedScenario | Refused]:
-    """Each as it can be run, or with what is wrong with it; models that several name are read once.
+    """Each as it can be run, or with what is wrong with it; models and shapes that several name are read once.
 
     Variations of one scenario are all valid, or else one that is not, with what is wrong with any of them.
     """
-    models = ModelLibrary()
+    models, shapes = ModelLibrary(), ShapeLibrary()
     found: list[LoadedScenario | Refused] = []
     for _, several in groupby(enumerate(sources), lambda pair: _scenario_of(*pair)):
-        scenarios = [_loaded_or_refused(source, permissions, models) for _, source in several]
+        scenarios = [_loaded_or_refused(source, permissions, models, shapes) for _, source in several]
         refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
         found += [_as_one(refused)] if refused else scenarios
     return found
@@ -84,12 +90,12 @@ def _as_one(refused: Sequence[Refused]) -> Refused:
 
 
 def _loaded_or_refused(
-    source: Source | Refused, permissions: Permissions, models: ModelLibrary
+    source: Source | Refused, permissions: Permissions, models: ModelLibrary, shapes: ShapeLibrary
 ) -> LoadedScenario | Refused:
     if isinstance(source, Refused):
         return source
     try:
-        return checked(source, permissions, models)
+        return checked(source, permissions, models, shapes)
     except InvalidScenario as error:
         return source.refused(error)
 
@@ -107,11 +113,14 @@ def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace, parts: M
 class _Loader:
     """One document while it becomes a scenario."""
 
-    def __init__(self, source: Source, permissions: Permissions, models: ModelLibrary, *, evaluate: bool) -> None:
+    def __init__(
+        self, source: Source, permissions: Permissions, models: ModelLibrary, shapes: ShapeLibrary, *, evaluate: bool
+    ) -> None:
         self.model: RobotModel | None = None
         self.unchecked: tuple[str, ...] = ()
         self.parts: Mapping[str, tuple[Part, ...]] = {}
         self._models = models
+        self._shapes = shapes
         self._evaluate = evaluate
         self._data = source.document.data
         self._workspace = source.workspace
@@ -143,7 +152,7 @@ class _Loader:
         self._problems.note_all((), world_checks.motion_problems(scenario))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         self._problems.note_all((), scenario_checks.patch_problems(scenario))
-        surroundings = read_surroundings(scenario.world, self._workspace)
+        surroundings = read_surroundings(scenario.world, self._workspace, self._shapes)
         self.parts = surroundings.parts
         self._problems.note_all((), iter(surroundings.problems))
         try:

@@ -5,7 +5,7 @@ Files are confined to the workspace, bounded, and read here alone: an engine get
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from sim_action.parts import Part
@@ -28,17 +28,44 @@ class Surroundings:
     problems: tuple[SpecProblem, ...] = ()
 
 
-def read_surroundings(world: World, workspace: Workspace) -> Surroundings:
-    """Reads the bodies of a world whose shapes are in files or arrays."""
+class ShapeLibrary:
+    """The shapes of a suite's bodies, each read once: variations share them, and a map of 16 million cells is one."""
+
+    def __init__(self) -> None:
+        self._shapes: dict[Hashable, tuple[Part, ...] | ShapeError] = {}
+
+    def parts(self, body: Body, workspace: Workspace) -> tuple[Part, ...]:
+        """Of a body whose shape is read, or what has come of the same before. Raises ShapeError."""
+        key = (workspace, body.mesh, body.heightfield, body.map, body.mass is not None)
+        if key not in self._shapes:
+            self._shapes[key] = _read(body, workspace)
+        found = self._shapes[key]
+        if isinstance(found, ShapeError):
+            raise found.with_traceback(None)
+        return found
+
+
+def read_surroundings(world: World, workspace: Workspace, shapes: ShapeLibrary | None = None) -> Surroundings:
+    """Reads the bodies of a world whose shapes are in files or arrays; `shapes`: those that have been read."""
+    shapes = shapes or ShapeLibrary()
     parts: dict[str, tuple[Part, ...]] = {}
     problems: list[SpecProblem] = []
     for index, body in enumerate(world.objects):
         if body.is_read:
             try:
-                parts[body.name] = tuple(_parts(body, workspace))
+                parts[body.name] = shapes.parts(body, workspace)
             except ShapeError as error:
                 problems.append((("world", "objects", index, body.shape, error.key), str(error)))
     return Surroundings(parts, tuple(problems))
+
+
+def _read(body: Body, workspace: Workspace) -> tuple[Part, ...] | ShapeError:
+    try:
+        return tuple(_parts(body, workspace))
+    except ShapeError as error:
+        # Without what was being read when it was raised, which would be kept with it.
+        error.__context__ = error.__cause__ = None
+        return error.with_traceback(None)
 
 
 def _parts(body: Body, workspace: Workspace) -> Iterator[Part]:

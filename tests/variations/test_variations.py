@@ -226,6 +226,22 @@ def test_a_key_that_is_none_is_told_where_it_stands_in_the_variations(tmp_path: 
     ]
 
 
+def test_variations_share_what_is_read_for_their_worlds(tmp_path: Path) -> None:
+    """Or 10,000 of them would hold as many copies of one ground."""
+    ground = "{name: hill, heightfield: {heights: [[0, 1], [0, 1]], size: [1, 1]}, pose: {x: 3}}"
+    missing = "{name: rock, mesh: {file: rock.stl}}"
+    text = "world: {{objects: [{}]}}\nvariations: {{robot.pose.y: [0, 1, 2]}}\n"
+    first, *others = loaded(tmp_path, text.format(ground))
+    assert isinstance(first, LoadedScenario)
+    assert len(others) == 2
+    for other in others:
+        assert isinstance(other, LoadedScenario)
+        assert other.parts["hill"] is first.parts["hill"]
+    (refused,) = loaded(tmp_path, text.format(missing))
+    assert isinstance(refused, Refused)
+    assert len(refused.error.problems) == 1
+
+
 def test_variations_of_one_scenario_leave_the_others_of_its_file(tmp_path: Path) -> None:
     shared = LEAST.partition("\n")[2]
     (tmp_path / "s.sim.yml").write_text(
