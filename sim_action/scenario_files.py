@@ -33,7 +33,7 @@ MAX_BASES: Final = 10
 MAX_SCENARIOS: Final = 1_000
 """How many a file may hold."""
 
-# Of keys and entries, what they share counted for each.
+# Of values, what they share counted for each.
 _MOST_WRITTEN_OUT: Final = 1_000_000
 
 _NOTHING: Final = "a scenario begins with 'name:', 'robot:', 'expect:', 'time_limit:'"
@@ -92,7 +92,7 @@ def _several(path: Path, workspace: Workspace, document: Document) -> Iterator[S
     if not isinstance(entries, tuple) or not entries:
         raise InvalidScenario([document.problem(("scenarios",), f"expected a list of maps, found {shown(entries)}")])
     shared = without(document, "scenarios")
-    if len(entries) > MAX_SCENARIOS or len(entries) * len(shared.marks) > _MOST_WRITTEN_OUT:
+    if len(entries) > MAX_SCENARIOS or len(entries) * shared.size > _MOST_WRITTEN_OUT:
         message = f"more than {MAX_SCENARIOS} scenarios, or too much beside them; make several files of it"
         raise InvalidScenario([document.problem(("scenarios",), message)])
     taken: set[str] = set()

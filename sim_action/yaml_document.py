@@ -56,6 +56,16 @@ class Document:
             path = path[:-1]
         return self.marks.get(path, Location(self.file, 1, 1))
 
+    @property
+    def size(self) -> int:
+        """How many values it holds, with aliases written out."""
+        size, waiting = 0, [self.data]
+        while waiting:
+            value = waiting.pop()
+            size += 1
+            waiting += value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()
+        return size
+
     def problem(self, path: KeyPath, message: str) -> Problem:
         """What is wrong at `path`, as people are told."""
         dotted = ".".join(str(step) for step in path)

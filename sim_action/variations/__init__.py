@@ -30,6 +30,9 @@ MOST_RUNS: Final = 10_000
 
 MOST_KEYS: Final = 20
 
+# Of values, what they share counted for each, as each is checked on its own.
+_MOST_WRITTEN_OUT: Final = 5_000_000
+
 _FIXED: Final = ("name", "version", "tags", "variations", "backend")
 
 
@@ -65,6 +68,9 @@ def expanded(source: Source, seed: int | None, most: int = MOST_RUNS) -> tuple[S
     runs = math.prod(len(key.values.values) for key in factors)
     if runs > most:
         message = f"{runs:,} runs; a file may have {MOST_RUNS:,}"
+        raise InvalidScenario([source.document.problem(("variations",), message)])
+    if runs * (size := base.size) > _MOST_WRITTEN_OUT:
+        message = f"{runs:,} runs of {size:,} values each, more than {_MOST_WRITTEN_OUT:,}; put what is long in a file"
         raise InvalidScenario([source.document.problem(("variations",), message)])
     rows = product(*(range(len(key.values.values)) for key in factors))
     # What the scenario shares with all of its variations is there once.

@@ -226,6 +226,16 @@ def test_a_key_that_is_none_is_told_where_it_stands_in_the_variations(tmp_path: 
     ]
 
 
+def test_what_is_long_is_not_varied_without_end() -> None:
+    """Written out by aliases: 100 rows of 100 heights that stand there once."""
+    rows = f"[&row [{', '.join('0' * 100)}]{', *row' * 99}]"
+    world = f"world: {{objects: [{{name: hill, heightfield: {{heights: {rows}, size: [1, 1]}}}}]}}\n"
+    assert len(varied(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 400}}}}\n")) == 400
+    (found,) = problems(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 600}}}}\n")
+    assert "600 runs of 10,1" in found
+    assert "values each, more than 5,000,000; put what is long in a file" in found
+
+
 def test_variations_share_what_is_read_for_their_worlds(tmp_path: Path) -> None:
     """Or 10,000 of them would hold as many copies of one ground."""
     ground = "{name: hill, heightfield: {heights: [[0, 1], [0, 1]], size: [1, 1]}, pose: {x: 3}}"
