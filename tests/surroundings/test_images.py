@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import tracemalloc
 import zlib
 
 import numpy as np
@@ -27,6 +28,19 @@ def test_a_pgm_is_read_as_it_was_written(white: int) -> None:
 def test_a_pgm_may_be_text() -> None:
     image = read_image(b"P2 # size\n2 2\n15\n0 15 # row\n7 3\n")
     assert image.pixels.tolist() == [[0, 15], [7, 3]]
+
+
+def test_a_pgm_of_much_text_takes_no_more_room_than_its_pixels() -> None:
+    """Python's own words would take 20 times that: 40 MB here, and gigabytes at the most that is read."""
+    text = b"P2 2 1 255\n" + 100_000 * b"# 0\n" + b"3 4 " + 500_000 * b"5 "
+    tracemalloc.start()
+    try:
+        image = read_image(text)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert image.pixels.tolist() == [[3, 4]]
+    assert most < 6 * len(text)
 
 
 @pytest.mark.parametrize("kinds", [(0,), (1,), (2,), (3,), (4,), (0, 1, 2, 3, 4)])
