@@ -42,13 +42,39 @@ def seen_from(folder: Path, document: Document, own: Path) -> Document:
     def moved(name: str) -> str:
         return Path(os.path.relpath(own / name, folder)).as_posix()
 
-    data = document.data
-    for pattern in FILE_KEYS:
-        data = _changed(data, pattern, lambda name: moved(name) if _is_relative_file(name, own) else name)
-    for pattern in WORD_KEYS:
-        data = _changed(data, pattern[:-1], _words)
-        data = _changed(data, pattern, lambda word: moved(word) if _is_there(word, own) else word)
-    return replace(document, data=data)
+    def relocated(data: object) -> object:
+        for pattern in FILE_KEYS:
+            data = _changed(data, pattern, lambda name: moved(name) if _is_relative_file(name, own) else name)
+        for pattern in WORD_KEYS:
+            data = _changed(data, pattern[:-1], _words)
+            data = _changed(data, pattern, lambda word: moved(word) if _is_there(word, own) else word)
+        return data
+
+    return replace(document, data=_with_variations(relocated(document.data), relocated))
+
+
+def _with_variations(data: object, relocated: Callable[[object], object]) -> object:
+    """The data with the values of its variations changed as they would be where their keys lead."""
+    if not isinstance(data, dict) or not isinstance(stated := data.get("variations"), dict):
+        return data
+    varied = {key: _varied(key.split("."), values, relocated) for key, values in stated.items()}
+    return {**data, "variations": varied}
+
+
+def _varied(steps: list[str], values: object, relocated: Callable[[object], object]) -> object:
+    return tuple(_led_to(steps, value, relocated) for value in values) if isinstance(values, tuple) else values
+
+
+def _led_to(steps: list[str], value: object, relocated: Callable[[object], object]) -> object:
+    """A value as it is changed at the end of a way."""
+    whole = value
+    for step in reversed(steps):
+        whole = {step: whole}
+    whole = relocated(whole)
+    for step in steps:
+        assert isinstance(whole, dict)
+        whole = whole[step]
+    return whole
 
 
 def _is_relative_file(name: str, folder: Path) -> bool:

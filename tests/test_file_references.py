@@ -63,6 +63,21 @@ def test_a_class_of_the_users_is_found_however_deep_it_stands(tmp_path: Path) ->
     assert moved(tmp_path, expect("a/c.py")) == expect("../lib/a/c.py")
 
 
+def test_files_that_vary_are_the_same_files(tmp_path: Path) -> None:
+    def variations(folder: str) -> dict[str, Any]:
+        return {
+            "robot.model": (f"{folder}r.urdf", "turtlebot3_burger"),
+            "world.objects.rock.mesh.file": (f"{folder}a.stl", 3),
+            "world.objects": (({"name": "rock", "mesh": {"file": f"{folder}a.stl"}},), ()),
+            "expect.0.not.assertion": (f"{folder}c.py:Level",),
+            "commands.0.process.1": (f"{folder}drive.py", "1.5"),
+            "robot.pose.x": {"uniform": (0, 1), "samples": 3},
+            "name": "a.b",
+        }
+
+    assert moved(tmp_path, {"variations": variations("")}) == {"variations": variations("../lib/")}
+
+
 def test_a_process_may_be_one_text(tmp_path: Path) -> None:
     found = moved(tmp_path, {"commands": {"process": "./drive.py 'a b'"}})
     assert found == {"commands": {"process": ("../lib/drive.py", "a b")}}
