@@ -17,6 +17,7 @@ from sim_action.world import (
     Ground,
     Heightfield,
     Patch,
+    PathPoint,
     Physics,
     Placement,
     Ramp,
@@ -51,6 +52,15 @@ def test_a_placement_turns_by_its_angles() -> None:
     placement = Placement.model_validate({"x": "5 cm", "yaw": "90 deg"})
     assert placement.x == 0.05
     assert placement.orientation_xyzw == pytest.approx((0, 0, math.sqrt(0.5), math.sqrt(0.5)))
+
+
+@pytest.mark.parametrize("key", ["x", "y", "z"])
+@pytest.mark.parametrize("value", [-100_001, "101 km", 1e300])
+def test_nothing_is_where_engines_know_no_millimetres(key: str, value: object) -> None:
+    for model, keys in ((Placement, {}), (PathPoint, {"at": 0})):
+        assert model.model_validate({**keys, key: 100_000})
+        with pytest.raises(ValidationError, match="100000"):
+            model.model_validate({**keys, key: value})
 
 
 def test_a_base_is_free_or_fixed_or_left_to_the_model() -> None:

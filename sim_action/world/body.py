@@ -12,7 +12,7 @@ from sim_action.quantities import FrozenModel, Name, PositiveKilograms, Positive
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.ground import Friction
 from sim_action.world.placement import Placement
-from sim_action.world.shapes import LARGEST, Cylinder, Ramp, Size, Sphere, Stairs
+from sim_action.world.shapes import Cylinder, Ramp, Size, Sphere, Stairs
 from sim_action.world.timed_path import PathPoint, placements, refuse_impossible_path
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map")
 
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh")
-# Of pose: m from the origin of the world.
-_FARTHEST: Final = 10 * LARGEST
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -87,9 +85,6 @@ class Body(FrozenModel):
             raise ValueError(f"an object has exactly one of {_listed(SHAPES)}")
         if self.mass is not None and self.shape not in _MAY_MOVE:
             raise ValueError(f"'{self.shape}' is fixed: leave 'mass' out; {_listed(_MAY_MOVE)} can have one")
-        for key, places in (("pose", (self.pose,)), ("path", placements(self.pose, self.path))):
-            if any(max(abs(at.x), abs(at.y), abs(at.z or 0.0)) > _FARTHEST for at in places):
-                raise ValueError(f"'{key}' is more than {_FARTHEST:g} m away, where engines know no millimetres")
         return self
 
     @property

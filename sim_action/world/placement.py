@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import Field
 
 from sim_action import geometry
 from sim_action.quantities import FrozenModel, Metres, Radians
 
+FARTHEST: Final = 100_000.0
+"""m, from the origin of the world: beyond, the engines' numbers know no millimetres."""
+
+Coordinate = Annotated[Metres, Field(ge=-FARTHEST, le=FARTHEST)]
+
 
 class Placement(FrozenModel):
     """Where something begins, in the world frame."""
 
-    x: Metres = 0.0
-    y: Metres = 0.0
-    z: Annotated[Metres | None, Field(description="left out: it stands on the ground")] = None
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    z: Annotated[Coordinate | None, Field(description="left out: it stands on the ground")] = None
     roll: Radians = 0.0
     pitch: Radians = 0.0
     yaw: Radians = 0.0

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from sim_action.quantities import FrozenModel, Metres, NonNegativeSeconds, Radians
-from sim_action.world.placement import Placement
+from sim_action.quantities import FrozenModel, NonNegativeSeconds, Radians
+from sim_action.world.placement import Coordinate, Placement
 
 if TYPE_CHECKING:
     from sim_action.world.body import Body
@@ -22,9 +22,9 @@ class PathPoint(FrozenModel):
     """Where a body is at one time, in the world frame; a key that is left out stays as it was."""
 
     at: Annotated[NonNegativeSeconds, Field(description="sim time; each point is later than the one before")]
-    x: Metres | None = None
-    y: Metres | None = None
-    z: Metres | None = None
+    x: Coordinate | None = None
+    y: Coordinate | None = None
+    z: Coordinate | None = None
     roll: Radians | None = None
     pitch: Radians | None = None
     yaw: Annotated[Radians | None, Field(description="it turns as far as is written: 360 deg is one turn")] = None
