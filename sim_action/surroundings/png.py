@@ -14,7 +14,9 @@ from sim_action.surroundings.images import Grey, ImageError, checked_size
 
 _SIGNATURE_BYTES: Final = 8
 _COLOUR_TYPES: Final = {0: "grey", 2: "colour", 3: "a palette", 4: "grey with transparency", 6: "colour"}
-_NONE, _SUB, _UP, _AVERAGE, _PAETH = range(5)
+_LAST_KIND: Final = 4
+
+Bytes = NDArray[np.int16]
 
 
 def read_png(data: bytes) -> Grey:
@@ -63,32 +65,34 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 
 def _unfiltered(data: bytes, height: int, stride: int, step: int) -> NDArray[np.uint8]:
-    """(H, stride) bytes; a row is told by how it differs from what is left of it and above it."""
+    """(H, stride) bytes; each is told by how it differs from what is left of it, above it, and in the corner between.
+
+    These three are known of a whole diagonal, from the lower left to the upper right, once the two before it are.
+    """
     told = np.frombuffer(data, np.uint8).reshape(height, stride + 1)
-    rows = np.zeros((height + 1, stride), np.uint8)
-    for number, (kind, *_) in enumerate(told[:, :1].tolist(), start=1):
-        difference, above = told[number - 1, 1:], rows[number - 1]
-        if kind in (_NONE, _UP):
-            rows[number] = difference + above if kind == _UP else difference
-        elif kind == _SUB:
-            for first in range(step):
-                rows[number, first::step] = np.cumsum(difference[first::step], dtype=np.uint8)
-        elif kind in (_AVERAGE, _PAETH):
-            rows[number] = _predicted(kind, difference.tolist(), above.tolist(), step)
-        else:
-            raise ImageError(f"is damaged: a row of an unknown kind, {kind}")
-    return rows[1:]
+    kinds = told[:, :1]
+    if kinds.max() > _LAST_KIND:
+        raise ImageError(f"is damaged: a row of an unknown kind, {kinds.max()}")
+    columns = stride // step
+    framed = np.zeros((height + 1, columns + 1, step), np.int16)
+    framed[1:, 1:] = told[:, 1:].reshape(height, columns, step)
+    flat = framed.reshape(-1, step)
+    for diagonal in range(height + columns - 1):
+        top, bottom = max(0, diagonal - columns + 1), min(height - 1, diagonal)
+        count, start = bottom - top + 1, (top + 1) * (columns + 1) + diagonal - top + 1
+        here, left, up, corner = (
+            flat[at : at + (count - 1) * columns + 1 : columns]
+            for at in (start, start - 1, start - columns - 1, start - columns - 2)
+        )
+        here += _predicted(kinds[top : bottom + 1], left, up, corner)
+        here &= 255
+    return framed[1:, 1:].reshape(height, stride).astype(np.uint8)
 
 
-def _predicted(kind: int, difference: list[int], above: list[int], step: int) -> list[int]:
-    row = [0] * step
-    over = [0] * step + above
-    for at, more in enumerate(difference):
-        left, up, corner = row[at], over[at + step], over[at]
-        row.append((more + ((left + up) // 2 if kind == _AVERAGE else _paeth(left, up, corner))) & 255)
-    return row[step:]
-
-
-def _paeth(left: int, up: int, corner: int) -> int:
-    guess = left + up - corner
-    return min((left, up, corner), key=lambda value: abs(guess - value))
+def _predicted(kinds: NDArray[np.uint8], left: Bytes, up: Bytes, corner: Bytes) -> Bytes:
+    """(N, step), of N bytes or pairs of them in rows of these kinds: nothing, left, up, average, Paeth."""
+    to_left, to_up, to_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
+    nearest = np.where(to_up <= to_corner, up, corner)
+    paeth = np.where((to_left <= to_up) & (to_left <= to_corner), left, nearest)
+    found: Bytes = np.choose(kinds, np.stack((np.zeros_like(left), left, up, (left + up) // 2, paeth)))
+    return found

@@ -46,10 +46,11 @@ def test_a_pgm_of_much_text_takes_no_more_room_than_its_pixels() -> None:
 @pytest.mark.parametrize("kinds", [(0,), (1,), (2,), (3,), (4,), (0, 1, 2, 3, 4)])
 @pytest.mark.parametrize("bits", [8, 16])
 def test_a_png_is_read_whatever_its_rows_are_told_by(bits: int, kinds: tuple[int, ...]) -> None:
-    pixels = PIXELS if bits == 8 else DEEP
-    image = read_image(png(pixels, bits, kinds))
-    assert image.white == 2**bits - 1
-    assert (image.pixels == pixels).all()
+    whole = PIXELS if bits == 8 else DEEP
+    for pixels in (whole, whole.T, whole[:1], whole[:, :1]):
+        image = read_image(png(pixels, bits, kinds))
+        assert image.white == 2**bits - 1
+        assert (image.pixels == pixels).all()
 
 
 def header(width: int, height: int, bits: int = 8, colour: int = 0, interlaced: int = 0) -> bytes:
