@@ -172,6 +172,15 @@ def test_a_hollow_mesh_is_hollow(engine: str, tmp_path: Path) -> None:
     assert found == pytest.approx((5.3, 0.2, 0.25), abs=2e-3)
 
 
+def test_a_mesh_may_have_thin_triangles_far_from_its_origin(engine: str, tmp_path: Path) -> None:
+    """A floor with a needle of 1 um at its rim, 100 m away from where the file has its origin."""
+    floor = ["99 -1 0", "101 -1 0", "101 1 0", "99 1 0", "101.000001 0 0"]
+    text = "".join(f"v {point}\n" for point in floor) + "f 1 2 3\nf 1 3 4\nf 2 5 3\n"
+    (tmp_path / "floor.obj").write_text(text)
+    world = World(objects=(Body(name="floor", mesh=MeshFile(file="floor.obj"), pose=Placement(x=-100, z=0.2)),))
+    assert resting(engine, tmp_path, world, SMALL_BALL, 480, z=0.3)[2] == pytest.approx(0.25, abs=1e-3)
+
+
 def test_the_walls_of_a_hollow_mesh_stop_from_inside(engine: str, tmp_path: Path) -> None:
     world = World(objects=(Body(name="bowl", mesh=bowl(tmp_path), friction=0.0),))
     scene = with_files(scene_of(tmp_path, SMALL_BALL, at(z=0.06), world))

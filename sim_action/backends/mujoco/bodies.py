@@ -86,8 +86,11 @@ def _add_hull(spec: Any, body: Any, name: str, points: Any, mass: float) -> str:
     inertia = mujoco.mjtMeshInertia
     # "shell" spares the compiler the volume of what weighs nothing.
     kind = inertia.mjMESH_INERTIA_CONVEX if mass else inertia.mjMESH_INERTIA_SHELL
-    spec.add_mesh(name=name, uservert=points.ravel().tolist(), inertia=kind)
-    return add_geom(body, name, Pose(), type=GEOM.mjGEOM_MESH, meshname=name, mass=mass)
+    # The engine keeps points as 32-bit floats: about their middle, not about an origin that may be 50 m away.
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    spec.add_mesh(name=name, uservert=(points - middle).ravel().tolist(), inertia=kind)
+    x, y, z = middle.tolist()
+    return add_geom(body, name, Pose((x, y, z)), type=GEOM.mjGEOM_MESH, meshname=name, mass=mass)
 
 
 def _add_grid(spec: Any, body: Any, name: str, part: GridPart) -> str:
