@@ -1,6 +1,7 @@
 """Every error that sim-action raises on purpose, and the exit code that goes with it.
 
     SimActionError                3    a fault of sim-action itself, unless a subclass says otherwise
+    ├── Fault                          one that was met while one scenario was looked at
     ├── UsageError                2    the command line asks for something that cannot be done
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     ├── ModelError                2    a robot model cannot be read
@@ -19,7 +20,7 @@ Exit code 0 is a run in which all scenarios passed, 5 one that found none, 130 o
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -42,6 +43,22 @@ class SimActionError(Exception):
     """The root of the tree."""
 
     exit_code = ExitCode.INTERNAL
+
+
+class Fault(SimActionError):
+    """A fault of sim-action that was met while one scenario was looked at; `details`: the way that led to it."""
+
+    def __init__(self, message: str, details: str = "") -> None:
+        self.details = details
+        super().__init__(message)
+
+    @classmethod
+    def of(cls, error: Exception) -> Self:
+        """What to say of an exception that nobody expected."""
+        from traceback import format_exception
+
+        what = f"a fault of sim-action: {type(error).__name__}: {error}; please report it"
+        return cls(what, "".join(format_exception(error)))
 
 
 class UsageError(SimActionError):

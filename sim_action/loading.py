@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action import scenario_checks, world_checks
-from sim_action.errors import InvalidScenario, ModelError, RefusedModel
+from sim_action.errors import Fault, InvalidScenario, ModelError, RefusedModel, UsageError
 from sim_action.models import check_text, load_model
 from sim_action.models.library import ModelLibrary
 from sim_action.parts import Part
@@ -67,7 +67,8 @@ def checked(
 def load_all(sources: Iterable[Source | Refused], permissions: Permissions) -> list[LoadedScenario | Refused]:
     """Each as it can be run, or with what is wrong with it; models and shapes that several name are read once.
 
-    Variations of one scenario are all valid, or else one that is not, with what is wrong with any of them.
+    Variations of one scenario are all valid, or else one that is not, with what is wrong with any of them. A fault of
+    ours is that scenario's alone. Raises UsageError.
     """
     models, shapes = ModelLibrary(), ShapeLibrary()
     found: list[LoadedScenario | Refused] = []
@@ -84,8 +85,10 @@ def _scenario_of(index: int, source: Source | Refused) -> Hashable:
 
 
 def _as_one(refused: Sequence[Refused]) -> Refused:
-    """What is wrong with any of them, each of it once."""
-    problems = dict.fromkeys(problem for each in refused for problem in each.error.problems)
+    """What is wrong with any of them, each of it once; of a fault of ours, that alone: it may hide anything."""
+    if fault := next((each for each in refused if isinstance(each.error, Fault)), None):
+        return fault
+    problems = dict.fromkeys(problem for each in refused for problem in each.problems)
     return replace(refused[0], error=InvalidScenario(problems))
 
 
@@ -98,6 +101,10 @@ def _loaded_or_refused(
         return checked(source, permissions, models, shapes)
     except InvalidScenario as error:
         return source.refused(error)
+    except UsageError:
+        raise
+    except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
+        return source.refused(Fault.of(error))
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:

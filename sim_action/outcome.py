@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, ValidationError
 
-from sim_action.errors import ExitCode, InvalidScenario, UsageError
+from sim_action.errors import ExitCode, Fault, InvalidScenario, UsageError
 from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line
 from sim_action.quantities import FrozenModel
@@ -47,6 +47,11 @@ class Failure(FrozenModel):
     message: str
     location: Location | None = None
     details: str = ""
+
+    @classmethod
+    def of_fault(cls, fault: Fault) -> Self:
+        """A fault of ours."""
+        return cls(kind="internal", title="internal error", message=str(fault), details=fault.details)
 
 
 class Diagnostic(FrozenModel):
@@ -149,9 +154,12 @@ class Outcome(FrozenModel):
     @classmethod
     def of_refused(cls, refused: Refused) -> Outcome:
         """The outcome of a scenario that cannot be run."""
-        return cls.of_invalid(refused.file, refused.error).model_copy(
-            update={"name": refused.name, "line": refused.line}
-        )
+        if isinstance(refused.error, Fault):
+            failure = Failure.of_fault(refused.error)
+            outcome = cls(name=refused.name, file=refused.file, status="error", failures=(failure,))
+        else:
+            outcome = cls.of_invalid(refused.file, refused.error)
+        return outcome.model_copy(update={"name": refused.name, "line": refused.line})
 
     @classmethod
     def of_nothing(cls, pattern: str) -> Outcome:

@@ -13,7 +13,7 @@ from sim_action import __version__
 from sim_action.aftermath import skipped
 from sim_action.agreement import compared
 from sim_action.engine_choice import runs_of
-from sim_action.errors import ExitCode, InvalidScenario
+from sim_action.errors import ExitCode, Fault, InvalidScenario, UsageError
 from sim_action.execution import execute
 from sim_action.interruption import Interruption
 from sim_action.loading import load_all
@@ -107,6 +107,10 @@ def _planned(scenario: LoadedScenario | Refused, request: RunRequest) -> Plan:
         return runs_of(_seeded(scenario, request.seed), request.backend)
     except InvalidScenario as error:
         return scenario.source.refused(error)
+    except UsageError:
+        raise
+    except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
+        return scenario.source.refused(Fault.of(error))
 
 
 def _outcomes_of(plan: Plan, ran: Iterator[Outcome], folder: Path) -> tuple[Outcome, ...]:

@@ -15,7 +15,7 @@ from typing import Final
 
 from sim_action.discovery import file_name
 from sim_action.document_merging import entries_of, merged, without
-from sim_action.errors import InvalidScenario
+from sim_action.errors import Fault, InvalidScenario
 from sim_action.file_references import seen_from
 from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line, nearest, shown
@@ -52,6 +52,8 @@ def read_file(path: Path, permissions: Permissions, seed: int | None = None) -> 
         return tuple(_all_varied([Source(path, workspace, document, _name(document) or _called(path))], seed))
     except InvalidScenario as error:
         return (Refused(file_name(path), _called(path), None, error),)
+    except Exception as error:  # noqa: BLE001 - the other files have scenarios to run
+        return (Refused(file_name(path), _called(path), None, Fault.of(error)),)
 
 
 def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterator[Source | Refused]:

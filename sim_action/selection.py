@@ -82,4 +82,4 @@ def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
     yield f"of {len(every)} scenarios, none is selected"
     for scenario in every:
         if isinstance(scenario, Refused) and not selection.takes(scenario):
-            yield str(scenario.error.problems[0])
+            yield str(scenario.problems[0])

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pydantic import JsonValue
 
-from sim_action.errors import InvalidScenario
+from sim_action.errors import Fault, InvalidScenario
+from sim_action.location import Location, Problem
 from sim_action.workspace import Workspace
 from sim_action.yaml_document import Document
 
@@ -48,16 +49,23 @@ class Source:
         tags = self.document.data.get("tags") if isinstance(self.document.data, dict) else None
         return tuple(tag for tag in tags if isinstance(tag, str)) if isinstance(tags, tuple) else ()
 
-    def refused(self, error: InvalidScenario) -> Refused:
-        """It, once it is known what is wrong with it."""
+    def refused(self, error: InvalidScenario | Fault) -> Refused:
+        """It, once it is known why it cannot be run."""
         return Refused(self.document.file, self.group or self.name, self.line, error)
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A scenario that cannot be run, and what is wrong with it; the rest is as of a source."""
+    """A scenario that cannot be run, and what is wrong with it, or with us; the rest is as of a source."""
 
     file: str
     name: str
     line: int | None
-    error: InvalidScenario
+    error: InvalidScenario | Fault
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """Each with its place."""
+        if isinstance(self.error, Fault):
+            return (Problem(Location(self.file, self.line), str(self.error)),)
+        return self.error.problems

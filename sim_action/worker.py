@@ -8,7 +8,6 @@ import pickle
 import signal
 import sys
 import time
-import traceback
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from sim_action.errors import (
     BadSource,
     BadStart,
     EngineError,
+    Fault,
     InvalidScenario,
     ModelError,
     RefusedModel,
@@ -148,8 +148,7 @@ def _outcome(job: Job, progress: _Progress) -> Outcome:
     except MemoryError:
         return _error(job, _OUT_OF_MEMORY, out_of_memory(job))
     except Exception as error:  # noqa: BLE001 - a fault of ours is an outcome too
-        message = f"a fault of sim-action: {type(error).__name__}: {error}; please report it"
-        return _error(job, ("internal", "internal error"), message, details=traceback.format_exc())
+        return _failed(job, Failure.of_fault(Fault.of(error)))
     return _judged(job, scenario, run)
 
 
@@ -232,12 +231,12 @@ _KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
 }
 
 
-def _error(
-    job: Job, kind: tuple[FailureKind, str], message: str, error: Exception | None = None, details: str = ""
-) -> Outcome:
-    location = getattr(error, "location", None)
-    details = details or getattr(error, "details", "")
-    failure = Failure(kind=kind[0], title=kind[1], message=message, location=location, details=details)
+def _error(job: Job, kind: tuple[FailureKind, str], message: str, error: Exception | None = None) -> Outcome:
+    location, details = getattr(error, "location", None), getattr(error, "details", "")
+    return _failed(job, Failure(kind=kind[0], title=kind[1], message=message, location=location, details=details))
+
+
+def _failed(job: Job, failure: Failure) -> Outcome:
     return Outcome(name=job.loaded.scenario.name, file=job.loaded.file, status="error", failures=(failure,))
 
 

@@ -199,7 +199,7 @@ def test_what_is_wrong_with_one_leaves_the_others(tmp_path: Path) -> None:
         ("deep", 6),
         ("many.sim.yml (6)", 7),
     ]
-    assert [str(each.error.problems[0]).partition(":")[2] for each in refused] == [
+    assert [str(each.problems[0]).partition(":")[2] for each in refused] == [
         "3:17: time_limit: expected time such as '1 s', found 'never'",
         "4:5: expected a map of keys, found 7",
         "5:6: name: a second scenario named 'good' in this file",

@@ -114,12 +114,13 @@ def _listed(request: RunRequest) -> ExitCode:
     files = request.read()
     for line in listing(files):
         click.echo(line)
-    problems = [str(each.error) for scenarios in files for each in scenarios if isinstance(each, Refused)]
-    for line in (line for problem in problems for line in problem.split("\n")):
+    errors = [each.error for scenarios in files for each in scenarios if isinstance(each, Refused)]
+    for line in (line for error in errors for line in str(error).split("\n")):
         click.echo(log_line(line), err=True)
     if not files:
         return ExitCode.NO_SCENARIO
-    return ExitCode.INVALID if problems or request.empty else ExitCode.PASSED
+    found = [*(error.exit_code for error in errors), *(ExitCode.INVALID for _ in request.empty)]
+    return max(found, default=ExitCode.PASSED)
 
 
 def _cores() -> int:

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sim_action.errors import ExitCode
+from sim_action.errors import ExitCode, Fault
 from sim_action.subcommands.paths import ALLOW_OUTSIDE, PATHS, discovered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from sim_action.source import Refused
 
 
 @click.command()
@@ -27,16 +29,29 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     files, empty = discovered(paths)
     permissions = Permissions(allow_outside)
     found = load_all((source for path in files for source in read_file(path, permissions)), permissions)
-    invalid = [scenario for scenario in found if isinstance(scenario, Refused)]
+    refused = [scenario for scenario in found if isinstance(scenario, Refused)]
     valid = [scenario for scenario in found if not isinstance(scenario, Refused)]
     # What several share may be wrong in each of them, and stands in one place.
-    lines = [str(problem) for refused in invalid for problem in refused.error.problems]
-    lines += [f"{loaded.file}: not checked: {remark}" for loaded in valid for remark in loaded.unchecked]
-    for line in dict.fromkeys(lines):
+    messages = [message for scenario in refused for message in _messages(scenario)]
+    messages += [f"{loaded.file}: not checked: {remark}" for loaded in valid for remark in loaded.unchecked]
+    for line in (line for message in dict.fromkeys(messages) for line in message.split("\n")):
         click.echo(log_line(line))
     scenarios = len({(loaded.file, loaded.source.group or loaded.scenario.name) for loaded in valid})
     runs = f" ({len(valid)} runs with all variations)" if len(valid) > scenarios else ""
-    click.echo(f"{scenarios} valid, {len(invalid)} invalid{runs}", err=bool(invalid))
+    click.echo(f"{scenarios} valid, {_count(refused)}{runs}", err=bool(refused))
     if not files:
         return ExitCode.NO_SCENARIO
-    return ExitCode.INVALID if invalid or empty else ExitCode.PASSED
+    worst = max((scenario.error.exit_code for scenario in refused), default=ExitCode.PASSED)
+    return max(worst, ExitCode.INVALID if empty else ExitCode.PASSED)
+
+
+def _messages(refused: Refused) -> list[str]:
+    """What is said of a scenario that cannot be run."""
+    details = f"\n{refused.error.details.rstrip()}" if isinstance(refused.error, Fault) else ""
+    return [f"{problem}{details}" for problem in refused.problems]
+
+
+def _count(refused: Sequence[Refused]) -> str:
+    """How many are invalid; those with a fault of ours may be valid."""
+    faults = sum(isinstance(scenario.error, Fault) for scenario in refused)
+    return f"{len(refused) - faults} invalid" + (f", {faults} not checked to the end" if faults else "")

@@ -211,7 +211,7 @@ def test_a_value_that_cannot_be_is_told_at_its_place_and_once(tmp_path: Path) ->
     (refused,) = loaded(tmp_path, text)
     assert isinstance(refused, Refused)
     assert refused.name == "burger drives straight"
-    assert [str(problem).rpartition("yml:")[2] for problem in refused.error.problems] == [
+    assert [str(problem).rpartition("yml:")[2] for problem in refused.problems] == [
         "15:7: world.ground.friction: must be at least 0, found -1",
         "16:7: world.ground.friction: expected ratio such as 0.5, found 'fast'",
     ]
@@ -220,7 +220,7 @@ def test_a_value_that_cannot_be_is_told_at_its_place_and_once(tmp_path: Path) ->
 def test_a_key_that_is_none_is_told_where_it_stands_in_the_variations(tmp_path: Path) -> None:
     (refused,) = loaded(tmp_path, "variations:\n  world.ground.fricton: [1, 2]\n")
     assert isinstance(refused, Refused)
-    assert [str(problem).rpartition("yml:")[2].partition(" (")[0] for problem in refused.error.problems] == [
+    assert [str(problem).rpartition("yml:")[2].partition(" (")[0] for problem in refused.problems] == [
         "12:26: world.ground.fricton: unknown key; did you mean 'friction'?",
         "12:29: world.ground.fricton: unknown key; did you mean 'friction'?",
     ]
