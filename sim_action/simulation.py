@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -105,15 +105,18 @@ class _Loop:
         self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate) if drive else None
-        self._controls = Controls(scenario, scene, self._motion)
-        self._sensing = Sensing(scenario, scene, backend, heard=self._controls.are_watching, judged=channels.sensors)
         self._arrivals = Arrivals.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._stride = max(1, round(scenario.physics.rate / scenario.trace_rate))
         self._step = 0
+        with ExitStack() as opened:
+            self._controls = opened.enter_context(closing(Controls(scenario, scene, self._motion)))
+            heard = self._controls.are_watching
+            self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=channels.sensors)
+            self._opened = opened.pop_all()
 
     def run(self, progress: Progress) -> SimulationRun:
-        with closing(self._controls):
+        with self._opened:
             return self._run(progress)
 
     def _run(self, progress: Progress) -> SimulationRun:
