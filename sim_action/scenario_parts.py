@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Any, Final, TypeVar
@@ -18,6 +18,7 @@ from sim_action.permissions import Permissions
 from sim_action.problem_list import ProblemList
 from sim_action.registry import Table
 from sim_action.scenario import Expectation, ExpectationOptions
+from sim_action.scene import SpecProblems
 from sim_action.sensors import SENSORS
 from sim_action.sensors.mounting import MountedSensor, Mounting
 from sim_action.spec_errors import spec_errors
@@ -26,10 +27,15 @@ from sim_action.yaml_document import Document, KeyPath
 
 Model = TypeVar("Model", bound=BaseModel)
 Options = TypeVar("Options", bound=BaseModel)
+Entry = TypeVar("Entry")
 Reader = Callable[[type[Model], Any, KeyPath], Model | None]
 """What makes a spec of a class out of plain values, and notes what is wrong."""
 
+# Each source may name a file that takes a second to be read, as assertions may, which are counted with their parts.
 _MOST_SOURCES: Final = 50
+_MOST_SENSORS: Final = 100
+_MOST_ASSERTIONS: Final = 1_000
+_MOST_FILES: Final = 50
 
 
 class PartReader:
@@ -49,6 +55,8 @@ class PartReader:
         self._workspace = workspace
         self._permissions = permissions
         self._problems = problems
+        self._assertions = 0
+        self._files = 0
 
     def with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
         """The document's data, with drive, commands, sensors and expectations made into objects."""
@@ -65,15 +73,19 @@ class PartReader:
         return parts
 
     def _commands(self, data: Any) -> tuple[CommandSource, ...]:
-        entries: list[tuple[KeyPath, Any]]
+        entries: Sequence[tuple[KeyPath, Any]]
         entries = [(("commands", index), entry) for index, entry in enumerate(data)] if isinstance(data, tuple) else []
-        if len(entries) > _MOST_SOURCES:
-            # Each may name a file that takes a second to be read.
-            self._problems.note(("commands",), f"{len(entries):,} sources; no more than {_MOST_SOURCES} are read")
-            entries = entries[:1]
+        entries = self._few("commands", entries, _MOST_SOURCES, "sources")
         found = [(path, self._command(entry, path)) for path, entry in entries or [(("commands",), data)]]
         self.command_paths = [path for path, source in found if source is not None]
         return tuple(source for _, source in found if source is not None)
+
+    def _few(self, key: str, entries: Sequence[Entry], most: int, what: str) -> Sequence[Entry]:
+        """The entries below a key; of more than there may be, the first."""
+        if len(entries) <= most:
+            return entries
+        self._problems.note((key,), f"{len(entries):,} {what}; no more than {most:,} are read")
+        return entries[:1]
 
     def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
         key = self._family_key(COMMANDS, data, path, beside=CommandSource)
@@ -87,12 +99,14 @@ class PartReader:
         return source
 
     def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
-        found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(data)]
+        few = self._few("expect", data, _MOST_ASSERTIONS, "expectations")
+        found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(few)]
         self.expect_paths = [path for path, expectation in found if expectation is not None]
         return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
 
     def _sensors(self, data: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
-        found = [(("sensors", index), self._sensor(entry, ("sensors", index))) for index, entry in enumerate(data)]
+        few = self._few("sensors", data, _MOST_SENSORS, "sensors")
+        found = [(("sensors", index), self._sensor(entry, ("sensors", index))) for index, entry in enumerate(few)]
         self.sensor_paths = [path for path, sensor in found if sensor is not None]
         return tuple(sensor for _, sensor in found if sensor is not None)
 
@@ -133,14 +147,27 @@ class PartReader:
 
     def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:
         """The assertion that stands below its key, with those that it consists of."""
+        self._assertions += 1
+        if self._assertions > _MOST_ASSERTIONS:
+            few = f"more than {_MOST_ASSERTIONS:,} assertions, those inside of others counted; make several scenarios"
+            self._problems.note(("expect",), few)
+            return None
         if issubclass(kind, Combined):
             return self._combined(kind, data, path)
         spec = self.validated(kind, data, path)
         if spec is not None:
-            self._problems.note_all(path, spec.file_problems(self._workspace))
+            self._problems.note_all(path, self._file_problems(spec))
             if spec.runs_user_code and self._permissions.scripts_refused:
                 self._problems.note(path, self._permissions.scripts_refused)
         return spec
+
+    def _file_problems(self, spec: Assertion) -> SpecProblems:
+        self._files += spec.reads_file
+        if self._files <= _MOST_FILES:
+            yield from spec.file_problems(self._workspace)
+        else:
+            few = f"more than {_MOST_FILES} assertions that are of a file of their own; make several scenarios"
+            self._problems.note(("expect",), few)
 
     def _combined(self, kind: type[Combined], data: Any, path: KeyPath) -> Combined | None:
         try:

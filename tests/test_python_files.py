@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from sim_action.errors import ScriptError
-from sim_action.python_files import ScriptProblem, names_bound_by, read_script, run_file, script_error
+from sim_action.python_files import ScriptProblem, read_script, run_file, script_error
 
 
 def names(folder: Path, text: str) -> set[str]:
     (folder / "a.py").write_text(text, encoding="utf-8")
-    return names_bound_by(read_script(folder / "a.py"))
+    return set(read_script(folder / "a.py").names)
 
 
 def test_names_are_those_outside_of_functions_and_classes(tmp_path: Path) -> None:
@@ -51,3 +51,12 @@ def test_an_error_from_elsewhere_has_no_line(tmp_path: Path) -> None:
     error = script_error(ValueError("no"), tmp_path / "a.py", "it")
     assert error.location is not None
     assert error.location.line is None
+
+
+def test_a_text_is_parsed_once_whoever_asks(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("def control(observation): ...\n")
+    (tmp_path / "b.py").write_bytes((tmp_path / "a.py").read_bytes())
+    first = read_script(tmp_path / "a.py")
+    assert read_script(tmp_path / "b.py") is first
+    (tmp_path / "a.py").write_text("def other(observation): ...\n")
+    assert read_script(tmp_path / "a.py").names == {"other"}

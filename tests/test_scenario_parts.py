@@ -151,3 +151,41 @@ def test_of_very_many_sources_the_files_are_not_read(tmp_path: Path) -> None:
     assert sum("'absent.csv' does not exist" in line for line in found) == 1
     assert any("commands: 51 sources; no more than 50 are read" in line for line in found)
     assert len(told(tmp_path, LEAST.replace(commands, entry * 50))) == 50
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        (["upright"] * 1_001, "expect: 1,001 expectations; no more than 1,000 are read"),
+        (
+            ["any_of: [upright, no_collision]"] * 500,
+            "expect: more than 1,000 assertions, those inside of others counted",
+        ),
+        (
+            ["assertion: mine.py:Mine"] * 51,
+            "expect: more than 50 assertions that are of a file of their own; make seve",
+        ),
+        (
+            ["any_of: [no_collision, {follow_path: {file: path.csv, rms: 1 m}}]"] * 51,
+            "expect: more than 50 assertions that are of a file of their own; make several scenarios",
+        ),
+    ],
+    ids=["expectations", "parts", "classes", "paths"],
+)
+def test_there_are_not_more_than_can_be_read_soon(entries: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(JUDGE)
+    (tmp_path / "path.csv").write_text("x,y\n0,0\n1,0\n")
+    (problem,) = told(tmp_path, expecting(*entries))
+    assert problem.partition(": ")[2].startswith(message)
+
+
+def test_as_many_as_there_may_be_are_read(tmp_path: Path) -> None:
+    entries = ["any_of: [upright, no_collision]"] * 300 + ["assertion: mine.py:Mine"] * 50
+    names = [expected.name for expected in read(tmp_path, *entries, "upright").expect]
+    assert len(set(names)) == 351
+
+
+def test_there_are_not_more_sensors_than_can_be_read_soon(tmp_path: Path) -> None:
+    sensors = "".join(f"  - {{imu: {{}}, name: imu{number}}}\n" for number in range(101))
+    (problem,) = told(tmp_path, f"{LEAST}sensors:\n{sensors}")
+    assert problem == "11:1: sensors: 101 sensors; no more than 100 are read"

@@ -91,6 +91,11 @@ class Assertion(FrozenModel):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """The fold's beginning; `start` is the settled state at t = 0."""
 
+    @property
+    def reads_file(self) -> bool:
+        """Whether it names a file of the user's, which takes time to read."""
+        return False
+
     def file_problems(self, workspace: Workspace) -> SpecProblems:
         """What is wrong with the files it names; nothing of the user's is run."""
         yield from ()

@@ -84,6 +84,11 @@ class FollowPath(Assertion):
             asked.append(f"to its end within {units.display(self.end.tolerance, 'm')}")
         return f"follow_path {', '.join(asked)}"
 
+    @property
+    def reads_file(self) -> bool:
+        """See Assertion.reads_file."""
+        return self.file is not None
+
     def file_problems(self, workspace: Workspace) -> SpecProblems:
         """A file that is not there, or holds no path."""
         if self.file is None:

@@ -11,7 +11,7 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
-from sim_action.python_files import ANYTHING, ScriptProblem, names_bound_by, read_script
+from sim_action.python_files import ANYTHING, ScriptProblem, read_script
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
@@ -65,6 +65,11 @@ class UserAssertion(Assertion):
         return self.path.rpartition(":")[2]
 
     @property
+    def reads_file(self) -> bool:
+        """See Assertion.reads_file."""
+        return True
+
+    @property
     def channels(self) -> Channels:
         """See Assertion.channels: what a stranger's class looks at cannot be known before it runs."""
         return Channels(contacts=True)
@@ -77,7 +82,7 @@ class UserAssertion(Assertion):
     def file_problems(self, workspace: Workspace) -> SpecProblems:
         """A file that is not there, is no Python, or has no such class. Reads it; does not run it."""
         try:
-            names = names_bound_by(read_script(workspace.file(self.file)))
+            names = read_script(workspace.file(self.file)).names
         except PathError as error:
             yield (), str(error)
         except OSError as error:

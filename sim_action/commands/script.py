@@ -22,7 +22,7 @@ from sim_action.commands.script_file import (
 from sim_action.errors import ScriptError
 from sim_action.location import Location
 from sim_action.observation import Observation
-from sim_action.python_files import ScriptProblem, names_bound_by, read_script, run_file, script_error, told_at
+from sim_action.python_files import ScriptProblem, read_script, run_file, script_error, told_at
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
@@ -69,7 +69,7 @@ class ScriptCommands(CommandSource):
             yield ("class",), "leave it out, or 'function': a script has one controller"
             return
         try:
-            tree = read_script(workspace.file(self.script))
+            script = read_script(workspace.file(self.script))
         except PathError as error:
             yield ("script",), str(error)
         except OSError as error:
@@ -78,11 +78,11 @@ class ScriptCommands(CommandSource):
             yield ("script",), f"{self.script}{error}"
         else:
             try:
-                name = controller_name(names_bound_by(tree), self.function, self.class_name)
+                name = controller_name(script.names, self.function, self.class_name)
             except ScriptProblem as error:
                 yield (self._key,), f"{self.script}{error}"
                 return
-            if self._is_class(name) and (problem := class_problem(tree, name)) is not None:
+            if self._is_class(name) and (problem := class_problem(script, name)) is not None:
                 yield (self._key,), f"{self.script}{problem}"
 
     def open(self, scene: Scene) -> Controller:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from typing import Final
 
 from sim_action.messages import did_you_mean
-from sim_action.python_files import ANYTHING, ScriptProblem, names_bound_by
+from sim_action.python_files import ANYTHING, Script, ScriptProblem
 
 FUNCTION: Final = "control"
 CLASS: Final = "Controller"
@@ -37,16 +36,9 @@ def _must_have(names: Collection[str], name: str, missing: str) -> None:
         raise ScriptProblem(f" defines {missing}{did_you_mean(name, names)}")
 
 
-def class_problem(tree: ast.Module, name: str) -> str | None:
+def class_problem(script: Script, name: str) -> str | None:
     """What is plainly missing from a class that inherits nothing: its method `step`."""
-    for node in _classes(tree, name):
-        if node.bases or node.keywords or node.decorator_list:
-            continue
-        methods = names_bound_by(ast.Module(body=node.body, type_ignores=[]))
-        if "step" not in methods:
-            return f":{node.lineno}: class '{name}' has no method 'step'{did_you_mean('step', methods)}"
+    for found in script.classes:
+        if found.name == name and found.is_plain and "step" not in found.names:
+            return f":{found.line}: class '{name}' has no method 'step'{did_you_mean('step', found.names)}"
     return None
-
-
-def _classes(tree: ast.Module, name: str) -> Iterator[ast.ClassDef]:
-    yield from (node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
