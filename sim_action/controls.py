@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from sim_action.command import Command, JointTargets
@@ -48,10 +48,11 @@ class Controls:
         self._held = [source.holding(scene) for source in scenario.commands]
         self._twist: Twist | None = None
         self._owners: dict[str, _Source] = {}
+        scenes = _seen_by(scenario.commands, scene)
         with ExitStack() as closing:
             self._sources = [
-                _Source(index, _opened(index, source, scene, closing), scenario.steps_between_ticks(source.rate))
-                for index, source in enumerate(scenario.commands)
+                _Source(index, _opened(index, source, seen, closing), scenario.steps_between_ticks(source.rate))
+                for index, (source, seen) in enumerate(zip(scenario.commands, scenes, strict=True))
             ]
             self._closing = closing.pop_all()
 
@@ -134,6 +135,12 @@ class Controls:
                     "sources that act at the same time move different joints"
                 )
         source.moved.update(joints)
+
+
+def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
+    """The scene as each is to see it."""
+    codes = [source.code for source in sources]
+    return [replace(scene, namesake=codes[:index].count(code)) for index, code in enumerate(codes)]
 
 
 def _opened(index: int, source: CommandSource, scene: Scene, closing: ExitStack) -> Controller:

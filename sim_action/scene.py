@@ -31,6 +31,8 @@ class Scene:
         rotors: joint -> inertia of its motor in kg m^2, as the joint feels it through the gears; left out: none.
         mobility: what its drive can do, if it has one.
         parts: name of a body -> what it is made of, for bodies whose shapes were read from files.
+        namesake: of several sources of commands that run the same code, which one is to see it: each draws numbers of
+            its own.
     """
 
     robot: Robot
@@ -42,6 +44,7 @@ class Scene:
     rotors: Mapping[str, float] = field(default_factory=dict)
     mobility: Mobility = field(default_factory=Mobility)
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
+    namesake: int = 0
 
     @property
     def bolted(self) -> bool:
@@ -89,4 +92,5 @@ class Scene:
         """Random numbers for one purpose: what others draw, and how many others there are, changes none of them."""
         import numpy as np
 
+        purpose = f"{purpose} ({self.namesake + 1})" if self.namesake else purpose
         return np.random.default_rng((self.seed, zlib.crc32(purpose.encode())))

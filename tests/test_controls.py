@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.command import NO_PUSH, JointTargets
+from sim_action.commands import ClosedLoop
 from sim_action.controls import Controls
 from sim_action.drives import recognise
 from sim_action.errors import ScriptError
@@ -169,3 +170,40 @@ def test_before_t_0_wheels_are_braked_unless_a_source_holds_them(
 ) -> None:
     held = controls(tmp_path, *sources).at_rest
     assert (held.velocity, held.position) == (velocity, position)
+
+
+# What each of them draws moves a wheel, so that it can be seen: when it is loaded, and by its own generator.
+DRAWS = """\
+import random
+from sim_action import JointTargets
+
+LOADED = random.random()
+
+class Controller:
+    def reset(self, robot):
+        self.drawn = float(robot.random.random())
+
+    def step(self, observation):
+        return JointTargets(velocity={"wheel_left_joint": self.drawn, "wheel_right_joint": LOADED})
+"""
+
+
+def drawn(folder: Path, *sources: str) -> list[float]:
+    """What sources of the same file draw, each asked alone."""
+    (folder / "draws.py").write_text(DRAWS)
+    loaded = load(folder, scenario_of(*sources))
+    numbers = list[float]()
+    for source in Controls(loaded.scenario, build_scene(loaded), None)._sources:
+        if isinstance(source.controller, ClosedLoop):
+            targets = source.controller.command(START)
+            assert isinstance(targets, JointTargets)
+            numbers += targets.velocity.values()
+    return numbers
+
+
+def test_sources_of_the_same_script_draw_numbers_of_their_own(tmp_path: Path) -> None:
+    alone = drawn(tmp_path, "{script: draws.py}")
+    three = drawn(tmp_path, "{script: draws.py}", "{script: draws.py}", "{script: draws.py, class: Controller}")
+    assert len(set(three)) == 6
+    assert three[:2] == alone
+    assert drawn(tmp_path, "{twist: [{linear: 1}]}", "{script: draws.py}")[-2:] == alone

@@ -59,6 +59,11 @@ class CommandSource(FrozenModel):
 
     rate: Annotated[PositiveHertz, Field(description="of the ticks at which a command is given")] = 10.0
 
+    @property
+    def code(self) -> str:
+        """What of the user's it runs: sources that run the same draw random numbers of their own."""
+        return ""
+
     def problems(self, workspace: Workspace) -> SpecProblems:
         """What is wrong with the files it names; nothing of the user's is run."""
         yield from ()

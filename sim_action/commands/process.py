@@ -96,6 +96,11 @@ class ProcessCommands(CommandSource):
         PositiveSeconds, Field(le=_A_DAY, description="of wall time, from its start to its first answer")
     ] = 10.0
 
+    @property
+    def code(self) -> str:
+        """See CommandSource.code."""
+        return f"process {shlex.join(self.process)}"
+
     def problems(self, workspace: Workspace) -> SpecProblems:
         """A program that is not there. Nothing is run."""
         try:
@@ -107,7 +112,7 @@ class ProcessCommands(CommandSource):
         """See CommandSource.open: starts the program. Raises ScriptError."""
         program, *arguments = self.process
         called = shlex.join(self.process)
-        robot = RobotDescription.of(scene, self.rate, f"process {called}")
+        robot = RobotDescription.of(scene, self.rate, self.code)
         try:
             path = program_of(program, scene.workspace)
         except PathError as error:
@@ -115,7 +120,7 @@ class ProcessCommands(CommandSource):
         talk = _Talk(Lockstep([str(path), *arguments], scene.workspace.directory, called), scene.model, called)
         try:
             talk.reset(robot, Patience(self.start_within, "start_within"))
-        except ScriptError:
+        except BaseException:
             talk.close()
             raise
         patience = Patience(self.answer_within, "answer_within")

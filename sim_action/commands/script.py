@@ -63,6 +63,11 @@ class ScriptCommands(CommandSource):
         Field(alias="class", min_length=1, description="which class of the file is asked; left out: `Controller`"),
     ] = None
 
+    @property
+    def code(self) -> str:
+        """See CommandSource.code."""
+        return f"script {self.script}"
+
     def problems(self, workspace: Workspace) -> SpecProblems:
         """A file that is not there, is no Python, or has no such controller. Reads it; does not run it."""
         if self.function is not None and self.class_name is not None:
@@ -88,7 +93,7 @@ class ScriptCommands(CommandSource):
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises ScriptError."""
         path = scene.workspace.file(self.script)
-        _seed_global_generators(scene.seed)
+        _seed_global_generators(_seed_of(scene, self.code))
         names = run_file(path, _WHO)
         name, ask = self._found(names, path, scene)
         return _controller(name, ask, path, scene)
@@ -111,7 +116,7 @@ class ScriptCommands(CommandSource):
         if not isinstance(found, type):
             hint = f"; write 'function: {name}'" if callable(found) else ""
             raise ScriptError(f"'{name}' of {path.name} is no class{hint}", Location(str(path)))
-        robot = RobotDescription.of(scene, self.rate, f"script {self.script} {name}")
+        robot = RobotDescription.of(scene, self.rate, f"{self.code} {name}")
         with told_at(path, _WHO):
             controller = found()
             if (reset := getattr(controller, "reset", None)) is not None:
@@ -144,6 +149,11 @@ def _controller(name: str, ask: Callable[[Observation], object], path: Path, sce
         return motors.of(answer) if isinstance(answer, JointTargets) else cast("Command | None", answer)
 
     return ClosedLoop(command, notes=motors.notes)
+
+
+def _seed_of(scene: Scene, code: str) -> int:
+    """The scenario's; another for a second source of the same file, which is loaded again."""
+    return int(scene.generator(code).integers(1 << 63)) if scene.namesake else scene.seed
 
 
 def _seed_global_generators(seed: int) -> None:
