@@ -45,7 +45,6 @@ class Controls:
         """Opens the sources. Raises ScriptError; those that are open are closed then."""
         self._rate = scenario.physics.rate
         self._motion = motion
-        self._held = [source.holding(scene) for source in scenario.commands]
         self._twist: Twist | None = None
         self._owners: dict[str, _Source] = {}
         scenes = _seen_by(scenario.commands, scene)
@@ -66,8 +65,9 @@ class Controls:
     def at_rest(self) -> JointTargets:
         """What holds the robot while it comes to rest before t = 0: its wheels are braked, its joints held."""
         targets = self._motion.targets(Twist(), 1)[0] if self._motion else JointTargets()
-        for held in self._held:
-            targets = targets.updated_by(held)
+        for source in self._sources:
+            if isinstance(source.controller, OpenLoop):
+                targets = targets.updated_by(source.controller.holding)
         return targets
 
     @property

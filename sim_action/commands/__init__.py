@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
@@ -23,9 +23,15 @@ def _nothing() -> None:
 
 @dataclass(frozen=True, slots=True)
 class OpenLoop:
-    """The live half of a source that looks at the clock alone: from sim time in s to a command."""
+    """The live half of a source that looks at the clock alone.
+
+    Attributes:
+        command: from sim time in s.
+        holding: what it holds still while the robot comes to rest before t = 0; what has limits is held anyway.
+    """
 
     command: Callable[[float], Command | None]
+    holding: JointTargets = field(default_factory=JointTargets)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +90,6 @@ class CommandSource(FrozenModel):
     def joints(self, scene: Scene) -> frozenset[str]:
         """What it is known to move before it runs; wheels that a drive turns for it are not among them."""
         return frozenset()
-
-    def holding(self, scene: Scene) -> JointTargets:
-        """What it holds still while the robot comes to rest before t = 0; what has limits is held anyway."""
-        return JointTargets()
 
     @abstractmethod
     def open(self, scene: Scene) -> Controller:

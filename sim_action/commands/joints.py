@@ -58,8 +58,8 @@ class JointCommands(CommandSource):
         """See CommandSource.joints."""
         return frozenset(knot.joint for knot in knots(self.points))
 
-    def holding(self, scene: Scene) -> JointTargets:
-        """See CommandSource.holding: positions where the joints begin, and speeds at 0."""
+    def _holding(self, scene: Scene) -> JointTargets:
+        """Positions where the joints begin, and speeds at 0."""
         beginnings = scene.joint_positions
         return JointTargets(
             position={knot.joint: beginnings[knot.joint] for knot in knots(self.points) if knot.reading == "position"},
@@ -87,7 +87,7 @@ class JointCommands(CommandSource):
                 effort=_values(paths["effort"], now + half_time),
             )
 
-        return OpenLoop(command)
+        return OpenLoop(command, self._holding(scene))
 
     def _paths(self, scene: Scene) -> dict[Reading, dict[str, JointPath]]:
         """What is wanted -> joint name -> its path."""

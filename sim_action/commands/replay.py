@@ -10,7 +10,7 @@ from pydantic import Field
 from sim_action.command import Command, JointTargets
 from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.commands.playback import Playback
-from sim_action.commands.replay_problems import CSV, kind_problems, log_problems
+from sim_action.commands.replay_problems import is_csv, kind_problems, log_problems
 from sim_action.errors import RecordingError
 from sim_action.messages import did_you_mean
 from sim_action.quantities import NonNegativeSeconds, PositiveSeconds
@@ -64,7 +64,7 @@ class ReplayCommands(CommandSource):
     @property
     def unchecked(self) -> tuple[str, ...]:
         """See CommandSource.unchecked."""
-        if self.replay.endswith(CSV):
+        if is_csv(self):
             return ()
         return (f"{self.replay} is read when it runs: until then, what is said of its topics is not checked",)
 
@@ -86,33 +86,19 @@ class ReplayCommands(CommandSource):
         header = self._csv_header(scene.workspace)
         return frozenset(self.only_joints or (() if header is None else header.joint_names))
 
-    def holding(self, scene: Scene) -> JointTargets:
-        """See CommandSource.holding: what the first command moves, where it begins, or still."""
-        try:
-            first = self._chosen(next(iter(self._moments(scene.workspace)))[1])
-        except RecordingError:
-            return JointTargets()  # `open` tells it
-        if not isinstance(first, JointTargets):
-            return JointTargets()
-        beginnings = scene.joint_positions
-        return JointTargets(
-            position={name: beginnings[name] for name in first.position if name in beginnings},
-            velocity=dict.fromkeys(first.velocity, 0.0),
-        )
-
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises RecordingError, and RunError for a log that does not fit into memory."""
         moments = list(self._moments(scene.workspace))
         for key, message in self._mismatches(moments, scene.model):
             raise RecordingError(f"{self.replay}: {message}", key)
         chosen = [(time, self._chosen(command)) for time, command in moments]
-        return OpenLoop(Playback(chosen, self.start, self.timeout).command)
+        return OpenLoop(Playback(chosen, self.start, self.timeout).command, _holding(chosen[0][1], scene))
 
     def _csv_header(self, workspace: Workspace) -> Header | None:
         """None if it is no CSV file; or none that can be read, which is told elsewhere."""
         try:
             path = workspace.file_or_folder(self.replay)
-            return csv_log.read_header(path, self.replay) if path.suffix == CSV else None
+            return csv_log.read_header(path, self.replay) if is_csv(self) else None
         except (PathError, RecordingError):
             return None
 
@@ -120,7 +106,7 @@ class ReplayCommands(CommandSource):
         """All of the log. Raises RecordingError."""
         try:
             path = workspace.file_or_folder(self.replay)
-            if path.suffix == CSV:
+            if is_csv(self):
                 return csv_log.read_moments(path, self.replay)
             for file in ros_log.files_of(path, self.replay) if path.is_dir() else ():
                 workspace.file(str(path / file))
@@ -158,3 +144,14 @@ class ReplayCommands(CommandSource):
             if trouble is None or self.only_joints
             else f"{trouble}; 'only_joints' names those of the log that move"
         )
+
+
+def _holding(first: Command, scene: Scene) -> JointTargets:
+    """What the first command moves: where it begins, or still."""
+    if not isinstance(first, JointTargets):
+        return JointTargets()
+    beginnings = scene.joint_positions
+    return JointTargets(
+        position={name: beginnings[name] for name in first.position},
+        velocity=dict.fromkeys(first.velocity, 0.0),
+    )

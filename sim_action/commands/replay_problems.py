@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Final, Protocol
 
 from sim_action.errors import RecordingError
@@ -12,7 +12,7 @@ from sim_action.recordings import csv_log, ros_log
 from sim_action.recordings.ros_types import TWISTS
 from sim_action.scene import SpecProblems
 
-CSV: Final = ".csv"
+_CSV: Final = ".csv"
 
 
 class Replay(Protocol):
@@ -43,9 +43,14 @@ class Replay(Protocol):
         """In s."""
 
 
+def is_csv(spec: Replay) -> bool:
+    """Whether it is to be read as CSV: its name in the scenario says so, whatever a link of that name leads to."""
+    return PurePath(spec.replay).suffix == _CSV
+
+
 def log_problems(spec: Replay, path: Path) -> SpecProblems:
     """Problems with a log that is there."""
-    yield from _csv_problems(spec, path) if path.suffix == CSV else _ros_problems(spec, path)
+    yield from _csv_problems(spec, path) if is_csv(spec) else _ros_problems(spec, path)
 
 
 def kind_problems(spec: Replay, *, holds_twists: bool) -> SpecProblems:

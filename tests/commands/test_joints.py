@@ -148,7 +148,9 @@ def test_it_knows_its_joints_and_needs_no_drive() -> None:
 
 def test_before_0_positions_are_held_and_velocities_braked_whatever_the_points_say() -> None:
     point = {"at": 0, "position": {"elbow": 1}, "velocity": {"turntable": 2}, "effort": {"shoulder": 4}}
-    held = spec(point).holding(scene(elbow=-1.0))
+    controller = spec(point).open(scene(elbow=-1.0))
+    assert isinstance(controller, OpenLoop)
+    held = controller.holding
     assert held == JointTargets(position={"elbow": -1.0}, velocity={"turntable": 0.0})
 
 

@@ -122,15 +122,24 @@ def test_until_the_first_command_its_joints_are_held_where_they_begin(tmp_path: 
     bags.csv_file(tmp_path / "base.csv", TWISTS)
     state = joints((0.0, lambda store: joint_state(store, ["wheel_left_joint"], position=[1.0])))
     ros1_bag(tmp_path / "a.bag", state)
-    found = scene_in(tmp_path)
-    assert spec(replay="wheels.csv").holding(found) == JointTargets(
+    assert held(tmp_path, replay="wheels.csv") == JointTargets(
         position={"wheel_left_joint": 0.0}, velocity={"wheel_right_joint": 0.0}
     )
-    assert spec(replay="a.bag", topic="/joint_states").holding(found) == JointTargets(
-        position={"wheel_left_joint": 0.0}
-    )
-    for log in ({"replay": "base.csv"}, {"replay": "nowhere.csv"}, {"replay": "a.bag", "topic": "/odom"}):
-        assert spec(**log).holding(found) == JointTargets()
+    assert held(tmp_path, replay="a.bag", topic="/joint_states") == JointTargets(position={"wheel_left_joint": 0.0})
+    assert held(tmp_path, replay="base.csv") == JointTargets()
+
+
+def held(folder: Path, **data: Any) -> JointTargets:
+    controller = spec(**data).open(scene_in(folder))
+    assert isinstance(controller, OpenLoop)
+    return controller.holding
+
+
+def test_a_log_is_csv_if_the_scenario_calls_it_so(tmp_path: Path) -> None:
+    bags.csv_file(tmp_path / "data.txt", TWISTS)
+    (tmp_path / "link.csv").symlink_to("data.txt")
+    assert load(tmp_path, scenario(replay="link.csv")).unchecked == ()
+    assert given_at(0.0, tmp_path, replay="link.csv") == Twist.planar(0.2)
 
 
 CSV_PROBLEMS = [
