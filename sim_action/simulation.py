@@ -117,7 +117,8 @@ class _Loop:
 
     def run(self, progress: Progress) -> SimulationRun:
         with self._opened:
-            return self._run(progress)
+            run = self._run(progress)
+        return replace(run, notes=(*self._all_notes(), *run.notes))
 
     def _run(self, progress: Progress) -> SimulationRun:
         self._settle()
@@ -147,7 +148,7 @@ class _Loop:
             travelled=float(trace.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=(*self._all_notes(), *missed(self._scene.world, panel.time)),
+            notes=tuple(missed(self._scene.world, panel.time)),
         )
 
     def _all_notes(self) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ import os, sys
 open("number", "w").write(str(os.getpid()))
 for line in sys.stdin:
     print("{}", flush=True)
+print("farewell", flush=True)
 """
 
 
@@ -65,3 +66,10 @@ def test_programs_are_ended_when_a_sensor_cannot_be_opened(tmp_path: Path) -> No
     while is_there(program) and time.monotonic() < deadline:
         time.sleep(0.01)
     assert not is_there(program)
+
+
+def test_what_a_program_says_at_the_end_is_noted(tmp_path: Path) -> None:
+    loaded = driven_by_a_program(tmp_path)
+    scenario = loaded.scenario.model_copy(update={"time_limit": 0.2})
+    notes = simulate(scenario, build_scene(loaded), lambda _: None).notes
+    assert "the process './ctl.py' wrote more lines than it was asked for, such as 'farewell'; if " in notes[-1]

@@ -41,7 +41,7 @@ class ClosedLoop:
     Attributes:
         senses: whether it looks at sensors as well; those that nobody looks at are not read.
         close: called once, after the run.
-        notes: what it has to tell people after the run.
+        notes: what it has to tell people after the run, when it is closed.
     """
 
     command: Callable[[Observation], Command | None]

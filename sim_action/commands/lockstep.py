@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from enum import Enum, auto
@@ -29,6 +30,8 @@ _STANDARD_ERROR: Final = 2
 # How long a program may take to leave when it is told that there is nothing more, in s, and to be gone when killed.
 _LEAVING: Final = 1.0
 _DYING: Final = 5.0
+# How often it is looked after while it is waited for, in s.
+_LOOK: Final = 0.1
 _MOST_NAME: Final = 60
 
 
@@ -58,8 +61,9 @@ class Lockstep:
         self._questions = queue.SimpleQueue[bytes | None]()
         self._answers = queue.SimpleQueue[bytes | _End]()
         self._has_answered = False
-        for work in (self._write, self._read):
-            threading.Thread(target=work, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        for thread in (threading.Thread(target=self._write, daemon=True), self._reader):
+            thread.start()
 
     def ask(self, question: bytes, patience: Patience) -> bytes:
         """Sends a line, and returns the line that answers it. Raises ScriptError."""
@@ -67,13 +71,24 @@ class Lockstep:
             self._refuse_unasked(self._answers.get())
         self._questions.put(question)
         try:
-            answer = self._answers.get(timeout=patience.seconds)
+            answer = self._answer(patience.seconds)
         except queue.Empty:
             raise self._error(self._why_silent(patience)) from None
         if isinstance(answer, _End):
             raise self._error(self._why_ended(answer))
         self._has_answered = True
         return answer
+
+    def _answer(self, seconds: float) -> bytes | _End:
+        """Raises queue.Empty, also when it is gone and what it has left behind holds its output."""
+        deadline = time.monotonic() + seconds
+        while self._process.poll() is None:
+            with suppress(queue.Empty):
+                return self._answers.get(timeout=max(0.0, min(_LOOK, deadline - time.monotonic())))
+            if time.monotonic() >= deadline:
+                raise queue.Empty
+        # Its last lines may be on their way.
+        return self._answers.get(timeout=_LEAVING)
 
     def close(self) -> None:
         """Closes its standard input, waits a moment for it to leave, and ends it and its process group."""
@@ -83,12 +98,22 @@ class Lockstep:
         self._kill()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_DYING)
+        self._reader.join(_LEAVING)
         self._words.close()
+
+    def unasked(self) -> str | None:
+        """What to say of a line, after it is closed, that answers no question."""
+        line = None if self._answers.empty() else self._answers.get()
+        if line is None or isinstance(line, _End):
+            return None
+        return (
+            f"the process '{self._name}' wrote more lines than it was asked for, such as {_text(line)}; if those came "
+            "between its answers, each was taken for the answer to a later question"
+        )
 
     def refusal(self, line: bytes, why: str) -> ScriptError:
         """What to say of a line that is no answer."""
-        text = shown(line.decode("utf-8", errors="replace"))
-        return self._error(f"answered {text}, which {why}", with_words=False)
+        return self._error(f"answered {_text(line)}, which {why}", with_words=False)
 
     def _started(self, arguments: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
         try:
@@ -137,9 +162,8 @@ class Lockstep:
     def _refuse_unasked(self, line: bytes | _End) -> None:
         if isinstance(line, _End):
             raise self._error(self._why_ended(line))
-        text = shown(line.decode("utf-8", errors="replace"))
         raise self._error(
-            f"wrote a line that nobody had asked for, {text}; each line that it reads is answered by one line, "
+            f"wrote a line that nobody had asked for, {_text(line)}; each line that it reads is answered by one line, "
             "and everything else belongs on standard error",
             with_words=False,
         )
@@ -182,3 +206,7 @@ class Lockstep:
                 os.killpg(self._process.pid, signal.SIGKILL)
         else:
             self._process.kill()
+
+
+def _text(line: bytes) -> str:
+    return shown(line.decode("utf-8", errors="replace"))

@@ -135,7 +135,12 @@ class _Talk:
         self._model = model
         self._motors = Saturation(model, f"'{called}'")
         self.notes = self._motors.notes
-        self.close = lockstep.close
+
+    def close(self) -> None:
+        """Ends the program, and notes what else it had to say."""
+        self._lockstep.close()
+        if (unasked := self._lockstep.unasked()) is not None:
+            self.notes.append(unasked)
 
     def reset(self, robot: RobotDescription, patience: Patience) -> None:
         """Raises ScriptError."""

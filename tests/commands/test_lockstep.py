@@ -115,8 +115,28 @@ def test_one_that_has_ended_while_what_it_started_holds_its_output_is_told_so(tm
     with running(child, tmp_path) as lockstep:
         # Until it is about to end, however slow the machine is.
         lockstep.ask(b"x", PATIENCE)
+        # No test waits for so long: it is told when it is gone.
         with pytest.raises(ScriptError, match="ended by itself, with exit code 4"):
-            lockstep.ask(b"y", Patience(1.0, "answer_within"))
+            lockstep.ask(b"y", Patience(3600.0, "answer_within"))
+
+
+def test_an_answer_that_it_left_when_it_ended_counts(tmp_path: Path) -> None:
+    child = "input()\nif os.fork() == 0: time.sleep(600)\nprint('a', flush=True)\nos._exit(0)"
+    with running(child, tmp_path) as lockstep:
+        assert lockstep.ask(b"x", Patience(3600.0, "answer_within")) == b"a"
+
+
+def test_lines_that_nobody_asked_for_are_told_at_the_end_at_the_latest(tmp_path: Path) -> None:
+    # The second line comes when the input has ended, as late as it can.
+    late = "print(input(), flush=True); sys.stdin.read(); print('second', flush=True)"
+    with running(late, tmp_path) as lockstep:
+        lockstep.ask(b"x", PATIENCE)
+    assert (lockstep.unasked() or "").startswith(
+        "the process 'ctl' wrote more lines than it was asked for, such as 'second'; if those came between its answers"
+    )
+    with running(ECHO, tmp_path) as lockstep:
+        lockstep.ask(b"x", PATIENCE)
+    assert lockstep.unasked() is None
 
 
 def test_last_words_are_its_own_and_not_without_end(tmp_path: Path) -> None:
