@@ -15,8 +15,9 @@ import numpy as np
 from sim_action import units
 from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario import Agreement, LoadedScenario
-from sim_action.trace import FloatArray, Trace, TraceError
+from sim_action.trace import FloatArray, Trace
 from sim_action.trace_files import stored_file
+from sim_action.trace_storage import TraceError, load_trace
 from sim_action.verdict import Verdict
 
 _KEY: Final = "agreement"
@@ -129,7 +130,7 @@ class _Comparison:
     def _trace(self, outcome: Outcome) -> Trace | None:
         path = stored_file(self.folder, outcome.trace) if outcome.trace else None
         try:
-            return None if path is None else Trace.load(path)
+            return None if path is None else load_trace(path)
         except TraceError:
             return None
 

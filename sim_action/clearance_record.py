@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.channels import ClearanceWatch
-
-_COLUMNS: Final = ("time", "distance", "pair")
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
-_TIME_EPSILON = 1e-9
+from sim_action.time_rounding import TIME_EPSILON
 
 
 class Nearness(NamedTuple):
@@ -70,7 +66,7 @@ class ClearanceRecord:
 
     def between(self, start: float, end: float) -> Self:
         """The moments with start <= time <= end."""
-        first, last = np.searchsorted(self.time, (start - _TIME_EPSILON, end + _TIME_EPSILON))
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
         wanted = slice(int(first), int(last))
         return type(self)(self.pairs, self.time[wanted], self.distance[wanted], self.pair[wanted])
 
@@ -83,35 +79,3 @@ class ClearanceRecord:
     def at(self, index: int) -> Nearness:
         """One of the moments."""
         return Nearness(float(self.time[index]), float(self.distance[index]), *self.pairs[int(self.pair[index])])
-
-
-def clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> dict[str, Any]:
-    """What a trace's file holds of clearances, numbered."""
-    arrays: dict[str, Any] = {}
-    for index, (watch, record) in enumerate(clearances.items()):
-        start = f"clearance_{index}_"
-        arrays |= {f"{start}{name}": getattr(record, name) for name in _COLUMNS}
-        arrays[f"{start}pairs"] = np.array(record.pairs, dtype=np.str_).reshape(-1, 2)
-        arrays[f"{start}range"] = np.array((watch.within, watch.always), dtype=np.float64)
-        named = {"links": watch.links, "bodies": watch.bodies}
-        arrays |= {f"{start}{kind}": np.array(names, np.str_) for kind, names in named.items() if names is not None}
-    return arrays
-
-
-def clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, ClearanceRecord]:
-    """What `clearance_arrays` has made into arrays."""
-    records = {}
-    index = 0
-    while (start := f"clearance_{index}_") + "range" in stored:
-        links, bodies = (
-            tuple(stored[f"{start}{kind}"].tolist()) if f"{start}{kind}" in stored else None
-            for kind in ("links", "bodies")
-        )
-        within, always = stored[f"{start}range"].tolist()
-        pairs = tuple((link, body) for link, body in stored[f"{start}pairs"].tolist())
-        record = ClearanceRecord(pairs, *(stored[f"{start}{name}"] for name in _COLUMNS))
-        if not record.is_whole:
-            raise ValueError(f"the columns of '{start}' do not fit each other")
-        records[ClearanceWatch(links, bodies, within, bool(always))] = record
-        index += 1
-    return records

@@ -11,6 +11,7 @@ from sim_action.assertions.window import Window
 from sim_action.observation import Observation
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
+from sim_action.time_rounding import TIME_EPSILON
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 
 End = Literal["goals met", "broken", "duration", "time limit"]
 """Why a run was over."""
-
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ class Panel:
 
     def _reached(self, time: float) -> bool:
         """Whether the first physics step at or after a sim time has been seen."""
-        return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - _ROUNDING
+        return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON
 
 
 def _undecided(verdict: Verdict) -> Verdict:

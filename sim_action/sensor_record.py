@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.readings import Reading
-
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
-_TIME_EPSILON = 1e-9
+from sim_action.time_rounding import TIME_EPSILON
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,32 +45,6 @@ class SensorRecord:
 
     def between(self, start: float, end: float) -> Self:
         """The readings with start <= time <= end."""
-        first, last = np.searchsorted(self.time, (start - _TIME_EPSILON, end + _TIME_EPSILON))
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
         columns = {name: column[first:last] for name, column in self.columns.items()}
         return type(self)(self.kind, self.time[first:last], columns)
-
-
-def sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:
-    """What a trace's file holds of its sensors: numbered, as what people call them is no name for a file."""
-    if not sensors:
-        return {}
-    arrays: dict[str, Any] = {
-        "sensor_names": np.array(list(sensors), dtype=np.str_),
-        "sensor_kinds": np.array([record.kind for record in sensors.values()], dtype=np.str_),
-    }
-    for index, record in enumerate(sensors.values()):
-        columns = {"time": record.time, **record.columns}
-        arrays |= {f"sensor_{index}_{name}": column for name, column in columns.items()}
-    return arrays
-
-
-def sensor_records(stored: Mapping[str, Any]) -> dict[str, SensorRecord]:
-    """What `sensor_arrays` has made into arrays."""
-    if "sensor_names" not in stored:
-        return {}
-    records = {}
-    for index, (name, kind) in enumerate(zip(stored["sensor_names"], stored["sensor_kinds"], strict=True)):
-        start = f"sensor_{index}_"
-        columns = {array.removeprefix(start): stored[array] for array in stored if array.startswith(start)}
-        records[str(name)] = SensorRecord(str(kind), columns.pop("time"), columns)
-    return records

@@ -8,18 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.channels import ClearanceWatch
-from sim_action.clearance_record import ClearanceRecord, clearance_arrays, clearance_records
+from sim_action.clearance_record import ClearanceRecord
 from sim_action.geometry import Vector3
 from sim_action.observation import Contact, Observation
-from sim_action.sensor_record import SensorRecord, sensor_arrays, sensor_records
-from sim_action.whole_files import whole_file
+from sim_action.sensor_record import SensorRecord
+from sim_action.time_rounding import TIME_EPSILON
 
 FloatArray = NDArray[np.float64]
 
@@ -45,13 +44,6 @@ _WIDTHS: Final = {
     "base_linear_xyz": 3,
     "base_angular_xyz": 3,
 }
-
-
-_MOST_BYTES: Final = 2_000_000_000
-
-
-class TraceError(ValueError):
-    """A file that is no trace."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +154,7 @@ class Trace:
         """The moments, contacts, readings and clearances with start <= time <= end."""
         if len(self) and not self._tells and start <= self.time[0] and self.time[-1] <= end:
             return self
-        start, end = start - _TIME_EPSILON, end + _TIME_EPSILON
+        start, end = start - TIME_EPSILON, end + TIME_EPSILON
         first, last = np.searchsorted(self.time, (start, end))
         return self._part(slice(int(first), int(last)), start, end)
 
@@ -222,39 +214,6 @@ class Trace:
         # The sum begins with `length`: added afterwards, it would round differently for every way to cut a trace.
         return np.cumsum(np.concatenate(([length], _norm(np.diff(path, axis=0)))))[1:]
 
-    def save(self, path: Path) -> None:
-        """Writes the trace as .npz: one array a field, contacts as `contact_*` arrays."""
-        columns = {name: getattr(self, name) for name in COLUMNS}
-        contacts = {
-            "contact_time": np.array([c.time for c in self.contacts], dtype=np.float64),
-            "contact_link": np.array([c.link for c in self.contacts], dtype=np.str_),
-            "contact_body": np.array([c.body for c in self.contacts], dtype=np.str_),
-            "contact_position_xyz": np.array([c.position_xyz for c in self.contacts], dtype=np.float64).reshape(-1, 3),
-            "contact_force": np.array([c.force for c in self.contacts], dtype=np.float64),
-        }
-        told = {**contacts, **sensor_arrays(self.sensors), **clearance_arrays(self.clearances)}
-        arrays: dict[str, Any] = {"joint_names": np.array(self.joint_names, dtype=np.str_), **columns, **told}
-        with whole_file(path) as file:
-            np.savez(file, **arrays)
-
-    @classmethod
-    def load(cls, path: Path) -> Self:
-        """Reads what `save` wrote. Raises TraceError; never unpickles."""
-        try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                _refuse_too_large(stored)
-                names = tuple(stored["joint_names"].tolist())
-                columns = {name: stored[name] for name in COLUMNS}
-                contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
-                trace = cls.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
-                return replace(trace, sensors=sensor_records(stored), clearances=clearance_records(stored))
-        except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
-            raise TraceError(f"{path}: not a trace: {error}") from None
-
-
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
-_TIME_EPSILON = 1e-9
-
 
 def _joined(several: Sequence[Mapping[_Key, _Record]], join: Callable[[list[_Record]], _Record]) -> dict[_Key, _Record]:
     """Records of the same key, one after the other."""
@@ -269,15 +228,3 @@ def _array(values: Any) -> FloatArray:
 
 def _norm(vectors: FloatArray) -> FloatArray:
     return _array(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
-
-
-def _refuse_too_large(stored: Any) -> None:
-    """A stranger's file may be small and hold much."""
-    size = sum(member.file_size for member in stored.zip.infolist())
-    if size > _MOST_BYTES:
-        raise ValueError(f"it holds {size // 1_000_000} MB, more than a trace has")
-
-
-def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:
-    x, y, z = position_xyz
-    return Contact(time, link, body, (x, y, z), force)

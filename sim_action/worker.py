@@ -32,6 +32,7 @@ from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.permissions import Permissions
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.simulation import SimulationRun, simulate
+from sim_action.trace_storage import save_trace
 from sim_action.yaml_document import Document
 
 _PROGRESS_PERIOD: Final = 0.1
@@ -159,7 +160,7 @@ def _stored_run(job: Job, progress: _Progress) -> SimulationRun:
     with _reserved():
         run = _simulated(_checked(job.loaded), progress)
         job.trace.parent.mkdir(parents=True, exist_ok=True)
-        run.trace.save(job.trace)
+        save_trace(run.trace, job.trace)
     return run
 
 

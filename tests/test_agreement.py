@@ -14,6 +14,7 @@ from sim_action.loading import load_scenario
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.scenario import LoadedScenario
 from sim_action.trace import Trace
+from sim_action.trace_storage import save_trace
 from tests.results import outcome
 from tests.traces import trace
 
@@ -40,7 +41,7 @@ def loaded(folder: Path, more: str = "") -> LoadedScenario:
 
 def ran(folder: Path, engine: str, seen: Trace, *, holds: bool = True) -> Outcome:
     (folder / "traces").mkdir(exist_ok=True)
-    seen.save(folder / f"traces/{engine}.npz")
+    save_trace(seen, folder / f"traces/{engine}.npz")
     made = outcome("drives.sim.yml", holds=holds, trace=f"traces/{engine}.npz")
     return made.model_copy(update={"name": f"drives [{engine}]", "engine": f"{engine} 1.0"})
 

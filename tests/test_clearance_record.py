@@ -10,7 +10,8 @@ import pytest
 
 from sim_action.channels import ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord, Nearness
-from sim_action.trace import Trace, TraceError
+from sim_action.trace import Trace
+from sim_action.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import trace
 
 NEAR = [
@@ -54,14 +55,14 @@ def test_a_trace_cuts_joins_and_stores_them(tmp_path: Path) -> None:
     assert told(seen.between(0.2, 0.3).clearances[WATCHES[1]]) == NEAR[1:3]
     assert told(seen.rows(slice(1)).clearances[WATCHES[0]]) == NEAR
     again = Trace.concatenate([seen.first(2), trace([]), seen.between(0.3, 0.4)])
-    again.save(tmp_path / "t.npz")
-    stored = Trace.load(tmp_path / "t.npz")
+    save_trace(again, tmp_path / "t.npz")
+    stored = load_trace(tmp_path / "t.npz")
     assert list(stored.clearances) == list(WATCHES)
     assert [told(record) for record in stored.clearances.values()] == [NEAR, NEAR]
 
 
 def test_a_file_whose_columns_do_not_fit_is_no_trace(tmp_path: Path) -> None:
     broken = replace(RECORD, pair=np.array([0, 1, 7, 0]))
-    replace(trace([0.1]), clearances={WATCHES[0]: broken}).save(tmp_path / "t.npz")
+    save_trace(replace(trace([0.1]), clearances={WATCHES[0]: broken}), tmp_path / "t.npz")
     with pytest.raises(TraceError, match="not a trace"):
-        Trace.load(tmp_path / "t.npz")
+        load_trace(tmp_path / "t.npz")

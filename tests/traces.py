@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from sim_action.observation import Contact, Observation
 from sim_action.robot_model import RobotModel
 from sim_action.scenario import DrivenRobot, Expectation, Scenario
 from sim_action.scene import Scene
-from sim_action.trace import FloatArray, Trace
+from sim_action.trace import COLUMNS, FloatArray, Trace
 from sim_action.verdict import Verdict
 from sim_action.workspace import Workspace
 from sim_action.world import Body, Physics, Robot, Sphere, World
@@ -119,3 +120,31 @@ def scenario(*expected: Expectation, time_limit: float = 10.0, duration: float |
         time_limit=time_limit,
         duration=duration,
     )
+
+
+TOUCHES = (contact(0.1), contact(0.25), contact(0.3))
+SEEN = trace(
+    [0.1, 0.2, 0.3, 0.4],
+    x=[1.0, 2.0, 3.0, 4.0],
+    y=[0.0, 0.0, 4.0, 3.0],
+    z=[0.0, 0.0, 0.0, 12.0],
+    roll=[0.0, 0.5, -1.0, math.pi],
+    yaw=[0.0, 1.0, 3.0, -3.0],
+    speed=[1.0, -2.0, 0.0, 0.5],
+    turn_rate=[0.0, -0.5, 0.0, 0.0],
+    position=[0.0, 0.1, 0.2, 0.3],
+    velocity=[1.0, 1.0, 1.0, 1.0],
+    effort=[0.0, 0.0, 0.0, 9.0],
+    contacts=TOUCHES,
+)
+
+
+def columns(seen: Trace) -> dict[str, Any]:
+    return {name: getattr(seen, name) for name in COLUMNS}
+
+
+def assert_same(one: Trace, other: Trace) -> None:
+    assert one.joint_names == other.joint_names
+    assert one.contacts == other.contacts
+    for name, values in columns(one).items():
+        np.testing.assert_array_equal(values, columns(other)[name], strict=True)

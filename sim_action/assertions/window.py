@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Self
 
 from sim_action.assertions import Follower, Monitor, State
+from sim_action.time_rounding import TIME_EPSILON
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.trace import Trace
-
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
-_ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +45,7 @@ class Window:
         if isinstance(monitor, Follower):
             monitor = monitor.begin(trace.between(-math.inf, self.after))
         monitor = monitor.observe(trace.between(self.after, self.before))
-        return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - _ROUNDING))
+        return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - TIME_EPSILON))
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 
 from sim_action.temporal_logic.formula import Signal
+from sim_action.time_rounding import TIME_EPSILON
 from sim_action.trace import FloatArray, Trace
-
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
-_TIME_ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +55,11 @@ class Samples:
 
     def at_or_after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """The index of the first moment at or after a time, or (N,) of them."""
-        return np.asarray(np.searchsorted(self.time, np.asarray(time) - _TIME_ROUNDING), dtype=np.intp)
+        return np.asarray(np.searchsorted(self.time, np.asarray(time) - TIME_EPSILON), dtype=np.intp)
 
     def after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """The index of the first moment after a time, or (N,) of them."""
-        return np.asarray(np.searchsorted(self.time, np.asarray(time) + _TIME_ROUNDING), dtype=np.intp)
+        return np.asarray(np.searchsorted(self.time, np.asarray(time) + TIME_EPSILON), dtype=np.intp)
 
 
 def _column(trace: Trace, signal: Signal, start_xy: tuple[float, float]) -> FloatArray:

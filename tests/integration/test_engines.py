@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from sim_action.backends import BACKENDS
-from sim_action.trace import Trace
+from sim_action.trace_storage import load_trace
 from tests.integration.conftest import sim_action
 
 ENGINES = tuple(BACKENDS)
@@ -42,7 +42,7 @@ def test_all_engines_run_it_under_names_of_their_own_and_are_compared(tmp_path: 
     assert 0 < position["verdict"]["measured"] < 0.005
     assert 0 < yaw["verdict"]["measured"] < 0.01
     for outcome in outcomes:
-        assert len(Trace.load(tmp_path / "sim-results" / outcome["trace"])) > 10
+        assert len(load_trace(tmp_path / "sim-results" / outcome["trace"])) > 10
 
 
 def test_agreement_that_was_asked_and_is_missed_fails_on_its_line(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from sim_action.isolation.linux import LinuxChild
 from sim_action.isolation.portable import PortableChild
 from sim_action.loading import load_scenario
 from sim_action.outcome import Outcome
-from sim_action.trace import Trace
+from sim_action.trace_storage import load_trace
 
 SCENARIO = """
 name: {name}
@@ -242,7 +242,7 @@ def test_traces_are_stored_at_the_rate_that_was_asked_for(tmp_path: Path, run: R
     path.write_text(path.read_text() + "trace: {rate: 60 Hz}\n")
     (outcome,) = run([path], tmp_path)
     assert outcome.trace == "traces/kept.npz"
-    trace = Trace.load(tmp_path / "results" / outcome.trace)
+    trace = load_trace(tmp_path / "results" / outcome.trace)
     assert trace.time[1] - trace.time[0] == pytest.approx(1 / 60)
     assert trace.time[-1] == outcome.sim_time
 

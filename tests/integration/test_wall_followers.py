@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim_action.backends import installed
-from sim_action.trace import Trace
+from sim_action.trace_storage import load_trace
 from tests.integration.test_processes import processes_of, run
 
 # It begins too near to the wall to its right for its lidar, and sees nothing in the middle of the room.
@@ -147,6 +147,6 @@ def test_a_wall_follower_drives_the_same_way_whatever_it_is_written_in(tmp_path:
     assert {outcome.status for outcome in outcomes.values()} == {"passed"}, outcomes
     assert len({outcome.digest for outcome in outcomes.values()}) == 1
     assert outcomes["script"].trace is not None
-    scans = Trace.load(tmp_path / "sim-results" / outcomes["script"].trace).sensors["scan"].columns["ranges"]
+    scans = load_trace(tmp_path / "sim-results" / outcomes["script"].trace).sensors["scan"].columns["ranges"]
     # Both were there to be told apart.
     assert {-np.inf, np.inf} < set(scans.ravel().tolist())

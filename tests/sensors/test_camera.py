@@ -14,7 +14,7 @@ from sim_action.readings import CameraImage
 from sim_action.sensor_record import SensorRecord
 from sim_action.sensors import Mount
 from sim_action.sensors.camera import Camera
-from sim_action.trace import Trace
+from sim_action.trace_storage import load_trace, save_trace
 from tests.scenarios import LEAST, load, told
 from tests.sensors.stubs import OneLink, sight_of
 from tests.traces import START, scene, trace
@@ -63,8 +63,8 @@ def test_the_robot_itself_is_seen() -> None:
 def test_a_trace_keeps_pictures(tmp_path: Path) -> None:
     pictures = [replace(image(SMALL, Pose(), Pose((0, 0, 1 + step))), time=float(step)) for step in range(3)]
     record = SensorRecord.of_readings("camera", pictures)
-    replace(trace([0.0, 1.0]), sensors={"eye": record}).save(tmp_path / "it.npz")
-    stored = Trace.load(tmp_path / "it.npz").sensors["eye"]
+    save_trace(replace(trace([0.0, 1.0]), sensors={"eye": record}), tmp_path / "it.npz")
+    stored = load_trace(tmp_path / "it.npz").sensors["eye"]
     for name, dtype in (("rgb", np.uint8), ("depth", np.float32)):
         assert stored.columns[name].dtype == dtype
         assert np.array_equal(stored.columns[name][2], getattr(pictures[2], name))
