@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 import pybullet
@@ -21,7 +20,7 @@ from sim_action.backends.clearances import Clearances
 from sim_action.backends.glance import Glance
 from sim_action.backends.push import wrench
 from sim_action.backends.pybullet_distances import Distances
-from sim_action.backends.pybullet_links import link_pose, link_twist
+from sim_action.backends.pybullet_links import in_link_frame, link_pose, link_twist
 from sim_action.backends.pybullet_push import apply, pushed
 from sim_action.backends.pybullet_rays import cast_rays, hide_from_rays
 from sim_action.backends.pybullet_scene import (
@@ -110,7 +109,7 @@ class PyBulletBackend:
         """See Backend.collect."""
         columns = 14 + 3 * len(self._indices)
         state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
-        for column, values in enumerate(_in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
+        for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
             state[:, column] = values
         trace = Trace(self._joint_names, state, tuple(self._touches), clearances=self._clearances.collect())
         self._rows, self._touches = [], []
@@ -121,13 +120,13 @@ class PyBulletBackend:
         # After a step, its row is the present.
         last = self._rows[-1] if self._rows and self._rows[-1][0] == step / self._rate else self._row(step)
         time, *row = last
-        px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = _in_link_frame(row[:13], self._com_in_link)
+        pose, twist = self._base_of(row[:13])
         joints = len(self._indices)
         states = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
         return Observation(
             time=time,
-            pose=Pose((px, py, pz), (qx, qy, qz, qw)),
-            twist=Twist((vx, vy, vz), (wx, wy, wz)),
+            pose=pose,
+            twist=twist,
             joints=dict(zip(self._joint_names, states, strict=True)),
             contacts=self._glance.at(lambda: self._contacts(step, ground=True)) if contacts else (),
         )
@@ -135,12 +134,12 @@ class PyBulletBackend:
     def link_pose(self, link: str) -> Pose:
         """See Probe.link_pose."""
         index = self._links[link]
-        return self.observe(0, contacts=False).pose if index == BASE else link_pose(self._client, self._robot, index)
+        return self._base_now()[0] if index == BASE else link_pose(self._client, self._robot, index)
 
     def link_twist(self, link: str) -> Twist:
         """See Probe.link_twist."""
         index = self._links[link]
-        return self.observe(0, contacts=False).twist if index == BASE else link_twist(self._client, self._robot, index)
+        return self._base_now()[1] if index == BASE else link_twist(self._client, self._robot, index)
 
     def body_pose(self, body: str) -> Pose:
         """See Probe.body_pose."""
@@ -151,6 +150,17 @@ class PyBulletBackend:
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """See Probe.cast_rays."""
         return cast_rays(self._client, start_xyz, ends_xyz)
+
+    def _base_now(self) -> tuple[Pose, Twist]:
+        """Of the base link, at whatever step the present is."""
+        position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
+        linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
+        return self._base_of((*position, *orientation, *linear, *angular))
+
+    def _base_of(self, com: Sequence[float]) -> tuple[Pose, Twist]:
+        """Of the base link, from the 13 numbers of its centre of mass."""
+        px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = in_link_frame(com, self._com_in_link)
+        return Pose((px, py, pz), (qx, qy, qz, qw)), Twist((vx, vy, vz), (wx, wy, wz))
 
     def _body_at(self, body: str) -> tuple[float, ...]:
         there = self.body_pose(body)
@@ -284,18 +294,3 @@ class PyBulletBackend:
             efforts = tuple(self._held_efforts.get(index, effort) for index, effort in told)
         time = step / self._rate
         return (time, *position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
-
-
-def _in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
-    """Base pose and twist of the link frame from those of the centre of mass: 13 numbers, or as many columns.
-
-    Only element by element: what is computed for a moment must not depend on how many moments are computed with it,
-    which products of matrices do not promise.
-    """
-    px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = com
-    orientation = (qx, qy, qz, qw)
-    if com_in_link.orientation_xyzw != geometry.IDENTITY:
-        orientation = geometry.multiply(orientation, geometry.conjugate(com_in_link.orientation_xyzw))
-    ox, oy, oz = offset = geometry.rotate(orientation, com_in_link.position_xyz)
-    ux, uy, uz = geometry.cross((wx, wy, wz), offset)
-    return (px - ox, py - oy, pz - oz, *orientation, vx - ux, vy - uy, vz - uz, wx, wy, wz)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pybullet
@@ -22,6 +23,21 @@ def link_twist(client: int, robot: int, link: int) -> Twist:
     # The engine has the velocity of the centre of mass.
     ux, uy, uz = geometry.cross(angular, (px - cx, py - cy, pz - cz))
     return Twist((vx + ux, vy + uy, vz + uz), angular)
+
+
+def in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
+    """Base pose and twist of the link frame from those of the centre of mass: 13 numbers, or as many columns.
+
+    Only element by element: what is computed for a moment must not depend on how many moments are computed with it,
+    which products of matrices do not promise.
+    """
+    px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = com
+    orientation = (qx, qy, qz, qw)
+    if com_in_link.orientation_xyzw != geometry.IDENTITY:
+        orientation = geometry.multiply(orientation, geometry.conjugate(com_in_link.orientation_xyzw))
+    ox, oy, oz = offset = geometry.rotate(orientation, com_in_link.position_xyz)
+    ux, uy, uz = geometry.cross((wx, wy, wz), offset)
+    return (px - ox, py - oy, pz - oz, *orientation, vx - ux, vy - uy, vz - uz, wx, wy, wz)
 
 
 def _frame(state: Any) -> Pose:
