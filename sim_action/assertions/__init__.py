@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, TypeGuard
 
 from sim_action.channels import Channels
 from sim_action.observation import Observation
@@ -45,7 +45,6 @@ class Monitor(Protocol):
         """The judgement, if nothing more came."""
 
 
-@runtime_checkable
 class Follower(Monitor, Protocol):
     """A monitor that goes on from the moment before: it has to know where its time window begins."""
 
@@ -53,7 +52,6 @@ class Follower(Monitor, Protocol):
         """The monitor after moments up to the one that its window opens at; that one is observed too."""
 
 
-@runtime_checkable
 class Decisive(Monitor, Protocol):
     """A monitor that says itself when it is decided.
 
@@ -63,6 +61,16 @@ class Decisive(Monitor, Protocol):
     @property
     def is_decided(self) -> bool:
         """Whether no later moment can change what it says."""
+
+
+def is_follower(monitor: Monitor) -> TypeGuard[Follower]:
+    """Whether its class says so; to compare it with the protocol takes as long as to observe a block of moments."""
+    return hasattr(type(monitor), "begin")
+
+
+def is_decisive(monitor: Monitor) -> TypeGuard[Decisive]:
+    """Whether its class says so."""
+    return hasattr(type(monitor), "is_decided")
 
 
 class Assertion(FrozenModel):

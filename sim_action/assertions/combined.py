@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from sim_action.assertions import Assertion, Decisive, Follower, Monitor, State
+from sim_action.assertions import Assertion, Monitor, State, is_decisive, is_follower
 from sim_action.assertions.fold import joined, joined_by_any
 from sim_action.channels import Channels
 from sim_action.observation import Observation
@@ -81,14 +81,14 @@ def short(title: str) -> str:
 
 def is_decided(monitor: Monitor, began: State) -> bool:
     """Whether no later moment can change what a monitor says that began in a state."""
-    if isinstance(monitor, Decisive):
+    if is_decisive(monitor):
         return monitor.is_decided
     return monitor.state is State.BROKEN or (began is State.PENDING and monitor.state is State.HOLDS)
 
 
 def begun(monitor: Monitor, trace: Trace) -> Monitor:
     """A monitor after the moments before its window, if it wants to see them."""
-    return monitor.begin(trace) if isinstance(monitor, Follower) else monitor
+    return monitor.begin(trace) if is_follower(monitor) else monitor
 
 
 @dataclass(frozen=True, slots=True)

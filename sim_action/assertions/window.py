@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from sim_action.assertions import Follower, Monitor, State
+from sim_action.assertions import Monitor, State, is_follower
 from sim_action.time_rounding import TIME_EPSILON
 from sim_action.verdict import Verdict
 
@@ -42,7 +42,7 @@ class Window:
         if self.over or not len(trace):
             return self
         monitor = self.monitor
-        if isinstance(monitor, Follower):
+        if is_follower(monitor):
             monitor = monitor.begin(trace.between(-math.inf, self.after))
         monitor = monitor.observe(trace.between(self.after, self.before))
         return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - TIME_EPSILON))

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.assertions import Decisive, Monitor, State
+from sim_action.assertions import Monitor, State, is_decisive
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.window import Window
 from sim_action.temporal_logic.formula import Formula
@@ -184,7 +184,7 @@ def test_pieces_say_what_the_whole_says_and_a_decision_stands(
     said, decided = [], False
     for length in range(len(walk) + 1):
         early = folded(formula, walk[:length], [])
-        assert isinstance(early, Decisive)
+        assert is_decisive(early)
         said.append(early.state)
         if decided:
             assert said[-1] is said[-2]

@@ -9,9 +9,11 @@ import pytest
 from sim_action.assertions import State
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.travel import Travel
+from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
 from sim_action.trace import Trace
-from tests.traces import contact, monitor, trace
+from tests.traces import START, contact, monitor, scene, trace
+from tests.work import work_of
 
 FAR = Travel(at_least=2.0)
 NEAR = Travel(at_most=2.0)
@@ -90,3 +92,10 @@ def test_before_its_window_a_monitor_has_seen_nothing(moments: Trace) -> None:
 
 def test_a_window_closes_with_the_moment_it_ends_at_however_that_was_computed() -> None:
     assert window(FAR, before=0.1 + 0.2).observe(trace([0.3])).state is State.BROKEN
+
+
+def test_a_window_adds_little_to_the_work_inside_of_it() -> None:
+    inside = Upright().monitor(scene(), START)
+    around, moment = Window(inside), trace([1.0])
+    around.observe(moment)
+    assert work_of(lambda: around.observe(moment)) < 1.6 * work_of(lambda: inside.observe(moment))
