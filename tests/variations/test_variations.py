@@ -249,7 +249,7 @@ def test_variations_share_what_is_read_for_their_worlds(tmp_path: Path) -> None:
         assert other.parts["hill"] is first.parts["hill"]
     (refused,) = loaded(tmp_path, text.format(missing))
     assert isinstance(refused, Refused)
-    assert len(refused.error.problems) == 1
+    assert len(refused.problems) == 1
 
 
 def test_variations_of_one_scenario_leave_the_others_of_its_file(tmp_path: Path) -> None:
