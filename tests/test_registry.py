@@ -55,3 +55,13 @@ def test_loading_a_scenario_imports_neither_numpy_nor_an_engine() -> None:
     code = "import sys, sim_action.loading; print([m for m in ('numpy', 'pybullet') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_no_assertion_needs_numpy_before_it_is_watched() -> None:
+    code = (
+        "import sys\nfrom sim_action.assertions import ASSERTIONS\n"
+        "loaded = [name for name in ASSERTIONS if ASSERTIONS.load(name) and 'numpy' in sys.modules]\n"
+        "print('none' if not loaded else f'from {loaded[0]} on')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "none"

@@ -11,8 +11,6 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_order
-from sim_action.assertions.contact_monitor import TouchMonitor
-from sim_action.assertions.stretch import Stretch
 from sim_action.channels import Channels, ClearanceWatch
 from sim_action.messages import did_you_mean
 from sim_action.observation import Contact, Observation
@@ -91,4 +89,7 @@ class Touch(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
+        from sim_action.assertions.contact_monitor import TouchMonitor
+        from sim_action.assertions.stretch import Stretch
+
         return TouchMonitor(self, 1 / scene.physics.rate, Stretch(self.span or 0.0))

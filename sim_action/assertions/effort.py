@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from sim_action import units
-from sim_action.assertions import Assertion, Monitor, State
+from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds, SignalMonitor
 from sim_action.assertions.combined import short
 from sim_action.assertions.every import Every
@@ -20,10 +16,6 @@ from sim_action.observation import Observation
 from sim_action.quantities import JointEffort
 from sim_action.robot_model import READINGS
 from sim_action.scene import Scene, SpecProblems
-from sim_action.verdict import Verdict
-
-if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
 
 
 class Effort(Assertion):
@@ -79,57 +71,15 @@ class Effort(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
+        from sim_action.assertions.effort_monitor import RootMeanSquareMonitor, magnitude
+
         monitors: list[Monitor] = []
         for joint in chosen(scene.model, self.joints):
             dimension, effort = joint.dimension("effort"), reading_of(joint.name, "effort")
             limits = {key: units.parse(written, dimension) for key, written in self._limits().items()}
             who = f"{joint.name} exerted"
             if (at_most := limits.get("at_most")) is not None:
-                monitors.append(SignalMonitor(_magnitude(effort), Bounds(who, dimension.si, None, at_most)))
+                monitors.append(SignalMonitor(magnitude(effort), Bounds(who, dimension.si, None, at_most)))
             if (rms_at_most := limits.get("rms_at_most")) is not None:
                 monitors.append(RootMeanSquareMonitor(effort, who, dimension.si, rms_at_most))
         return Every(tuple(monitors))
-
-
-def _magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatArray]:
-    return lambda trace: np.abs(signal(trace))
-
-
-@dataclass(frozen=True, slots=True)
-class RootMeanSquareMonitor:
-    """Adds up the squares of a signal; judged at the end, as later moments may mend it.
-
-    Attributes:
-        squares: their sum, over `moments`, the last of which is at sim time `end` in s.
-    """
-
-    signal: Callable[[Trace], FloatArray]
-    who: str
-    unit: str
-    limit: float
-    squares: float = 0.0
-    moments: int = 0
-    end: float | None = None
-
-    @property
-    def state(self) -> State:
-        """See Monitor.state."""
-        return State.HOLDS
-
-    def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
-        if not len(trace):
-            return self
-        # One after the other, from what came before: otherwise it would round differently for every way to cut a trace.
-        squares = np.cumsum(np.concatenate(([self.squares], self.signal(trace) ** 2)))[-1]
-        return replace(self, squares=float(squares), moments=self.moments + len(trace), end=float(trace.time[-1]))
-
-    def verdict(self) -> Verdict:
-        """Measured is the root mean square so far."""
-        if self.end is None:
-            return Verdict(True, None, self.limit, None, self.unit, None, "no moment to measure")
-        measured = math.sqrt(self.squares / self.moments)
-        passed = measured <= self.limit
-        value, limit = units.display_apart(measured, self.limit, self.unit)
-        message = f"{self.who} {value} RMS until {self.end:.2f} s, {'limit' if passed else 'more than'} {limit}"
-        return Verdict(passed, measured, self.limit, self.limit - measured, self.unit, self.end, message)

@@ -13,7 +13,6 @@ from pydantic import Field, model_validator
 
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.path_monitor import PathLimits, PathMonitor, Progress
 from sim_action.assertions.reference_path import Point, ReferencePath, smoothed
 from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
@@ -102,6 +101,8 @@ class FollowPath(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
+        from sim_action.assertions.path_monitor import PathLimits, PathMonitor, Progress
+
         points = [(point.x, point.y) for point in self.path or ()]
         points = read_points(scene.workspace.file(self.file)) if self.file is not None else points
         x, y, _ = start.pose.position_xyz

@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.odometry_monitor import OdometryMonitor, percent
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
@@ -41,7 +40,7 @@ class OdometryError(Assertion):
     @property
     def title(self) -> str:
         """See Assertion.title."""
-        drift = None if self.drift is None else percent(self.drift)
+        drift = None if self.drift is None else _percent(self.drift)
         told = (
             ("position", None if self.position is None else units.display(self.position, "m")),
             ("yaw", None if self.yaw is None else units.display(self.yaw, "rad")),
@@ -71,6 +70,13 @@ class OdometryError(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
+        from sim_action.assertions.odometry_monitor import OdometryMonitor
+
         return OdometryMonitor.opened(
             self.name, {"position": self.position, "yaw": self.yaw, "drift": self.drift}, start
         )
+
+
+def _percent(share: float) -> str:
+    """As people read it."""
+    return f"{100 * share:.4g} %"

@@ -113,11 +113,6 @@ class OdometryMonitor:
         return Verdict(not broken, limit - margin, limit, margin, _UNITS[name], time, message)
 
 
-def percent(share: float) -> str:
-    """As people read it."""
-    return f"{100 * share:.4g} %"
-
-
 def _shown(error: float, limit: float, unit: str) -> tuple[str, str]:
     if unit:
         return units.display_apart(error, limit, unit)

@@ -10,7 +10,6 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_order
-from sim_action.assertions.sensor_monitor import SensorMonitor
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
@@ -102,6 +101,8 @@ class SensorReading(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
+        from sim_action.assertions.sensor_monitor import SensorMonitor
+
         bounds = self._magnitude(self.at_least), self._magnitude(self.at_most)
         return SensorMonitor(self.name, self.reading, self.which, self.what, *bounds, once=self.once)
 
