@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from sim_action.assertions import Assertion, Monitor, State, is_decisive, is_follower
@@ -91,9 +92,11 @@ def begun(monitor: Monitor, trace: Trace) -> Monitor:
     return monitor.begin(trace) if is_follower(monitor) else monitor
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Combination:
     """All of several folds (`every`), or any of them.
+
+    Its state is worked out once, however often those around it ask: anew, each layer would double the work.
 
     Attributes:
         began: the state of each before the first moment.
@@ -110,20 +113,20 @@ class Combination:
         monitors = tuple(part.monitor(scene, start) for part in parts)
         return cls(tuple(part.title for part in parts), monitors, tuple(m.state for m in monitors), every)
 
-    @property
+    @cached_property
     def state(self) -> State:
         """See Monitor.state."""
         states = [monitor.state for monitor in self.monitors]
         return joined(*states) if self.every else joined_by_any(zip(states, self._decided, strict=True))
 
-    @property
+    @cached_property
     def is_decided(self) -> bool:
         """See Decisive.is_decided."""
         alone = State.BROKEN if self.every else State.HOLDS
         pairs = zip(self.monitors, self._decided, strict=True)
         return all(self._decided) or any(decided and monitor.state is alone for monitor, decided in pairs)
 
-    @property
+    @cached_property
     def _decided(self) -> list[bool]:
         return [is_decided(monitor, began) for monitor, began in zip(self.monitors, self.began, strict=True)]
 

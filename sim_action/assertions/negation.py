@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import Field
@@ -63,9 +64,9 @@ class Negation(Combined):
         return NegationMonitor(monitor, monitor.state)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NegationMonitor:
-    """The fold of the assertion itself, read the other way round.
+    """The fold of the assertion itself, read the other way round; its state is worked out once, as of a Combination.
 
     Attributes:
         began: its state before the first moment.
@@ -76,7 +77,7 @@ class NegationMonitor:
     began: State
     seen: bool = False
 
-    @property
+    @cached_property
     def state(self) -> State:
         """See Monitor.state."""
         if self.monitor.state is State.BROKEN:
@@ -85,7 +86,7 @@ class NegationMonitor:
             return State.BROKEN
         return State.HOLDS if self.began is State.PENDING else State.PENDING
 
-    @property
+    @cached_property
     def is_decided(self) -> bool:
         """See Decisive.is_decided."""
         return is_decided(self.monitor, self.began)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Final, Self
 
 from sim_action import units
@@ -58,21 +59,21 @@ def opened(formula: Formula, *, contrary: bool = False) -> Part:
             return Extreme.of(Not(formula) if contrary else formula, _AT_ONCE, greatest=True)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Joined:
-    """All of several (`every`), or any of them."""
+    """All of several (`every`), or any of them; its state is worked out once, however often those around it ask."""
 
     parts: tuple[Part, ...]
     every: bool
 
-    @property
+    @cached_property
     def state(self) -> State:
         """See Monitor.state."""
         if self.every:
             return joined(*(part.state for part in self.parts))
         return joined_by_any((part.state, part.is_decided) for part in self.parts)
 
-    @property
+    @cached_property
     def is_decided(self) -> bool:
         """See Decisive.is_decided."""
         alone = State.BROKEN if self.every else State.HOLDS

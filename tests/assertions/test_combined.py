@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable, Sequence
+from itertools import cycle, islice
+from typing import Any, ClassVar, NamedTuple, Self
+
 import pytest
 
 from sim_action.assertions import Assertion, Monitor, State
@@ -15,6 +20,8 @@ from sim_action.assertions.reach import Reach
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
+from sim_action.observation import Observation
+from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.verdict import Verdict
 from tests.traces import contact, judged, monitor, piece, scene, trace
@@ -165,3 +172,62 @@ def test_a_fold_that_was_there_before_is_used_again() -> None:
     before = opened.state
     opened.observe(ride())
     assert opened.state is before
+
+
+class _Steady(NamedTuple):
+    """A goal that never comes true, which counts how often it is asked anything; more than `most` times is an error."""
+
+    asked: Counter[str]
+    most: int
+
+    @property
+    def state(self) -> State:
+        self._count("state")
+        return P
+
+    def observe(self, trace: Trace) -> Self:
+        self._count("observe")
+        return self
+
+    def verdict(self) -> Verdict:
+        self._count("verdict")
+        return Verdict(passed=False)
+
+    def _count(self, what: str) -> None:
+        self.asked[what] += 1
+        assert self.asked[what] <= self.most, f"{what} is asked for again and again"
+
+
+class _Leaf(Assertion):
+    """An assertion with one monitor, made before."""
+
+    key: ClassVar[str] = "leaf"
+    made: Any
+
+    @property
+    def title(self) -> str:
+        return "leaf"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        opened: Monitor = self.made
+        return opened
+
+
+@pytest.mark.parametrize("layers", [(any_of,), (all_of,), (no,), (any_of, all_of, no)])
+def test_what_is_deep_inside_is_asked_no_more_often_for_it(layers: Sequence[Callable[[Assertion], Assertion]]) -> None:
+    """Each layer asks the next for its state and whether it is decided: anew, 20 layers would never end."""
+    asked: list[Counter[str]] = []
+    for depth in (4, 20):
+        leaf = _Steady(Counter(), most=100)
+        spec: Assertion = _Leaf(made=leaf)
+        for layer in islice(cycle(layers), depth):
+            spec = layer(spec)
+        opened = Window(monitor(spec))
+        for index in range(4):
+            opened = opened.observe(piece(ride(), index, index + 1))
+            assert opened.state is not B
+        opened.verdict()
+        asked.append(leaf.asked)
+    assert asked[0] == asked[1]
+    assert asked[0]["observe"] == 4
+    assert asked[0]["verdict"] == 1

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections import Counter
 from itertools import pairwise
+from typing import NamedTuple, Self
 
 import numpy as np
 import pytest
@@ -14,8 +16,12 @@ from pydantic import ValidationError
 
 from sim_action.assertions import Monitor, State, is_decisive
 from sim_action.assertions.stl import Stl
+from sim_action.assertions.stl_monitor import Joined
+from sim_action.assertions.stl_parts import Part
 from sim_action.assertions.window import Window
 from sim_action.temporal_logic.formula import Formula
+from sim_action.temporal_logic.robustness import Cause
+from sim_action.temporal_logic.samples import Samples
 from sim_action.trace import Trace
 from sim_action.verdict import Verdict
 from tests.temporal_logic.formulas import meaning, plain_formulas, walks
@@ -251,3 +257,36 @@ def test_a_long_formula_has_a_short_title_and_pickles_after_use() -> None:
     assert "\n" not in spec.title
     assert spec.parsed
     assert pickle.loads(pickle.dumps(spec)) == spec
+
+
+class _Asked(NamedTuple):
+    """A part that is never known, which counts how often it is asked for its state; more than 100 times is an error."""
+
+    asked: Counter[str]
+
+    @property
+    def state(self) -> State:
+        self.asked["state"] += 1
+        assert self.asked["state"] <= 100, "the state is asked for again and again"
+        return P
+
+    @property
+    def is_decided(self) -> bool:
+        return self.state is not P
+
+    def observe(self, samples: Samples) -> Self:
+        return self
+
+    def outcome(self) -> tuple[float, Cause | None]:
+        return -math.inf, None
+
+
+def test_what_is_deep_inside_is_asked_no_more_often_for_it() -> None:
+    """Each layer asks the next for its state and whether it is decided: anew, 20 layers would never end."""
+    innermost = _Asked(Counter())
+    part: Part = innermost
+    for layer in range(20):
+        part = Joined((part,), every=bool(layer % 2))
+    assert part.state is P
+    assert not part.is_decided
+    assert innermost.asked["state"] <= 4
