@@ -95,6 +95,11 @@ class Assertion(FrozenModel):
     def title(self) -> str:
         """What is asked, in a few words: "travel at least 1.5 m"."""
 
+    @property
+    def inner_title(self) -> str:
+        """Its title where it stands in that of another."""
+        return self.title
+
     @abstractmethod
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """The fold's beginning; `start` is the settled state at t = 0."""

@@ -111,7 +111,7 @@ class Combination:
     def of(cls, parts: tuple[Assertion, ...], scene: Scene, start: Observation, *, every: bool) -> Self:
         """The fold before the first moment."""
         monitors = tuple(part.monitor(scene, start) for part in parts)
-        return cls(tuple(part.title for part in parts), monitors, tuple(m.state for m in monitors), every)
+        return cls(tuple(part.inner_title for part in parts), monitors, tuple(m.state for m in monitors), every)
 
     @cached_property
     def state(self) -> State:

@@ -56,7 +56,7 @@ class Negation(Combined):
     @property
     def title(self) -> str:
         """See Assertion.title."""
-        return short(f"not {self.part.title}")
+        return short(f"not {self.part.inner_title}")
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""

@@ -42,4 +42,9 @@ class Several(Combined):
     @property
     def title(self) -> str:
         """See Assertion.title."""
-        return short(f"{self.key}: {'; '.join(part.title for part in self.parts)}")
+        return short(f"{self.key}: {'; '.join(part.inner_title for part in self.parts)}")
+
+    @property
+    def inner_title(self) -> str:
+        """In parentheses: else what follows would read as one part more."""
+        return f"({self.title})"

@@ -167,6 +167,15 @@ def test_many_parts_have_a_short_title() -> None:
     assert len(no(spec).title) <= 100
 
 
+def test_a_list_in_a_title_shows_where_it_ends() -> None:
+    inner = all_of(FAR, NEARER)
+    assert any_of(inner, BACK).title == "any_of: (all_of: travel at least 3 m; travel at least 2 m); travel at most 1 m"
+    assert no(inner).title == "not (all_of: travel at least 3 m; travel at least 2 m)"
+    assert judged(any_of(inner, BACK), ride()).message.startswith(
+        "1 of 2 hold; (all_of: travel at least 3 m; travel at least 2 m): all 2 hold; travel at least "
+    )
+
+
 def test_a_fold_that_was_there_before_is_used_again() -> None:
     opened: Monitor = monitor(any_of(NEARER, FAR))
     before = opened.state
