@@ -78,6 +78,16 @@ class JointTargets:
 
 Command = Twist | JointTargets
 
+Answer = Command | tuple[Command, ...] | None
+"""What a controller says at a tick: a command, several for different joints, or none: the last ones stand."""
+
+
+def commands_of(answer: Answer) -> tuple[Command, ...]:
+    """Each command of an answer."""
+    if answer is None:
+        return ()
+    return answer if isinstance(answer, tuple) else (answer,)
+
 
 def is_finite(command: Command) -> bool:
     """Whether every number of the command is one that a motor can be given."""

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from sim_action.command import Command, JointTargets
+from sim_action.command import Answer, Command, JointTargets, commands_of
 from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.drives import DriveMotion
 from sim_action.errors import BadSource, RecordingError, ScriptError
@@ -20,6 +20,7 @@ Look = Callable[[int], Observation]
 """What the robot is like at a step, which is the present; looked at only if somebody asks."""
 
 NO_WHEELS: Final = "a controller gave a twist, but which joints are wheels is not known; name them: robot.drive"
+TWO_WAYS: Final = "a controller gave a twist at the same tick as a target for joint"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +102,26 @@ class Controls:
                 if self._motion and not self._motion.joints.isdisjoint(command.names()):
                     # A source that turns the wheels by hand takes them over from the drive.
                     targets, self._twist = self._motion.released.updated_by(targets), None
-            elif command is not None:
+            else:
                 self._claim(source, self._wheels())
                 self._twist = command
         return targets
 
-    def _commands(self, step: int, look: Look) -> Iterator[tuple[_Source, Command | None]]:
+    def _commands(self, step: int, look: Look) -> Iterator[tuple[_Source, Command]]:
+        for source, answer in self._answers(step, look):
+            commands = commands_of(answer)
+            self._refuse_two_ways(commands)
+            yield from ((source, command) for command in commands)
+
+    def _refuse_two_ways(self, commands: tuple[Command, ...]) -> None:
+        """Raises ScriptError for a twist beside targets for the wheels that it turns."""
+        if self._motion is None or not any(isinstance(command, Twist) for command in commands):
+            return
+        named = {name for command in commands if isinstance(command, JointTargets) for name in command.names()}
+        if wheels := self._motion.joints & named:
+            raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive turns for a twist; leave out one of them")
+
+    def _answers(self, step: int, look: Look) -> Iterator[tuple[_Source, Answer]]:
         observation: Observation | None = None
         for source in self._sources:
             if step % source.period:

@@ -29,6 +29,12 @@ def right(observation):
 def both_ways(observation):
     return Twist.planar(1.0) if observation.time < 0.1 else JointTargets(velocity={"wheel_left_joint": 3.0})
 
+def twist_and_left(observation):
+    return Twist.planar(1.0), JointTargets(velocity={"wheel_left_joint": 1.0})
+
+def twist_and_nothing(observation):
+    return [Twist.planar(1.0), JointTargets()]
+
 def nothing(observation):
     return JointTargets()
 """
@@ -98,6 +104,18 @@ def test_two_sources_for_one_joint_are_an_error_that_names_it(
         f"commands[0] and commands[1] both move joint '{joint}'; "
         "sources that act at the same time move different joints"
     )
+
+
+def test_a_twist_and_targets_for_its_wheels_do_not_go_together(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError, match="target for joint 'wheel_left_joint', which the drive turns for a twist"):
+        first(controls(tmp_path, script("twist_and_left")))
+
+
+def test_each_command_of_an_answer_makes_its_joints_the_source_s_own(tmp_path: Path) -> None:
+    alone = first(controls(tmp_path, script("twist_and_nothing")))
+    assert alone == first(controls(tmp_path, "{twist: [{linear: 1}]}"))
+    with pytest.raises(ScriptError, match="both move joint 'wheel_left_joint'"):
+        first(controls(tmp_path, script("twist_and_nothing"), script("left")))
 
 
 def test_one_source_may_take_the_wheels_over_from_the_drive(tmp_path: Path) -> None:

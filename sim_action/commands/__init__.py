@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.command import Command, JointTargets
+from sim_action.command import Answer, Command, JointTargets
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, PositiveHertz
 from sim_action.registry import Table
@@ -44,7 +44,7 @@ class ClosedLoop:
         notes: what it has to tell people after the run, when it is closed.
     """
 
-    command: Callable[[Observation], Command | None]
+    command: Callable[[Observation], Answer]
     senses: bool = True
     close: Callable[[], None] = _nothing
     notes: Sequence[str] = ()

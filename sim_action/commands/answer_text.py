@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any, Final, NoReturn
 
-from sim_action.command import Command, JointTargets
+from sim_action.command import Answer, Command, JointTargets
 from sim_action.geometry import Twist
 from sim_action.messages import did_you_mean, shown
 
@@ -16,60 +16,58 @@ _SPEEDS: Final = ("linear", "angular", "lateral")
 
 
 class AnswerError(ValueError):
-    """Why a line is no answer."""
+    """Why a line is no answer; "it" is the line."""
 
 
-def command_of(line: bytes) -> Command | None:
-    """The command in an answer; None if it leaves the last one standing. Raises AnswerError."""
-    answer = _object(_value(line), "the answer")
-    if "twist" in answer:
-        if targets := [key for key in _TARGETS if key in answer]:
-            raise AnswerError(f"has both 'twist' and '{targets[0]}': an answer is one command")
-        _check_keys(answer, ("twist",), "the answer")
-        return _twist(answer["twist"])
-    _check_keys(answer, ("twist", *_TARGETS), "the answer")
-    position, velocity, effort, max_effort = (_numbers(answer.get(key, {}), key) for key in _TARGETS)
-    return JointTargets(position, velocity, effort, max_effort) if answer else None
+def answer_of(line: bytes) -> Answer:
+    """What an answer commands; None if it leaves the last command standing. Raises AnswerError."""
+    found = _object(_value(line))
+    _check_keys(found, ("twist", *_TARGETS), "it")
+    commands: list[Command] = [_twist(found["twist"])] if "twist" in found else []
+    if any(key in found for key in _TARGETS):
+        position, velocity, effort, max_effort = (_numbers(found.get(key, {}), key) for key in _TARGETS)
+        commands.append(JointTargets(position, velocity, effort, max_effort))
+    return tuple(commands) if len(commands) > 1 else next(iter(commands), None)
 
 
 def is_acknowledgement(line: bytes) -> bool:
     """Whether an answer commands nothing. Raises AnswerError."""
-    return command_of(line) is None
+    return answer_of(line) is None
 
 
 def _value(line: bytes) -> Any:
     try:
         return json.loads(line, object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant)
     except UnicodeDecodeError:
-        raise AnswerError("is not UTF-8 text") from None
+        raise AnswerError("it is not UTF-8 text") from None
     except json.JSONDecodeError as error:
-        raise AnswerError(f"is not JSON: {error.msg} (column {error.colno})") from None
+        raise AnswerError(f"it is not JSON: {error.msg} (column {error.colno})") from None
     except RecursionError:
-        raise AnswerError("is nested too deep") from None
+        raise AnswerError("it is nested too deep") from None
     except AnswerError:
         raise
     except ValueError as error:  # such as a whole number of thousands of digits
-        raise AnswerError(f"cannot be read: {error}") from None
+        raise AnswerError(f"it cannot be read: {error}") from None
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:
-            raise AnswerError(f"has the key {shown(name)} twice")
+            raise AnswerError(f"it has the key {shown(name)} twice")
         found[name] = value
     return found
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise AnswerError(f"has {name}, which is no number that a motor can be given (nor JSON)")
+    raise AnswerError(f"it has {name}, which is no number that a motor can be given (nor JSON)")
 
 
-def _object(value: Any, where: str) -> Mapping[str, Any]:
+def _object(value: Any) -> Mapping[str, Any]:
     if value is None:
         return {}
     if not isinstance(value, dict):
-        raise AnswerError(f"{where} is {_found(value)}; expected an object, such as {{}}")
+        raise AnswerError(f"it is {_found(value)}; expected an object, such as {{}}")
     return value
 
 

@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from sim_action.command import Command, JointTargets, is_finite
+from typing import cast
+
+from sim_action.command import Answer, Command, JointTargets, is_finite
 from sim_action.geometry import Twist
 from sim_action.robot_model import RobotModel
 
 
 def problem_with(answer: object, model: RobotModel) -> str | None:
-    """Why an answer is no command for this robot, to be said after "returned"; None if it is one."""
+    """Why an answer commands nothing that this robot can do, to be said after "returned"; None if it is right."""
+    if not isinstance(answer, (tuple, list)):
+        return _problem_with_one(answer, model)
+    for kind in (Twist, JointTargets):
+        if sum(isinstance(part, kind) for part in answer) > 1:
+            return f"more than one {kind.__name__} at once; one of each kind goes together: (Twist, JointTargets)"
+    problems = (_problem_with_one(part, model) for part in answer)
+    return next((f"a {type(answer).__name__} with {problem}" for problem in problems if problem), None)
+
+
+def as_answer(answer: object) -> Answer:
+    """An answer that there is no problem with, as the loop takes it."""
+    if isinstance(answer, (tuple, list)):
+        return tuple(part for part in answer if part is not None)
+    return cast("Answer", answer)
+
+
+def _problem_with_one(answer: object, model: RobotModel) -> str | None:
     if answer is None:
         return None
     if not isinstance(answer, (Twist, JointTargets)):
-        return f"a {type(answer).__name__}; it may return a Twist, JointTargets or None"
+        return f"a {type(answer).__name__}; it may return a Twist, JointTargets, both as a tuple, or None"
     if isinstance(answer, Twist) and not _has_three_each(answer):
         return f"{answer!r}; a Twist has two vectors of 3 numbers: Twist.planar(linear, angular) makes one"
     if problem := _problem_with_numbers(answer):

@@ -113,7 +113,7 @@ class Lockstep:
 
     def refusal(self, line: bytes, why: str) -> ScriptError:
         """What to say of a line that is no answer."""
-        return self._error(f"answered {_text(line)}, which {why}", with_words=False)
+        return self._error(f"answered {_text(line)}: {why}", with_words=False)
 
     def _started(self, arguments: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
         try:

@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from sim_action.command import Command, JointTargets
+from sim_action.command import Answer
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.answer_text import AnswerError, command_of, is_acknowledgement
+from sim_action.commands.answer_text import AnswerError, answer_of, is_acknowledgement
 from sim_action.commands.answers import problem_with
 from sim_action.commands.lockstep import Lockstep, Patience
 from sim_action.commands.observation_json import observation_json, robot_json
@@ -71,6 +71,7 @@ class ProcessCommands(CommandSource):
     - `{"twist": {"linear": 0.2, "angular": 0, "lateral": 0}}`: m/s and rad/s of the base, each 0 when left out.
     - `{"position": {...}, "velocity": {...}, "effort": {...}, "max_effort": {...}}`: targets for joints, by name; any
       of the four may be left out. They mean what `sim_action.JointTargets` does, and saturate as those of scripts.
+    - `twist` beside these, for a base and the arm on it: both at once.
 
     After the run, its standard input ends. A program that has not left a second later is killed.
 
@@ -151,18 +152,20 @@ class _Talk:
         except AnswerError as error:
             raise self._lockstep.refusal(line, str(error)) from None
         if not is_empty:
-            raise self._lockstep.refusal(line, "commands something before the run has begun; reset is answered by {}")
+            raise self._lockstep.refusal(
+                line, "it commands something before the run has begun; reset is answered by {}"
+            )
 
-    def step(self, observation: Observation, patience: Patience) -> Command | None:
+    def step(self, observation: Observation, patience: Patience) -> Answer:
         """Raises ScriptError."""
         line = self._lockstep.ask(_line({"type": "step", **observation_json(observation)}), patience)
         try:
-            command = command_of(line)
+            answer = answer_of(line)
         except AnswerError as error:
             raise self._lockstep.refusal(line, str(error)) from None
-        if problem := problem_with(command, self._model):
-            raise self._lockstep.refusal(line, f"is {problem}")
-        return self._motors.of(command) if isinstance(command, JointTargets) else command
+        if problem := problem_with(answer, self._model):
+            raise self._lockstep.refusal(line, f"it is {problem}")
+        return self._motors.of_answer(answer)
 
 
 def _line(question: dict[str, Any]) -> bytes:

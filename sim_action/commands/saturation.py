@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from sim_action import units
-from sim_action.command import JointTargets
+from sim_action.command import Answer, JointTargets
 from sim_action.robot_model import Reading, RobotModel
 
 
@@ -29,6 +29,12 @@ class Saturation:
         self._max_effort = {joint.name: joint.max_effort for joint in moving if joint.max_effort is not None}
         self._max_velocity = {joint.name: joint.max_velocity for joint in moving if joint.max_velocity is not None}
         self._noted: set[tuple[str, Reading]] = set()
+
+    def of_answer(self, answer: Answer) -> Answer:
+        """The same, of every command in an answer that tells joints where to go."""
+        if isinstance(answer, tuple):
+            return tuple(self.of(command) if isinstance(command, JointTargets) else command for command in answer)
+        return self.of(answer) if isinstance(answer, JointTargets) else answer
 
     def of(self, targets: JointTargets) -> JointTargets:
         """What the motors are told. A position beyond the limits of a joint stays: the joint ends at its stop."""

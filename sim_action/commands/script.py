@@ -9,9 +9,9 @@ from typing import Annotated, Any, ClassVar, Final, cast
 
 from pydantic import Field
 
-from sim_action.command import Command, JointTargets
+from sim_action.command import Answer
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.answers import problem_with
+from sim_action.commands.answers import as_answer, problem_with
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.commands.script_file import (
@@ -39,7 +39,8 @@ class ScriptCommands(CommandSource):
 
     Either gets a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
     `position`, `velocity`, `effort`), `contacts` and `sensors` (by name: the latest reading). It returns a
-    `sim_action.Twist`, `sim_action.JointTargets`, or None to leave the last command standing.
+    `sim_action.Twist`, `sim_action.JointTargets`, both as a tuple (such as for a base and the arm on it), or None to
+    leave the last command standing.
 
     `reset` gets a `sim_action.RobotDescription`: `name`, `base`, `links`, `joints` (by name: `type`, `moves`, `lower`,
     `upper`, `max_effort`, `max_velocity`, `mimics`), `rate`, `seed`, and `random`, a generator of numpy's whose numbers
@@ -139,14 +140,14 @@ def _controller(name: str, ask: Callable[[Observation], object], path: Path, sce
     """Asks, and takes what is a command for an answer."""
     motors = Saturation(scene.model, path.name)
 
-    def command(observation: Observation) -> Command | None:
+    def command(observation: Observation) -> Answer:
         try:
             answer = ask(observation)
         except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
             raise script_error(error, path, _WHO) from None
         if problem := problem_with(answer, scene.model):
             raise ScriptError(f"{name}() returned {problem}", Location(str(path)))
-        return motors.of(answer) if isinstance(answer, JointTargets) else cast("Command | None", answer)
+        return motors.of_answer(as_answer(answer))
 
     return ClosedLoop(command, notes=motors.notes)
 

@@ -191,8 +191,8 @@ def test_what_it_does_to_its_group_does_not_end_us(tmp_path: Path) -> None:
 
 def test_what_it_answers_is_quoted_without_what_acts_on_a_terminal(tmp_path: Path) -> None:
     with running(ECHO, tmp_path) as lockstep:
-        error = lockstep.refusal(b"\x1b[31m\xff", "is not JSON")
-    assert str(error) == "the process 'ctl' answered '\\x1b[31m\ufffd', which is not JSON"
+        error = lockstep.refusal(b"\x1b[31m\xff", "it is not JSON")
+    assert str(error) == "the process 'ctl' answered '\\x1b[31m\ufffd': it is not JSON"
 
 
 def test_no_thread_is_left_of_it(tmp_path: Path) -> None:

@@ -70,6 +70,10 @@ def python_is_on_path(monkeypatch: pytest.MonkeyPatch) -> None:
         ("null", None),
         ('{"twist": {"linear": 0.2}}', Twist.planar(0.2)),
         ('{"velocity": {"wheel_left_joint": 3}}', JointTargets(velocity={"wheel_left_joint": 3.0})),
+        (
+            '{"twist": {"angular": 1}, "velocity": {"wheel_left_joint": 3}}',
+            (Twist.planar(0, 1), JointTargets(velocity={"wheel_left_joint": 3.0})),
+        ),
     ],
 )
 def test_an_answer_is_a_command(answer: str, command: object, tmp_path: Path) -> None:
@@ -80,8 +84,8 @@ def test_an_answer_is_a_command(answer: str, command: object, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
-        ("forward", "answered 'forward', which is not JSON: Expecting value (column 1)"),
-        ('{"twist": {"linear": NaN}}', "which has NaN, which is no number that a motor can be given"),
+        ("forward", "answered 'forward': it is not JSON: Expecting value (column 1)"),
+        ('{"twist": {"linear": NaN}}', ": it has NaN, which is no number that a motor can be given"),
         ('{"velocity": {"wheel_lft_joint": 1}}', "no moving joint 'wheel_lft_joint'; did you mean 'wheel_left_joint'?"),
         ('{"max_effort": {"wheel_left_joint": -1}}', "a max_effort below 0 for joint 'wheel_left_joint'"),
     ],
@@ -93,7 +97,7 @@ def test_any_other_answer_is_an_error_that_quotes_it(answer: str, why: str, tmp_
 def test_it_hears_of_its_robot_and_then_what_there_is_to_see(tmp_path: Path) -> None:
     with opened(tmp_path, ANSWERS.format("json.dumps({}) if len(heard) < 3 else json.dumps(heard)"), rate=20) as found:
         assert found.command(START) is None
-        with pytest.raises(ScriptError, match="the answer is a list of 3"):
+        with pytest.raises(ScriptError, match=": it is a list of 3"):
             found.command(START)
     keep = "if len(heard) == 3: json.dump(heard, open('heard.json', 'w'))"
     program = ANSWERS.replace("    print", f"    {keep}\n    print").format("'null'")

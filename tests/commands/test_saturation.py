@@ -8,6 +8,7 @@ import pytest
 
 from sim_action.command import JointTargets
 from sim_action.commands.saturation import Saturation
+from sim_action.geometry import Twist
 from sim_action.robot_model import RobotModel
 from tests.traces import burger
 
@@ -53,6 +54,11 @@ def test_what_is_within_limits_stays_as_it_is(targets: JointTargets) -> None:
 )
 def test_what_is_beyond_a_limit_is_cut_to_it(targets: JointTargets, taken: JointTargets) -> None:
     assert Saturation(limited(), "ctl.py").of(targets) == taken
+
+
+def test_of_several_commands_those_for_joints_are_cut() -> None:
+    answer = (Twist.planar(1e9), JointTargets(effort={LEFT: 2.5}))
+    assert Saturation(limited(), "ctl.py").of_answer(answer) == (Twist.planar(1e9), JointTargets(effort={LEFT: 2.0}))
 
 
 def test_a_joint_is_noted_once_for_each_of_its_limits() -> None:

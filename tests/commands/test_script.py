@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action import Command, JointTargets, Observation, Twist
+from sim_action import JointTargets, Observation, Twist
+from sim_action.command import Answer
 from sim_action.commands import ClosedLoop
 from sim_action.commands.script import ScriptCommands
 from sim_action.errors import ScriptError
@@ -40,7 +41,7 @@ def written(folder: Path, text: str) -> ScriptCommands:
     return ScriptCommands(script="controller.py")
 
 
-def opened(folder: Path, text: str) -> Callable[[Observation], Command | None]:
+def opened(folder: Path, text: str) -> Callable[[Observation], Answer]:
     there = scene()
     spec = written(folder, text)
     controller = spec.open(Scene(there.robot, there.model, there.world, there.physics, Workspace(folder, folder)))
@@ -149,17 +150,28 @@ def test_a_controller_sees_and_answers(tmp_path: Path) -> None:
         ("return sim.Twist([1, 0, 0], (0, 0, 2))", Twist([1, 0, 0], (0, 0, 2))),  # type: ignore[arg-type]  # a list
         ("return sim.JointTargets(velocity={'wheel_left_joint': 1})", JointTargets(velocity={"wheel_left_joint": 1})),
         ("return sim.JointTargets()", JointTargets()),
+        (
+            "return sim.Twist.planar(1), sim.JointTargets(effort={'wheel_left_joint': 1})",
+            (Twist.planar(1), JointTargets(effort={"wheel_left_joint": 1})),
+        ),
+        ("return [sim.JointTargets(), sim.Twist()]", (JointTargets(), Twist())),
+        ("return sim.Twist(), None", (Twist(),)),
+        ("return ()", ()),
     ],
 )
-def test_a_command_is_a_twist_joint_targets_or_none(body: str, command: object, tmp_path: Path) -> None:
+def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: object, tmp_path: Path) -> None:
     assert answer(tmp_path, body) == command
 
 
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("return 1.0", "control() returned a float; it may return a Twist, JointTargets or None"),
-        ("return (1.0, 0.0)", "control() returned a tuple; it may return"),
+        ("return 1.0", "control() returned a float; it may return a Twist, JointTargets, both as a tuple, or None"),
+        ("return (1.0, 0.0)", "control() returned a tuple with a float; it may return"),
+        ("return [sim.Twist(), (1, 2)]", "control() returned a list with a tuple; it may return"),
+        ("return sim.Twist(), sim.Twist()", "control() returned more than one Twist at once; one of each kind goes"),
+        ("return 2 * [sim.JointTargets()]", "control() returned more than one JointTargets at once"),
+        ("return sim.Twist(), sim.JointTargets(effort={'x': 1})", "a tuple with a target that no motor can take: "),
         ("return sim.Twist", "control() returned a type; it may return"),
         ("return sim.Twist(1.0, 0.5)", "Twist.planar(linear, angular) makes one"),
         ("return sim.Twist((1.0, 0.0), (0.0, 0.0, 0.0))", "Twist.planar(linear, angular) makes one"),
@@ -263,7 +275,7 @@ class Controller:
 """
 
 
-def of_class(folder: Path, drawn: int, seed: int = 0) -> list[Command | None]:
+def of_class(folder: Path, drawn: int, seed: int = 0) -> list[Answer]:
     spec = written(folder, CLASSY.format(drawn))
     controller = spec.open(replace(scene(), workspace=Workspace(folder, folder), seed=seed))
     assert isinstance(controller, ClosedLoop)
@@ -275,7 +287,7 @@ def test_a_class_is_made_once_and_keeps_what_it_remembers(tmp_path: Path) -> Non
     assert [forward_speed(answered) for answered in of_class(tmp_path, 0)] == [1.0, 2.0, 3.0]
 
 
-def forward_speed(answered: Command | None) -> float:
+def forward_speed(answered: Answer) -> float:
     assert isinstance(answered, Twist)
     return answered.linear_xyz[0]
 
