@@ -19,6 +19,7 @@ from sim_action.drives.sided import JointNames
 from sim_action.drives.steering import DrivenWheel, Kingpin, tightest
 from sim_action.drives.steering_joints import STRAIGHT, SteeringLimit, limit_of, upright, why_not_steering
 from sim_action.drives.wheel_problems import length_problems, why_no_wheel
+from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, steering_joint, wheel, wheels_on_ground
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
 from sim_action.mobility import Mobility
@@ -40,6 +41,7 @@ class AckermannDrive(Drive):
 
     It cannot turn on the spot: told to, it stands still, and the outcome has a note. Nor does it turn more sharply than
     its steering can: it then keeps its speed and takes the tightest curve there is, with a note.
+    No driven wheel turns faster than the velocity limit of its joint in the model: all are slowed alike, with a note.
     """
 
     key: ClassVar[str] = "ackermann"
@@ -125,6 +127,7 @@ class AckermannDrive(Drive):
             steering_limit=limit.angle,
             most_steering=limit.rate / rate,
             most_speed=self.acceleration / rate,
+            speeds=WheelSpeeds(model, self.wheels),
             torque=self.torque,
         )
 

@@ -6,6 +6,7 @@ from sim_action.command import JointTargets
 from sim_action.drives import NOT_PLANAR, is_planar
 from sim_action.drives.ramp import towards
 from sim_action.drives.steering import DrivenWheel, Kingpin, steered, tightest
+from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.geometry import Twist
 
 ON_THE_SPOT = "a twist asked to turn on the spot, which Ackermann steering cannot: it stood still"
@@ -26,6 +27,7 @@ class AckermannMotion:
         steering_limit: float,
         most_steering: float,
         most_speed: float,
+        speeds: WheelSpeeds,
         torque: float | None,
     ) -> None:
         """`most_steering`: rad a step; `most_speed`: m/s a step."""
@@ -34,6 +36,7 @@ class AckermannMotion:
         self._tightest = tightest(kingpins, steering_limit)
         self._most_steering = most_steering
         self._most_speed = most_speed
+        self._speeds = speeds
         self._max_effort = {} if torque is None else {found.joint: torque for found in wheels}
         self._speed = self._curvature = 0.0
         self._notes: dict[str, None] = {}
@@ -46,7 +49,7 @@ class AckermannMotion:
     @property
     def notes(self) -> tuple[str, ...]:
         """See DriveMotion.notes."""
-        return tuple(self._notes)
+        return (*self._notes, *self._speeds.notes)
 
     @property
     def released(self) -> JointTargets:
@@ -57,12 +60,13 @@ class AckermannMotion:
         """See DriveMotion.targets."""
         if not is_planar(twist):
             self._notes[NOT_PLANAR] = None
-        speed, curvature = twist.linear_xyz[0], self._wanted_curvature(twist)
+        curvature = self._wanted_curvature(twist)
+        speed = twist.linear_xyz[0] * self._speeds.told_share(self._wheel_speeds(twist.linear_xyz[0], curvature))
         planned = []
         for _ in range(steps):
             before = (self._speed, self._curvature)
             self._curvature = steered(self._kingpins, self._curvature, curvature, self._most_steering)
-            self._speed = towards(speed, self._speed, self._most_speed)
+            self._speed = self._within_limits(towards(speed, self._speed, self._most_speed))
             planned.append(self._joint_targets())
             if before == (self._speed, self._curvature):
                 break
@@ -80,9 +84,17 @@ class AckermannMotion:
             return self._tightest if turn * speed > 0 else -self._tightest
         return turn / speed
 
+    def _within_limits(self, speed: float) -> float:
+        """While the wheels are still turned for another curve, that may take them faster than this one."""
+        return speed * self._speeds.share(self._wheel_speeds(speed, self._curvature))
+
+    def _wheel_speeds(self, speed: float, curvature: float) -> dict[str, float]:
+        """In rad/s."""
+        return {found.joint: speed * found.way(curvature) / found.gear for found in self._wheels}
+
     def _joint_targets(self) -> JointTargets:
         return JointTargets(
             position={pin.joint: pin.turns * pin.angle(self._curvature) for pin in self._kingpins},
-            velocity={found.joint: self._speed * found.way(self._curvature) / found.gear for found in self._wheels},
+            velocity=self._wheel_speeds(self._speed, self._curvature),
             max_effort=self._max_effort,
         )

@@ -14,6 +14,8 @@ class DiffDrive(SidedDrive):
     """Two sides of wheels; forward speed is their mean, turning rate their difference over the separation.
 
     Wheel speeds follow a twist by a ramp, as Gazebo's diff drive plugin does (`wheelAcceleration`).
+    No wheel turns faster than the velocity limit of its joint in the model: all are slowed alike, which keeps the
+    curve, and the outcome has a note.
     """
 
     key: ClassVar[str] = "diff"

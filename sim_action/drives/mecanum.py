@@ -17,6 +17,7 @@ from sim_action.drives.mecanum_motion import MecanumMotion, Roller, arm
 from sim_action.drives.mecanum_ways import MecanumWays
 from sim_action.drives.plugins import StatedSides, corners_by_plugin
 from sim_action.drives.wheel_problems import joint_problems, length_problems
+from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked
 from sim_action.geometry import Vector3
@@ -40,7 +41,8 @@ class MecanumDrive(Drive):
 
     Wheels turn as their inverse kinematics says, and have no friction; the base is pushed to its velocity by a force
     that is limited, and acts where the wheels touch the ground. A script that turns the wheels by hand takes them over:
-    the base is pushed no more.
+    the base is pushed no more. Beyond the velocity limit of a wheel's joint in the model, all three are slowed alike,
+    and the outcome has a note.
     """
 
     key: ClassVar[str] = "mecanum"
@@ -93,6 +95,7 @@ class MecanumDrive(Drive):
             self._rollers(model),
             heading=self._forward(model),
             most_change=self.acceleration / rate,
+            speeds=WheelSpeeds(model, (*self.left, *self.right)),
             force=self._force(model),
             point_xyz=point,
         )

@@ -11,6 +11,7 @@ from typing import Final
 from sim_action.command import NO_PUSH, BasePush, JointTargets
 from sim_action.drives import is_level
 from sim_action.drives.heading import Rolling, along
+from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.geometry import Twist, Vector3
 
 NOT_LEVEL: Final = "a twist asked for more than velocity over the ground and turning rate; the rest was left out"
@@ -45,12 +46,20 @@ class MecanumMotion:
     """Velocity over the ground and turning rate, ramping towards what the last twist asks for."""
 
     def __init__(
-        self, wheels: Sequence[Roller], *, heading: float, most_change: float, force: float, point_xyz: Vector3
+        self,
+        wheels: Sequence[Roller],
+        *,
+        heading: float,
+        most_change: float,
+        speeds: WheelSpeeds,
+        force: float,
+        point_xyz: Vector3,
     ) -> None:
         """`most_change`: m/s a step, of the velocity, and of what turning is at the wheels."""
         self._wheels = tuple(wheels)
         self._heading = heading
         self._most_change = most_change
+        self._speeds = speeds
         self._force = force
         self._point_xyz = point_xyz
         self._arm = arm([found.place for found in wheels])
@@ -65,7 +74,7 @@ class MecanumMotion:
     @property
     def notes(self) -> tuple[str, ...]:
         """See DriveMotion.notes."""
-        return () if self._was_level else (NOT_LEVEL,)
+        return (*(() if self._was_level else (NOT_LEVEL,)), *self._speeds.notes)
 
     @property
     def released(self) -> JointTargets:
@@ -75,19 +84,24 @@ class MecanumMotion:
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """See DriveMotion.targets."""
         self._was_level &= is_level(twist)
+        wanted = self._wanted(twist)
         planned = []
         for _ in range(steps):
             before = (self._ahead, self._left, self._turn)
-            self._step(twist)
+            self._step(*wanted)
             planned.append(self._joint_targets())
             if before == (self._ahead, self._left, self._turn):
                 break
         return planned
 
-    def _step(self, twist: Twist) -> None:
+    def _wanted(self, twist: Twist) -> tuple[float, float, float]:
+        """Velocity ahead and to the left and turning rate, as far as motors can."""
+        (ahead, left, _), turn = twist.linear_xyz, twist.angular_xyz[2]
+        share = self._speeds.told_share(self._joint_speeds(ahead, left, turn))
+        return share * ahead, share * left, share * turn
+
+    def _step(self, ahead: float, left: float, turn: float) -> None:
         """All three change by the same part of their way, so that the curve stays the one that was asked for."""
-        ahead, left, _ = twist.linear_xyz
-        turn = twist.angular_xyz[2]
         change = math.hypot(ahead - self._ahead, left - self._left) + self._arm * abs(turn - self._turn)
         if change <= self._most_change:
             self._ahead, self._left, self._turn = ahead, left, turn
@@ -100,6 +114,10 @@ class MecanumMotion:
     def _joint_targets(self) -> JointTargets:
         velocity_xy = along(self._heading, self._ahead, self._left)
         return JointTargets(
-            velocity={found.place.joint: found.speed(self._ahead, self._left, self._turn) for found in self._wheels},
+            velocity=self._joint_speeds(self._ahead, self._left, self._turn),
             base=BasePush(velocity_xy, self._turn, self._point_xyz, self._force, self._force * self._arm),
         )
+
+    def _joint_speeds(self, ahead: float, left: float, turn: float) -> dict[str, float]:
+        """In rad/s, for a velocity of the base in m/s and rad/s."""
+        return {found.place.joint: found.speed(ahead, left, turn) for found in self._wheels}

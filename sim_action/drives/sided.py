@@ -16,6 +16,7 @@ from sim_action.drives.plugins import StatedSides, sides_by_plugin
 from sim_action.drives.sided_motion import SidedMotion
 from sim_action.drives.sided_ways import SidedWays
 from sim_action.drives.wheel_problems import LEAST_LENGTH, joint_problems, length_problems
+from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
 from sim_action.mobility import Mobility
@@ -93,6 +94,7 @@ class SidedDrive(Drive):
             right={name: gears[name] for name in self.right},
             separation=self._effective_separation(model),
             most_change=self.acceleration / rate,
+            speeds=WheelSpeeds(model, gears),
             torque=self.torque,
         )
 

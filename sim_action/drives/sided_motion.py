@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from sim_action.command import JointTargets
 from sim_action.drives import NOT_PLANAR, is_planar
 from sim_action.drives.ramp import towards
+from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.geometry import Twist
 
 
@@ -20,6 +21,7 @@ class SidedMotion:
         *,
         separation: float,
         most_change: float,
+        speeds: WheelSpeeds,
         torque: float | None,
     ) -> None:
         """`left`, `right`: joint -> m that its wheel rolls forward while it turns by 1 rad.
@@ -29,6 +31,7 @@ class SidedMotion:
         self._left_gears, self._right_gears = left, right
         self._half_separation = separation / 2
         self._most_change = most_change
+        self._speeds = speeds
         self._max_effort = {} if torque is None else dict.fromkeys((*left, *right), torque)
         self._left = self._right = 0.0
         self._was_planar = True
@@ -41,7 +44,7 @@ class SidedMotion:
     @property
     def notes(self) -> tuple[str, ...]:
         """See DriveMotion.notes."""
-        return () if self._was_planar else (NOT_PLANAR,)
+        return (*(() if self._was_planar else (NOT_PLANAR,)), *self._speeds.notes)
 
     @property
     def released(self) -> JointTargets:
@@ -51,8 +54,7 @@ class SidedMotion:
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         """See DriveMotion.targets."""
         self._was_planar &= is_planar(twist)
-        turn = twist.angular_xyz[2] * self._half_separation
-        left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
+        left, right = self._wanted(twist)
         planned = []
         for _ in range(steps):
             before = (self._left, self._right)
@@ -63,7 +65,19 @@ class SidedMotion:
                 break
         return planned
 
+    def _wanted(self, twist: Twist) -> tuple[float, float]:
+        """Rim speeds on the left and on the right, in m/s, as far as motors can."""
+        turn = twist.angular_xyz[2] * self._half_separation
+        left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
+        share = self._speeds.told_share(self._joint_speeds(left, right))
+        return share * left, share * right
+
     def _joint_targets(self) -> JointTargets:
-        left = {name: self._left / gear for name, gear in self._left_gears.items()}
-        right = {name: self._right / gear for name, gear in self._right_gears.items()}
-        return JointTargets(velocity=left | right, max_effort=self._max_effort)
+        return JointTargets(velocity=self._joint_speeds(self._left, self._right), max_effort=self._max_effort)
+
+    def _joint_speeds(self, left: float, right: float) -> dict[str, float]:
+        """In rad/s, for rim speeds in m/s."""
+        return {
+            **{name: left / gear for name, gear in self._left_gears.items()},
+            **{name: right / gear for name, gear in self._right_gears.items()},
+        }

@@ -28,7 +28,8 @@ class SkidSteer(SidedDrive):
     """Two sides of several wheels each, as diff; when it turns, wheels slip, as if they were `slip` times as far apart.
 
     The factor that is worked out holds on level ground for friction that is the same in all directions. The inertia of
-    the motors, which models seldom tell, is what keeps the wheels turning as they are told.
+    the motors, which models seldom tell, is what keeps the wheels turning as they are told. Wheels are held to the
+    velocity limits of their joints as those of diff are.
     """
 
     key: ClassVar[str] = "skid"

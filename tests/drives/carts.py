@@ -31,13 +31,17 @@ def wheel(
     radius: float | None = RADIUS,
     parent: str = "base",
     beside: float = 0.0,
+    fastest: float | None = None,
 ) -> Part:
-    """A wheel at a place in the frame of its parent, whose tyre is `beside` m further to the left."""
+    """A wheel at a place in the frame of its parent, whose tyre is `beside` m further to the left.
+
+    `fastest`: the limit of its joint in rad/s.
+    """
     tyre = dataclasses.replace(LYING, position_xyz=(0.0, beside, 0.0))
     half = radius or RADIUS
     box = ((-half, -half, -0.02), (half, half, 0.02))
     shape = Shape("cylinder" if radius else "mesh", tyre, radius, *box)
-    joint = Joint(name, "continuous", parent, f"{name}_link", Pose((x, y, half - RADIUS)), axis)
+    joint = Joint(name, "continuous", parent, f"{name}_link", Pose((x, y, half - RADIUS)), axis, max_velocity=fastest)
     return (joint,), (Link(f"{name}_link", None, (shape,)),)
 
 

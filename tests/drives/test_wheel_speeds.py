@@ -1,0 +1,95 @@
+"""Wheels turn no faster than their joints can, and robots take the curve that they were asked for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.drives import Drive, DriveMotion
+from sim_action.drives.ackermann import AckermannDrive
+from sim_action.drives.diff import DiffDrive
+from sim_action.drives.mecanum import MecanumDrive
+from sim_action.drives.skid import SkidSteer
+from sim_action.drives.wheel_speeds import WheelSpeeds
+from sim_action.geometry import Twist
+from sim_action.robot_model import RobotModel
+from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
+
+FASTEST = 20.0
+LEFT, RIGHT = ("a", "b"), ("c", "d")
+CAR = cart(wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), steered("a", 0.5, 0.2), steered("b", 0.5, -0.2))
+DRIVES: dict[str, tuple[Drive, RobotModel]] = {
+    "diff": (DiffDrive(left=LEFT, right=RIGHT, acceleration=1e9), cart(*FOUR)),
+    "skid": (SkidSteer(left=LEFT, right=RIGHT, acceleration=1e9), cart(*FOUR)),
+    "mecanum": (MecanumDrive(left=LEFT, right=RIGHT, acceleration=1e9), cart(*FOUR)),
+    "ackermann": (AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=1e9), CAR),
+}
+every_drive = pytest.mark.parametrize("name", list(DRIVES))
+
+
+def opened(name: str, fastest: float | None) -> DriveMotion:
+    """A drive all of whose wheels have the same limit, in rad/s."""
+    drive, model = DRIVES[name]
+    joints = (replace(joint, max_velocity=fastest) if joint.type == "continuous" else joint for joint in model.joints)
+    return drive.open(replace(model, joints=tuple(joints)), 100.0)
+
+
+def speeds(motion: DriveMotion, twist: Twist) -> dict[str, float]:
+    return dict(motion.targets(twist, 10)[-1].velocity)
+
+
+@every_drive
+@given(linear=st.floats(-9, 9), curvature=st.floats(-1, 1), lateral=st.floats(-9, 9))
+def test_wheels_are_held_to_their_limits_all_alike(name: str, linear: float, curvature: float, lateral: float) -> None:
+    lateral = lateral if name == "mecanum" else 0.0
+    twist = Twist.planar(linear, linear * curvature, lateral=lateral)
+    free, limited = opened(name, None), opened(name, FASTEST)
+    asked, given_ = speeds(free, twist), speeds(limited, twist)
+    share = min(1.0, FASTEST / max(*map(abs, asked.values()), 1e-9))
+    assert given_ == pytest.approx({joint: share * speed for joint, speed in asked.items()}, rel=2e-6, abs=1e-9)
+    assert bool(limited.notes) == (share < 1 - 1e-6)
+    assert free.notes == ()
+
+
+@every_drive
+def test_what_a_twist_asked_for_is_noted_once(name: str) -> None:
+    motion = opened(name, FASTEST)
+    for linear in (0.5, 4.0, 8.0, -8.0):
+        motion.targets(Twist.planar(linear), 1)
+    (note,) = motion.notes
+    assert "for 2292 deg/s, and its limit in the model is 1146 deg/s: all wheels were slowed alike" in note
+
+
+def test_the_base_of_a_mecanum_drive_is_pushed_no_faster_than_its_wheels_turn() -> None:
+    (targets,) = opened("mecanum", FASTEST).targets(Twist.planar(4.0, lateral=4.0), 1)
+    assert targets.base is not None
+    assert targets.base.linear_xy == pytest.approx((1.0, 1.0))
+
+
+def test_a_car_that_goes_over_to_a_curve_is_within_its_limits_at_every_step() -> None:
+    drive = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), acceleration=1.0, steering_rate=1.0)
+    joints = (replace(joint, max_velocity=FASTEST) if joint.name in "cd" else joint for joint in CAR.joints)
+    motion = drive.open(replace(CAR, joints=tuple(joints)), 100.0)
+    straight = motion.targets(Twist.planar(FASTEST * RADIUS), 1000)
+    turning = motion.targets(Twist.planar(FASTEST * RADIUS, FASTEST * RADIUS), 1000)
+    assert straight[-1].velocity == pytest.approx({"c": FASTEST, "d": FASTEST})
+    assert max(abs(speed) for targets in turning for speed in targets.velocity.values()) <= FASTEST * (1 + 1e-6)
+    # On a circle of 1 m the outer of the wheels, 0.4 m apart, goes 1.2 m where the middle goes 1 m.
+    assert turning[-1].velocity == pytest.approx({"c": FASTEST * 0.8 / 1.2, "d": FASTEST})
+
+
+def test_wheels_without_limits_have_none() -> None:
+    assert WheelSpeeds(cart(*FOUR), "abcd").share(dict.fromkeys("abcd", 1e9)) == 1.0
+
+
+def test_the_slowest_wheel_decides() -> None:
+    found = WheelSpeeds(cart(wheel("a", 0, 1, fastest=10.0), wheel("b", 0, -1, fastest=1.0)), "ab")
+    assert found.share({"a": 20.0, "b": -4.0}) == 0.25
+    assert found.share({"a": 0.0, "b": 0.0}) == 1.0
+    assert math.isclose(found.told_share({"a": 40.0, "b": 2.0}), 0.25)
+    (note,) = found.notes
+    assert "asked joint 'a'" in note

@@ -1,0 +1,61 @@
+"""Robots on real engines whose wheels are asked for more than their joints can."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pytest
+
+from sim_action.backends import installed
+from sim_action.loading import build_scene
+from sim_action.simulation import SimulationRun, simulate
+from tests.scenarios import load
+
+DRIVES: Final = Path(__file__).parents[2] / "examples/drives"
+# In rad/s, of every wheel; their radius is 0.1 m.
+FASTEST: Final = 5.0
+
+SIDES: Final = (
+    "left: [front_left_wheel_joint, rear_left_wheel_joint], right: [front_right_wheel_joint, rear_right_wheel_joint]"
+)
+SCENARIO: Final = """\
+name: n
+robot: {{model: robot.urdf{drive}}}
+commands: [{{twist: [{{linear: {linear}, angular: {angular}}}]}}]
+expect: [{{travel: {{at_least: 1 mm}}}}]
+duration: 4 s
+time_limit: 4 s
+backend: {engine}
+"""
+ROVER: Final = {name: f", drive: {{{name}: {{{SIDES}}}}}" for name in ("diff", "skid", "mecanum")}
+
+
+def run(folder: Path, engine: str, drive: str, linear: float, angular: float) -> SimulationRun:
+    source = "rover.urdf" if drive in ROVER else "car.urdf"
+    limited = re.sub(r'velocity="50"', f'velocity="{FASTEST}"', (DRIVES / source).read_text())
+    (folder / "robot.urdf").write_text(limited)
+    text = SCENARIO.format(drive=ROVER.get(drive, ""), linear=linear, angular=angular, engine=engine)
+    loaded = load(folder, text)
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+@pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize("drive", [*ROVER, "ackermann"])
+def test_a_twist_beyond_the_limits_is_the_fastest_within_them_on_the_same_curve(
+    engine: str, drive: str, tmp_path: Path
+) -> None:
+    fast = run(tmp_path, engine, drive, 3.0, 1.0)
+    # Those that each of them drives.
+    wheels = [index for index, name in enumerate(fast.trace.joint_names) if name.startswith("rear")]
+    assert np.abs(fast.trace.joint_velocity[:, wheels]).max() == pytest.approx(FASTEST, rel=0.05)
+    (note,) = (note for note in fast.notes if "a twist asked joint" in note)
+    limited = re.search(r"for ([\d.]+) deg/s, and its limit in the model is ([\d.]+) deg/s", note)
+    assert limited is not None
+    share = float(limited[2]) / float(limited[1])
+    within = run(tmp_path, engine, drive, 3.0 * share * 0.999, 1.0 * share * 0.999)
+    assert not any("a twist asked joint" in note for note in within.notes)
+    assert fast.trace.base_position_xyz[-1] == pytest.approx(within.trace.base_position_xyz[-1], abs=0.02)
+    assert fast.trace.yaw[-1] == pytest.approx(within.trace.yaw[-1], abs=0.01)
