@@ -74,8 +74,7 @@ class Controls:
     @property
     def notes(self) -> tuple[str, ...]:
         """What they have to tell people after the run."""
-        watching = (source.controller for source in self._sources if isinstance(source.controller, ClosedLoop))
-        return tuple(note for controller in watching for note in controller.notes)
+        return tuple(note for source in self._sources for note in source.controller.notes)
 
     def close(self) -> None:
         """After the run: ends what sources have started."""

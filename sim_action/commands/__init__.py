@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.command import Answer, Command, JointTargets
+from sim_action.command import Answer, JointTargets
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, PositiveHertz
 from sim_action.registry import Table
@@ -26,12 +26,14 @@ class OpenLoop:
     """The live half of a source that looks at the clock alone.
 
     Attributes:
-        command: from sim time in s.
+        command: from sim time in s to a command.
         holding: what it holds still while the robot comes to rest before t = 0; what has limits is held anyway.
+        notes: what it has to tell people after the run.
     """
 
-    command: Callable[[float], Command | None]
+    command: Callable[[float], Answer]
     holding: JointTargets = field(default_factory=JointTargets)
+    notes: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from sim_action.command import Command, JointTargets
 from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.commands.playback import Playback
 from sim_action.commands.replay_problems import is_csv, kind_problems, log_problems
+from sim_action.commands.saturation import Saturation
 from sim_action.errors import RecordingError
 from sim_action.messages import did_you_mean
 from sim_action.quantities import NonNegativeSeconds, PositiveSeconds
@@ -33,7 +34,8 @@ class ReplayCommands(CommandSource):
     A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
     `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). Of ROS, `Twist`, `TwistStamped` and
     `JointState` messages are replayed, by the time at which the log received them. Of a joint's position, velocity and
-    effort, the first that is given is followed.
+    effort, the first that is given is followed; beyond the limits that the model states, they are taken as those of
+    scripts are, and noted.
 
     ROS logs need `pip install 'sim-action[rosbags]'`, and in a workflow the input `extras: rosbags`.
     """
@@ -92,7 +94,9 @@ class ReplayCommands(CommandSource):
         for key, message in self._mismatches(moments, scene.model):
             raise RecordingError(f"{self.replay}: {message}", key)
         chosen = [(time, self._chosen(command)) for time, command in moments]
-        return OpenLoop(Playback(chosen, self.start, self.timeout).command, _holding(chosen[0][1], scene))
+        playback, motors = Playback(chosen, self.start, self.timeout), Saturation(scene.model, self.replay)
+        holding = _holding(chosen[0][1], scene)
+        return OpenLoop(lambda time: motors.of_answer(playback.command(time)), holding, motors.notes)
 
     def _csv_header(self, workspace: Workspace) -> Header | None:
         """None if it is no CSV file; or none that can be read, which is told elsewhere."""

@@ -11,11 +11,12 @@ from dataclasses import replace
 
 from sim_action import units
 from sim_action.command import Answer, JointTargets
+from sim_action.joint_limits import beyond_limits
 from sim_action.robot_model import Reading, RobotModel
 
 
 class Saturation:
-    """Cuts efforts and velocities to the limits that a model states, and notes once for each joint that it did.
+    """Cuts efforts and velocities to the limits that a model states, and notes once a joint what was beyond them.
 
     Attributes:
         notes: for people.
@@ -25,6 +26,8 @@ class Saturation:
         self.notes: list[str] = []
         self._who = who
         self._joints = model.joints_by_name
+        # Of those that have been noted, nothing more is looked at.
+        self._limited = {joint.name for joint in model.moving_joints if (joint.lower, joint.upper) != (None, None)}
         moving = model.moving_joints
         self._max_effort = {joint.name: joint.max_effort for joint in moving if joint.max_effort is not None}
         self._max_velocity = {joint.name: joint.max_velocity for joint in moving if joint.max_velocity is not None}
@@ -38,12 +41,19 @@ class Saturation:
 
     def of(self, targets: JointTargets) -> JointTargets:
         """What the motors are told. A position beyond the limits of a joint stays: the joint ends at its stop."""
+        self._note_positions(targets.position)
         velocity = self._cut(targets.velocity, "velocity", self._max_velocity)
         effort = self._cut(targets.effort, "effort", self._max_effort)
         max_effort = self._cut(targets.max_effort, "effort", self._max_effort)
         if velocity is targets.velocity and effort is targets.effort and max_effort is targets.max_effort:
             return targets
         return replace(targets, velocity=velocity, effort=effort, max_effort=max_effort)
+
+    def _note_positions(self, asked: Mapping[str, float]) -> None:
+        for name, position in asked.items():
+            if name in self._limited and (beyond := beyond_limits(self._joints[name], position)):
+                self._limited.remove(name)
+                self.notes.append(f"{self._who} asked joint '{name}' for a position that it cannot reach: {beyond}")
 
     def _cut(self, asked: Mapping[str, float], reading: Reading, limits: Mapping[str, float]) -> Mapping[str, float]:
         beyond = {name for name, value in asked.items() if abs(value) > limits.get(name, abs(value))}

@@ -48,7 +48,7 @@ class ScriptCommands(CommandSource):
     the file is loaded: every run draws the same.
 
     Motors saturate: an effort, a velocity or a `max_effort` beyond the limit that the model states for a joint is cut
-    to it, and noted. Of a position beyond the limits of a joint, the joint reaches its stop.
+    to it, and noted. Of a position beyond the limits of a joint, the joint reaches its stop, which is noted, too.
 
     The file may import its neighbours. What it prints is kept with the outcome.
     """

@@ -72,6 +72,17 @@ def test_a_joint_is_noted_once_for_each_of_its_limits() -> None:
     ]
 
 
+def test_a_position_beyond_the_limits_of_a_joint_is_noted_once_and_stays() -> None:
+    model = limited()
+    joints = (replace(joint, lower=-1.0, upper=2.0) if joint.name == LEFT else joint for joint in model.joints)
+    motors = Saturation(replace(model, joints=tuple(joints)), "ctl.py")
+    for position in (2.0, -1.5, 3.0):
+        targets = JointTargets(position={LEFT: position, RIGHT: 1e9})
+        assert motors.of(targets) is targets
+    beyond = "-85.94 deg is outside the limits of the joint, -57.3 deg to 114.6 deg"
+    assert motors.notes == [f"ctl.py asked joint 'wheel_left_joint' for a position that it cannot reach: {beyond}"]
+
+
 def test_a_model_without_limits_limits_nothing() -> None:
     targets = JointTargets(effort={LEFT: 1e9}, velocity={LEFT: 1e9}, max_effort={LEFT: 1e9})
     assert Saturation(limited(None, None), "ctl.py").of(targets) is targets

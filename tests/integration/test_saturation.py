@@ -63,6 +63,18 @@ def test_a_velocity_beyond_the_limit_is_the_limit(engine: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("engine", installed())
+@pytest.mark.parametrize("column", ["velocity", "effort"])
+def test_a_log_saturates_as_a_script_does(engine: str, column: str, tmp_path: Path) -> None:
+    scripted = run(tmp_path, engine, f"{column}={{'axle': 50}}")
+    (tmp_path / "log.csv").write_text(f"time,{column}.axle\n0,50\n")
+    loaded = load(tmp_path, SCENARIO.format(engine=engine).replace("script: ctl.py", "replay: log.csv"))
+    replayed = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert replayed.digest == scripted.digest
+    (note,) = (note for note in scripted.notes if "asked joint" in note)
+    assert note.replace("ctl.py", "log.csv") in replayed.notes
+
+
+@pytest.mark.parametrize("engine", installed())
 def test_engines_themselves_would_give_all_that_is_asked(engine: str, tmp_path: Path) -> None:
     """What saturation is for: without it, ten times the effort is ten times the acceleration."""
     run(tmp_path, engine, "")
