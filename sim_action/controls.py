@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Final
 
-from sim_action.command import Answer, Command, JointTargets, commands_of
+from sim_action.command import Command, JointTargets, commands_of
 from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.drives import DriveMotion
 from sim_action.errors import BadSource, RecordingError, ScriptError
@@ -94,23 +95,40 @@ class Controls:
     def _ask(self, step: int, look: Look) -> JointTargets | None:
         """Takes the commands of this tick; returns the joint targets among them."""
         targets: JointTargets | None = None
-        for source, command in self._commands(step, look):
-            if isinstance(command, JointTargets):
-                self._claim(source, set(command.names()))
-                targets = targets.updated_by(command) if targets else command
-                if self._motion and not self._motion.joints.isdisjoint(command.names()):
-                    # A source that turns the wheels by hand takes them over from the drive.
-                    targets, self._twist = self._motion.released.updated_by(targets), None
-            else:
-                self._claim(source, self._wheels())
-                self._twist = command
+        look_once = lru_cache(maxsize=1)(look)
+        for source in self._sources:
+            if step % source.period:
+                continue
+            try:
+                for command in self._commands(source, step, look_once):
+                    targets = self._taken(source, command, targets)
+            except ScriptError as error:
+                error.source, error.time = source.index, step / self._rate
+                raise
         return targets
 
-    def _commands(self, step: int, look: Look) -> Iterator[tuple[_Source, Command]]:
-        for source, answer in self._answers(step, look):
-            commands = commands_of(answer)
-            self._refuse_two_ways(commands)
-            yield from ((source, command) for command in commands)
+    def _taken(self, source: _Source, command: Command, targets: JointTargets | None) -> JointTargets | None:
+        """Makes a command of a source the present one; returns the joint targets of this tick."""
+        if not isinstance(command, JointTargets):
+            self._claim(source, self._wheels())
+            self._twist = command
+            return targets
+        self._claim(source, set(command.names()))
+        targets = targets.updated_by(command) if targets else command
+        if self._motion and not self._motion.joints.isdisjoint(command.names()):
+            # A source that turns the wheels by hand takes them over from the drive.
+            targets, self._twist = self._motion.released.updated_by(targets), None
+        return targets
+
+    def _commands(self, source: _Source, step: int, look: Look) -> tuple[Command, ...]:
+        """What a source says at its tick."""
+        if isinstance(source.controller, OpenLoop):
+            answer = source.controller.command(step / self._rate)
+        else:
+            answer = source.controller.command(look(step))
+        commands = commands_of(answer)
+        self._refuse_two_ways(commands)
+        return commands
 
     def _refuse_two_ways(self, commands: tuple[Command, ...]) -> None:
         """Raises ScriptError for a twist beside targets for the wheels that it turns."""
@@ -119,17 +137,6 @@ class Controls:
         named = {name for command in commands if isinstance(command, JointTargets) for name in command.names()}
         if wheels := self._motion.joints & named:
             raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive turns for a twist; leave out one of them")
-
-    def _answers(self, step: int, look: Look) -> Iterator[tuple[_Source, Answer]]:
-        observation: Observation | None = None
-        for source in self._sources:
-            if step % source.period:
-                continue
-            if isinstance(source.controller, OpenLoop):
-                yield source, source.controller.command(step / self._rate)
-            else:
-                observation = observation or look(step)
-                yield source, source.controller.command(observation)
 
     def _wheels(self) -> frozenset[str]:
         if self._motion is None:
@@ -162,6 +169,9 @@ def _opened(index: int, source: CommandSource, scene: Scene, closing: ExitStack)
         controller = source.open(scene)
     except RecordingError as error:
         raise BadSource(index, error.key, str(error)) from None
+    except ScriptError as error:
+        error.source = index
+        raise
     if isinstance(controller, ClosedLoop):
         closing.callback(controller.close)
     return controller

@@ -151,8 +151,20 @@ class SimulationUnstable(RunError):
 
 
 class ScriptError(RunError):
-    """Code of the user's raised, or answered neither command nor verdict; `details`: its last words."""
+    """Code of the user's raised, or answered neither command nor verdict.
+
+    Attributes:
+        details: its last words, or the way through it that led to the error.
+        source: which of the scenario's commands it is of, by its place; None: of none.
+        time: when that was asked, in s of sim time; None: before the run.
+    """
 
     def __init__(self, message: str, location: Location | None = None, details: str = "") -> None:
         self.details = details
+        self.source: int | None = None
+        self.time: float | None = None
         super().__init__(message, location)
+
+    def __str__(self) -> str:
+        when = "" if self.time is None else f"at {self.time:.6g} s of sim time, "
+        return f"{when}{super().__str__()}"

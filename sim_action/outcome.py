@@ -39,7 +39,7 @@ class Failure(FrozenModel):
     Attributes:
         title: a word or two, such as "invalid scenario" or "SIGSEGV".
         location: what has to be mended, where that is known.
-        details: the last words of the process, for people.
+        details: the last words of the process, or the way through a script that led to its error, for people.
     """
 
     kind: FailureKind

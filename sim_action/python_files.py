@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import ast
-import runpy
+import itertools
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from types import CodeType
 from typing import Any, Final
 
 from sim_action.errors import ScriptError
@@ -21,6 +24,13 @@ ANYTHING: Final = "*"
 
 _MOST_BYTES: Final = 1_000_000
 _MOST_REMEMBERED: Final = 16
+# Of a traceback: a recursion has a thousand.
+_MOST_FRAMES: Final = 10
+_MODULES: Final = (
+    "scripts run in sim-action's own Python, which has numpy and finds the files beside them; "
+    "a controller that needs more is a 'process', with a Python of yours"
+)
+_OURS: Final = str(Path(__file__).parent / "_").removesuffix("_")
 
 
 class ScriptProblem(ValueError):
@@ -97,11 +107,35 @@ def _names_bound_in(body: Sequence[ast.AST]) -> frozenset[str]:
     return frozenset(names)
 
 
-def run_file(path: Path, who: str) -> dict[str, Any]:
-    """What a file leaves behind when it has run; it may import its neighbours. Raises ScriptError."""
+def run_file(path: Path, who: str) -> Mapping[str, Any]:
+    """What a file binds when it has run as a module; it may import its neighbours. Raises ScriptError."""
     sys.path.insert(0, str(path.parent))
-    with told_at(path, who):
-        return runpy.run_path(str(path))
+    name = _module_name(path.stem.replace(".", "_"))
+    spec = spec_from_loader(name, _FromSource(name, str(path)))
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = module_from_spec(spec)
+    try:
+        with told_at(path, who):
+            spec.loader.exec_module(module)
+    except ScriptError:
+        sys.modules.pop(name, None)
+        raise
+    return vars(module)
+
+
+def _module_name(stem: str) -> str:
+    """Its own, by which its classes can be pickled; another, if there is such a module, which it must not replace."""
+    names = itertools.chain((stem,), (f"{stem}_{number}" for number in itertools.count(2)))
+    return next(name for name in names if name not in sys.modules and name not in sys.stdlib_module_names)
+
+
+class _FromSource(SourceFileLoader):
+    """Reads no bytecode, which may be that of an earlier text, and leaves none in the user's folder."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
 
 
 @contextmanager
@@ -117,6 +151,32 @@ def script_error(error: BaseException, path: Path, who: str) -> ScriptError:
     """Says where in the user's file it happened, which is not where our own frames are; `who` raised it."""
     if isinstance(error, SyntaxError) and error.filename:
         return ScriptError(f"SyntaxError: {error.msg}", Location(error.filename, error.lineno))
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _is_machinery(frame.filename)]
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
     what = traceback.format_exception_only(error)[-1].strip()
-    return ScriptError(f"{who} raised {what}", Location(str(path), lines[-1] if lines else None))
+    if isinstance(error, ModuleNotFoundError):
+        what += f"; {_MODULES}"
+    place = Location(str(path), lines[-1] if lines else None)
+    # Without memory, no more is asked for than that takes.
+    details = "" if isinstance(error, MemoryError) else _traceback(frames, path.parent)
+    return ScriptError(f"{who} raised {what}", place, details)
+
+
+def _is_machinery(file: str) -> bool:
+    """Whether a frame is of what runs the user's code, rather than of that."""
+    return file.startswith((_OURS, "<frozen "))
+
+
+def _traceback(frames: list[traceback.FrameSummary], folder: Path) -> str:
+    """The last frames as Python shows them, files seen from a folder; of one alone, the place of the error says all."""
+    if len(frames) < 2:
+        return ""
+    seen = [
+        traceback.FrameSummary(_seen_from(folder, frame.filename), frame.lineno, frame.name, line=frame.line)
+        for frame in frames[-_MOST_FRAMES:]
+    ]
+    return "".join(("Traceback (most recent call last):\n", *traceback.StackSummary.from_list(seen).format())).rstrip()
+
+
+def _seen_from(folder: Path, file: str) -> str:
+    return Path(file).relative_to(folder).as_posix() if Path(file).is_relative_to(folder) else file

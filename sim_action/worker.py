@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NoReturn
 
+from sim_action.commands import COMMANDS
+from sim_action.discovery import file_name
 from sim_action.errors import (
     BadSource,
     BadStart,
@@ -26,14 +28,14 @@ from sim_action.errors import (
     SimulationUnstable,
 )
 from sim_action.loading import build_scene, checked
-from sim_action.location import Problem
+from sim_action.location import Location, Problem
 from sim_action.native_output import redirect_output
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.permissions import Permissions
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.simulation import SimulationRun, simulate
 from sim_action.trace_storage import save_trace
-from sim_action.yaml_document import Document
+from sim_action.yaml_document import Document, KeyPath
 
 _PROGRESS_PERIOD: Final = 0.1
 _RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
@@ -96,8 +98,9 @@ def turn_to(job: Job) -> None:
 
 def run_job(job: Job, progress_descriptor: int) -> None:
     """Runs a scenario in this process, which is the scenario's own, and writes the outcome."""
-    started = time.perf_counter()
-    outcome = _outcome(job, _Progress(progress_descriptor))
+    # A script may go to another folder.
+    started, here = time.perf_counter(), Path.cwd()
+    outcome = _outcome(job, _Progress(progress_descriptor), here)
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
     job.outcome_file.write_text(outcome.model_dump_json(), encoding="utf-8")
 
@@ -136,13 +139,16 @@ class _Progress:
             self._next = float("inf")
 
 
-def _outcome(job: Job, progress: _Progress) -> Outcome:
+def _outcome(job: Job, progress: _Progress, here: Path) -> Outcome:
+    """`here`: the folder that outcomes name files from."""
     scenario = job.loaded.scenario
     try:
         run = _stored_run(job, progress)
     except InvalidScenario as error:
         return _invalid(job, error)
     except (RunError, ModelError) as error:
+        if isinstance(error, ScriptError):
+            error.location = _place_of(error, job.loaded, here)
         if isinstance(error.__context__, MemoryError):
             return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
         return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
@@ -209,9 +215,24 @@ def _simulated(loaded: LoadedScenario, progress: _Progress) -> SimulationRun:
 
 
 def _of_source(document: Document, error: BadSource) -> Problem:
+    return document.problem((*_path_of_source(document, error.index), error.key), str(error))
+
+
+def _path_of_source(document: Document, index: int) -> KeyPath:
     """One source may stand below `commands:` without a list."""
-    listed = ("commands", error.index)
-    return document.problem((*(listed if listed in document.marks else ("commands",)), error.key), str(error))
+    listed = ("commands", index)
+    return listed if listed in document.marks else ("commands",)
+
+
+def _place_of(error: ScriptError, loaded: LoadedScenario, here: Path) -> Location | None:
+    """Where in the user's file it was, seen from a folder if it is below; else the source's line in the scenario."""
+    if (place := error.location) is not None:
+        file = Path(place.file)
+        return replace(place, file=file_name(file.relative_to(here))) if file.is_relative_to(here) else place
+    if error.source is None:
+        return None
+    key = next(key for key in COMMANDS if key in type(loaded.scenario.commands[error.source]).model_fields)
+    return loaded.document.location((*_path_of_source(loaded.document, error.source), key))
 
 
 def _is_open(descriptor: int) -> bool:

@@ -98,10 +98,12 @@ def test_sources_that_move_different_joints_act_at_the_same_time(tmp_path: Path)
 def test_two_sources_for_one_joint_are_an_error_that_names_it(
     sources: tuple[str, ...], joint: str, tmp_path: Path
 ) -> None:
+    found = controls(tmp_path, *sources)
     with pytest.raises(ScriptError) as raised:
-        first(controls(tmp_path, *sources))
+        found.plan(24, 48, look)
+    assert raised.value.source == 1
     assert str(raised.value) == (
-        f"commands[0] and commands[1] both move joint '{joint}'; "
+        f"at 0.1 s of sim time, commands[0] and commands[1] both move joint '{joint}'; "
         "sources that act at the same time move different joints"
     )
 

@@ -28,7 +28,7 @@ def search_path() -> Iterator[None]:
     yield
     sys.path[:] = before
     for name in set(sys.modules) - modules:
-        if name.startswith("neighbour"):
+        if name.startswith(("neighbour", "controller")):
             del sys.modules[name]
 
 

@@ -172,6 +172,24 @@ def test_a_script_error_names_the_users_file_and_line(tmp_path: Path, run: Run) 
     assert (Path(location.file).name, location.line) == ("killer.py", 5)
 
 
+def test_a_script_error_tells_when_it_was_and_how_it_came_there(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also of a script that went to another folder; files are named as those of scenarios are, from the call's."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    before = "import os\nos.chdir(os.path.dirname(__file__))\ndef helper(x):\n    return 1 / x"
+    body = "if observation.time > 0.35:\n    return helper(0)"
+    (outcome,) = run([script(tmp_path / "sub", "killer", body, before=before)], tmp_path)
+    (failure,) = outcome.failures
+    assert failure.message.startswith("at 0.4 s of sim time, the controller raised ZeroDivisionError")
+    assert failure.location is not None
+    assert failure.location.file == "sub/killer.py"
+    named = [line.strip() for line in failure.details.splitlines() if "File" in line]
+    assert [line.split(", ")[0] for line in named] == 2 * ['File "killer.py"']
+    assert [line.split(", ")[2] for line in named] == ["in control", "in helper"]
+
+
 def test_an_error_at_import_names_the_users_line(tmp_path: Path, run: Run) -> None:
     (outcome,) = run([script(tmp_path, "killer", "return None", before="import nowhere_to_be_found")], tmp_path)
     location = outcome.failures[0].location

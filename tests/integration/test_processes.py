@@ -13,6 +13,7 @@ from typing import Final
 import pytest
 
 from sim_action.backends import installed
+from sim_action.location import Location
 from sim_action.outcome import Outcome, Results
 from tests.integration.other_systems import System, variables_of
 
@@ -295,7 +296,12 @@ def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_pa
         (failure,) = outcomes[name].failures
         assert (name, failure.kind) == (name, kind), failure
         assert cause in failure.message
+        if kind == "script":
+            assert failure.message.startswith("at 0.1 s of sim time, the process")
+            assert failure.location == Location(f"{name}.sim.yml", 4, 12)
     (failure,) = outcomes["never reads"].failures
+    assert failure.message.startswith("the process")
+    assert failure.location == Location("never reads.sim.yml", 4, 12)
     assert "gave no answer within 5 s of wall time (start_within); does it flush its output" in failure.message
     assert "KeyError: 'speed'" in outcomes["raises"].failures[0].details
     assert outcomes["raises"].output.startswith("hm\n")
