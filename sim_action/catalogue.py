@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from sim_action import units
 from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.bounds import bounds_text
 from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
 from sim_action.models import BUILT_IN
@@ -83,13 +84,19 @@ def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
     return tuple(sorted(entries, key=lambda entry: entry.default != "required"))
 
 
-def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:  # noqa: PLR0911 - one line a kind of annotation
+def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:
+    """What a value is, and its bounds."""
+    bounds = bounds_text(annotation, metadata)
+    return f"{_kind_of(annotation, metadata)}{bounds and f', {bounds}'}"
+
+
+def _kind_of(annotation: Any, metadata: Iterable[Any]) -> str:  # noqa: PLR0911 - one line a kind of annotation
     for item in metadata:
         if isinstance(item, Quantity):
             return _kind(item.dimensions)
     parts = [part for part in get_args(annotation) if part not in (type(None), ...)]
     if hasattr(annotation, "__metadata__"):
-        return _takes(parts[0], annotation.__metadata__)
+        return _kind_of(parts[0], annotation.__metadata__)
     if get_origin(annotation) is Literal:
         return " or ".join(str(part) for part in parts)
     if get_origin(annotation) is tuple:

@@ -46,7 +46,7 @@ class ContactReading:
 
     def columns(self) -> Mapping[str, Any]:
         """See Reading.columns."""
-        return {"touching": float(self.touching), "force": self.force}
+        return {"touching": float(self.touching), "force": float(self.force)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,11 +140,22 @@ class LidarScan:
         return self.angle_min + self.angle_increment * np.arange(len(self.ranges), dtype=np.float64)
 
     def nearest(self, start_angle: float, end_angle: float) -> float:
-        """The shortest range in m from one angle counter-clockwise to the other, in rad; inf: nothing is there."""
+        """The shortest range in m from one angle counter-clockwise to the other, in rad; inf: nothing is there.
+
+        `nearest(1.0, 0.5)` looks round the back. Between rays, the nearest ray counts; where the sensor does not look
+        at all, the answer is inf.
+        """
+        import numpy as np
+
         width = end_angle - start_angle
         if width < 0:
             width %= _FULL_CIRCLE
-        within = (self.angles - start_angle + _ANGLE_EPSILON) % _FULL_CIRCLE <= width + 2 * _ANGLE_EPSILON
+        past = (self.angles - start_angle + _ANGLE_EPSILON) % _FULL_CIRCLE
+        within = past <= width + 2 * _ANGLE_EPSILON
+        if not within.any() and width < self.angle_increment:
+            # How far each ray is before the one angle or past the other.
+            beside = np.minimum(past - width, _FULL_CIRCLE - past)
+            within = beside <= min(self.angle_increment, beside.min() + 4 * _ANGLE_EPSILON)
         return float(self.ranges[within].min(initial=math.inf))
 
     def columns(self) -> Mapping[str, Any]:

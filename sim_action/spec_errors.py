@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from sim_action.bounds import bound_text, unit_of
 from sim_action.messages import did_you_mean, shown
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
+_BOUNDS = ("gt", "ge", "lt", "le")
 _EXPECTED = {
     "model_type": "a map of keys",
     "model_attributes_type": "a map of keys",
@@ -25,9 +27,10 @@ _EXPECTED = {
 
 _SENTENCES = {
     "literal_error": "expected {expected}, found {found}",
-    "greater_than": "must be greater than {gt:g}, found {found}",
-    "greater_than_equal": "must be at least {ge:g}, found {found}",
-    "less_than_equal": "must be at most {le:g}, found {found}",
+    "greater_than": "must be greater than {gt}, found {found}",
+    "greater_than_equal": "must be at least {ge}, found {found}",
+    "less_than": "must be less than {lt}, found {found}",
+    "less_than_equal": "must be at most {le}, found {found}",
     "too_long": "expected a list of {max_length}, found {found}",
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
@@ -62,16 +65,34 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object) -> s
     if kind == "extra_forbidden":
         return f"unknown key{did_you_mean(str(key), _keys_at(model, details['loc'][:-1]))}"
     if kind in _SENTENCES:
-        return _SENTENCES[kind].format(found=shown(value), **details.get("ctx", {}))
+        return _SENTENCES[kind].format(found=shown(value), **_context(model, details))
     if kind in _EXPECTED:
         return f"expected {_EXPECTED[kind]}, found {shown(value)}{_hint(kind, value)}"
     return details["msg"].removeprefix("Value error, ")
+
+
+def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
+    """What a sentence names, bounds with the unit of the key."""
+    unit = _unit_at(model, details["loc"])
+    named = details.get("ctx", {})
+    return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
 
 
 def _hint(kind: str, value: object) -> str:
     if kind == "string_type" and isinstance(value, (bool, int, float)):
         return "; put it in quotes"
     return "; begin each entry of a list with '- '" if kind == "tuple_type" and isinstance(value, dict) else ""
+
+
+def _unit_at(model: type[BaseModel], path: tuple[str | int, ...]) -> str:
+    at: Any = model
+    unit = ""
+    for step in path:
+        fields = {field.alias or name: field for name, field in _fields(at).items()}
+        if isinstance(step, str) and step in fields:
+            at = fields[step].annotation
+            unit = unit_of(at, fields[step].metadata)
+    return unit
 
 
 def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 import pytest
 from pydantic import Field, ValidationError
 
-from sim_action.quantities import FrozenModel, Name, NonNegativeSeconds, PositiveMetres
+from sim_action.quantities import FrozenModel, Metres, Name, NonNegativeSeconds, PositiveMetres, PositiveRadians
 from sim_action.spec_errors import spec_errors
 
 
@@ -24,6 +25,8 @@ class Spec(FrozenModel):
     pair: tuple[PositiveMetres, PositiveMetres] | None = None
     named: dict[str, PositiveMetres] = {}  # noqa: RUF012 - pydantic copies it
     count: Annotated[int, Field(ge=1, le=9)] = 1
+    angle: Annotated[PositiveRadians, Field(le=math.radians(170))] = 1.0
+    near: Annotated[Metres, Field(ge=0.001, lt=10_000)] = 1.0
     flag: bool = False
     some: Annotated[tuple[str, ...], Field(min_length=1)] = ("a",)
 
@@ -34,7 +37,7 @@ def findings(**data: Any) -> list[tuple[str, str]]:
     return [(".".join(map(str, path)), message) for path, message in spec_errors(Spec, written, raised.value)]
 
 
-ALLOWED = "(allowed: count, flag, inner, kind, many, name, named, pair, some)"
+ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, pair, some)"
 
 
 @pytest.mark.parametrize(
@@ -60,6 +63,9 @@ ALLOWED = "(allowed: count, flag, inner, kind, many, name, named, pair, some)"
         ({"inner": {"size": "-1 cm"}}, "inner.size", "must be greater than 0, found '-1 cm'"),
         ({"count": 0}, "count", "must be at least 1, found 0"),
         ({"count": 10}, "count", "must be at most 9, found 10"),
+        ({"angle": "180 deg"}, "angle", "must be at most 170 deg, found '180 deg'"),
+        ({"near": 0}, "near", "must be at least 0.001 m, found 0"),
+        ({"near": "10 km"}, "near", "must be less than 10,000 m, found '10 km'"),
         ({"count": "1"}, "count", "expected a whole number, found '1'"),
         ({"flag": "on"}, "flag", "expected true or false, found 'on'"),
         ({"pair": (1,)}, "pair.1", "the list ends before entry 2"),

@@ -34,8 +34,9 @@ class Lidar(Sensor):
     A reading is a scan as in ROS (sensor_msgs/LaserScan): `angle_min`, `angle_increment`, `range_min`, `range_max`, and
     `ranges`, an array in m. As REP 117 has it, inf says that nothing is in range, -inf that something is nearer than
     `min_range`; a controller in another process gets null for the first, and 0 for the second.
-    `scan.nearest(start_angle, end_angle)` is the shortest range between two angles. What the sensor itself is inside
-    of, it does not see.
+    `scan.nearest(start_angle, end_angle)` is the shortest range from one angle counter-clockwise to another (so that
+    `nearest(1, 0.5)` looks round the back); if both lie between two rays, the nearer ray counts. What the sensor itself
+    is inside of, it does not see.
     """
 
     key: ClassVar[str] = "lidar"

@@ -53,7 +53,7 @@ def test_figures_may_have_units_and_may_be_left_out(tmp_path: Path) -> None:
         ("[{x: 1}]", "", "4:15: commands.waypoints.0.y: the key 'y' is missing"),
         ("[{x: 1, y: 2, z: 3}]", "", "waypoints.0.z: unknown key"),
         ("[{x: 1, y: .inf}]", "", "expected a finite length such as '1 m'"),
-        ("[{x: 1, y: 1e7}]", "", "waypoints.0.y: must be at most 1e+06"),
+        ("[{x: 1, y: 1e7}]", "", "waypoints.0.y: must be at most 1,000,000 m"),
         ("[[1, 2]]", "", "waypoints.0: expected a map of keys"),
         ("[{x: 1, y: 2}, {x: 3, y: 2}, {x: 300 cm, y: 2}]", "", "waypoints.2: the same point as the one before"),
         ("[{x: 1, y: 2}]", "lookahead: 0 m", "lookahead: must be greater than 0"),
