@@ -15,6 +15,7 @@ from typing import Final, Literal
 
 from pydantic import ValidationError
 
+from sim_action import units
 from sim_action.isolation.child import Child
 from sim_action.native_output import split_output
 from sim_action.outcome import Failure, FailureKind, Outcome
@@ -127,7 +128,7 @@ def _cause(child: Child, ending: Ending, output: str) -> tuple[FailureKind, str,
         limit = f"no verdict after {scenario.wall_seconds:g} s of wall time (wall_limit)"
         return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child), 'too low a limit'))}"
     if ending == "output limit":
-        printed = f"more than {scenario.output_bytes / 1e6:.4g} MB were printed"
+        printed = f"more than {units.display(scenario.output_bytes, 'B')} were printed"
         return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
     if (by := _signal_name(ending)) is None:
         hint = "; has its script called os._exit()?" if scenario.runs_user_code else ""

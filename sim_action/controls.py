@@ -49,6 +49,7 @@ class Controls:
         self._motion = motion
         self._twist: Twist | None = None
         self._owners: dict[str, _Source] = {}
+        self._driver: _Source | None = None
         scenes = _seen_by(scenario.commands, scene)
         with ExitStack() as closing:
             self._sources = [
@@ -110,7 +111,7 @@ class Controls:
     def _taken(self, source: _Source, command: Command, targets: JointTargets | None) -> JointTargets | None:
         """Makes a command of a source the present one; returns the joint targets of this tick."""
         if not isinstance(command, JointTargets):
-            self._claim(source, self._wheels())
+            self._drive(source)
             self._twist = command
             return targets
         self._claim(source, set(command.names()))
@@ -138,10 +139,15 @@ class Controls:
         if wheels := self._motion.joints & named:
             raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive turns for a twist; leave out one of them")
 
-    def _wheels(self) -> frozenset[str]:
+    def _drive(self, source: _Source) -> None:
+        """Makes the base the source's own, and its wheels. Raises ScriptError."""
         if self._motion is None:
             raise ScriptError(NO_WHEELS)
-        return self._motion.joints
+        driver = self._driver = self._driver or source
+        if driver is not source:
+            first, second = sorted((driver.index, source.index))
+            raise ScriptError(f"commands.{first} and commands.{second} both drive the base; one source at a time does")
+        self._claim(source, self._motion.joints)
 
     def _claim(self, source: _Source, joints: set[str] | frozenset[str]) -> None:
         """Makes the joints the source's own. Raises ScriptError if another moves one of them."""
@@ -152,7 +158,7 @@ class Controls:
             if owner is not source:
                 first, second = sorted((owner.index, source.index))
                 raise ScriptError(
-                    f"commands[{first}] and commands[{second}] both move joint '{joint}'; "
+                    f"commands.{first} and commands.{second} both move joint '{joint}'; "
                     "sources that act at the same time move different joints"
                 )
         source.moved.update(joints)

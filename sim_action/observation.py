@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, overload
+from typing import NamedTuple, NoReturn, TypeVar, overload
 
 from sim_action.geometry import Pose, Twist, Vector3
+from sim_action.messages import did_you_mean
 from sim_action.readings import Reading
+
+_Thing = TypeVar("_Thing")
 
 
 class JointState(NamedTuple):
@@ -16,6 +19,15 @@ class JointState(NamedTuple):
     position: float
     velocity: float
     effort: float
+
+
+class ByName(dict[str, _Thing]):
+    """Things of one kind; asked for a name that there is not, it says which there are."""
+
+    __slots__ = ()
+
+    def __missing__(self, name: object) -> NoReturn:
+        raise KeyError(f"there is no {name!r}{did_you_mean(str(name), self)}")
 
 
 class Contact(NamedTuple):
@@ -115,4 +127,4 @@ class Observation:
     twist: Twist
     joints: Mapping[str, JointState]
     contacts: Sequence[Contact] = ()
-    sensors: Mapping[str, Reading] = field(default_factory=dict)
+    sensors: Mapping[str, Reading] = field(default_factory=ByName)

@@ -53,10 +53,11 @@ class Script:
 
     Attributes:
         names: what it defines, imports or assigns outside its functions and classes, also in an `if` or a `try`.
-        classes: those that it defines for themselves.
+        functions, classes: those that it defines itself, at its outermost level.
     """
 
     names: frozenset[str]
+    functions: frozenset[str]
     classes: tuple[ScriptClass, ...]
 
 
@@ -84,7 +85,8 @@ def _parsed(source: bytes) -> Script | str:
     except (ValueError, RecursionError, MemoryError) as error:
         return f": not valid Python: {error}"
     classes = (_class_of(node) for node in tree.body if isinstance(node, ast.ClassDef))
-    return Script(_names_bound_in(tree.body), tuple(classes))
+    functions = frozenset(node.name for node in tree.body if isinstance(node, ast.FunctionDef))
+    return Script(_names_bound_in(tree.body), functions, tuple(classes))
 
 
 def _class_of(node: ast.ClassDef) -> ScriptClass:

@@ -185,13 +185,23 @@ def source_problems(scenario: Scenario, scene: Scene, command_paths: Sequence[Ke
     """Sources that would move the same joint at the same time, as far as is known before they run."""
     wheels = _wheels(scenario, scene.model)
     owners: dict[str, KeyPath] = {}
+    driver: KeyPath | None = None
     for path, source in zip(command_paths, scenario.commands, strict=True):
+        if source.gives_twists(scene):
+            if driver is not None:
+                yield path, f"{_dotted(driver)} drives the base already; one source at a time does"
+                continue
+            driver = path
         moved = source.joints(scene) | (wheels if source.gives_twists(scene) else frozenset())
         for joint in sorted(moved):
             if (owner := owners.setdefault(joint, path)) is not path:
-                message = f"joint '{joint}' is moved by {owner[0]}[{owner[1]}] already"
+                message = f"joint '{joint}' is moved by {_dotted(owner)} already"
                 yield path, f"{message}; sources that act at the same time move different joints"
                 break
+
+
+def _dotted(path: KeyPath) -> str:
+    return ".".join(map(str, path))
 
 
 def _wheels(scenario: Scenario, model: RobotModel) -> frozenset[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from sim_action.backends import Backend
 from sim_action.drives import recognise
-from sim_action.observation import Observation
+from sim_action.observation import ByName, Observation
 from sim_action.readings import Reading
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
@@ -54,7 +54,7 @@ class Sensing:
     def look(self, step: int) -> Observation:
         """The present, with the latest reading of each sensor."""
         observation = self._backend.observe(step, contacts=self._contacts)
-        return replace(observation, sensors=dict(self._readings)) if self._readings else observation
+        return replace(observation, sensors=ByName(self._readings)) if self._readings else observation
 
     def next_tick(self, step: int, end: int) -> int:
         """The first step after this one at which a sensor is read, or `end` if that is earlier."""

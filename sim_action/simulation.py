@@ -27,6 +27,8 @@ from sim_action.trace import Trace
 from sim_action.verdict import Verdict
 from sim_action.watchdog import Watchdog
 
+BOLTED: Final = "the base is fixed: twists turn the wheels, and the robot stays where it is"
+
 Progress = Callable[[float], None]
 """Told the sim time in s as the run goes on."""
 
@@ -90,6 +92,8 @@ def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Itera
         drive = stated or recognise(scene.model)
     if drive is not None:
         yield ("" if stated else "recognised: ") + drive.describe(scene.model)
+        if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
+            yield BOLTED
 
 
 class _Loop:

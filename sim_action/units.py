@@ -14,6 +14,7 @@ from typing import Final
 from sim_action.messages import shown
 
 _DEGREE: Final = math.pi / 180
+_BYTES: Final = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 # No two floats look the same with as many; one more, as those with an exponent are shown with one less.
 _ALL_DIGITS: Final = 18
 
@@ -98,6 +99,9 @@ def display(value: float, unit: str, digits: int = 4) -> str:
     value += 0.0  # not "-0 m"
     if unit in ("rad", "rad/s"):
         value, unit = value / _DEGREE, unit.replace("rad", "deg")
+    if unit == "B":
+        factor, unit = next(((factor, name) for factor, name in _BYTES if abs(value) >= factor), (1.0, unit))
+        value /= factor
     if unit == "contacts" and abs(value) == 1:
         unit = "contact"
     digits -= not 1e-3 <= abs(value) < 1e6  # the exponent takes room

@@ -103,7 +103,7 @@ def test_two_sources_for_one_joint_are_an_error_that_names_it(
         found.plan(24, 48, look)
     assert raised.value.source == 1
     assert str(raised.value) == (
-        f"at 0.1 s of sim time, commands[0] and commands[1] both move joint '{joint}'; "
+        f"at 0.1 s of sim time, commands.0 and commands.1 both move joint '{joint}'; "
         "sources that act at the same time move different joints"
     )
 
@@ -161,10 +161,21 @@ def test_a_drive_whose_wheels_are_taken_over_lets_the_base_go(tmp_path: Path) ->
 
 def test_what_is_known_before_is_told_on_its_line(tmp_path: Path) -> None:
     (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", "{twist: [{linear: 2}]}"))
+    assert problem == ("6:5: commands.1: commands.0 drives the base already; one source at a time does")
+
+
+def test_a_joint_that_another_moves_is_told_on_its_line(tmp_path: Path) -> None:
+    joint = "joints: [{at: 0, position: {wheel_left_joint: 1}}]"
+    (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", f"{{{joint}}}"))
     assert problem == (
-        "6:5: commands.1: joint 'wheel_left_joint' is moved by commands[0] already; "
+        "6:5: commands.1: joint 'wheel_left_joint' is moved by commands.0 already; "
         "sources that act at the same time move different joints"
     )
+
+
+def test_two_controllers_that_drive_the_base_are_told_so(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError, match=r"commands\.0 and commands\.1 both drive the base"):
+        first(controls(tmp_path, script("both_ways"), script("twist_and_nothing")))
 
 
 def test_a_twist_takes_wheels_that_are_known(tmp_path: Path) -> None:

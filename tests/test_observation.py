@@ -5,7 +5,9 @@ from __future__ import annotations
 import copy
 import pickle
 
-from sim_action.observation import Contact, PresentContacts
+import pytest
+
+from sim_action.observation import ByName, Contact, PresentContacts
 
 TOUCHES = tuple(Contact(0.1, "link", body, (0.0, 0.0, 0.0), 1.0) for body in ("ground", "wall"))
 
@@ -30,3 +32,13 @@ def test_a_copy_has_what_they_were() -> None:
     for copied in (copy.copy(present), copy.deepcopy(present), pickle.loads(pickle.dumps(present))):
         assert type(copied) is tuple
         assert copied == TOUCHES
+
+
+def test_a_name_that_there_is_not_is_told_with_those_that_there_are() -> None:
+    found = ByName({"lidar": 1, "imu": 2})
+    assert (found["imu"], found.get("scan"), "scan" in found, dict(found)) == (2, None, False, {"lidar": 1, "imu": 2})
+    with pytest.raises(KeyError, match=r"there is no 'lidr'; did you mean 'lidar'\? \(allowed: imu, lidar\)"):
+        found["lidr"]
+    with pytest.raises(KeyError, match=r"there is no 'scan' \(allowed: none\)"):
+        ByName[int]()["scan"]
+    assert pickle.loads(pickle.dumps(found)) == found

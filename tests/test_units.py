@@ -131,6 +131,10 @@ def test_anything_is_a_finite_float_or_a_unit_error(value: object) -> None:
         (3.0, "", "3"),
         (1234567.0, "N", "1.23e+06 N"),
         (math.inf, "m", "inf m"),
+        (10e3, "B", "10 kB"),
+        (1.5e6, "B", "1.5 MB"),
+        (4e9, "B", "4 GB"),
+        (12, "B", "12 B"),
     ],
 )
 def test_values_are_displayed_as_people_read_them(value: float, unit: str, text: str) -> None:

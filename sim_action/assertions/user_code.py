@@ -82,7 +82,7 @@ class UserAssertion(Assertion):
     def file_problems(self, workspace: Workspace) -> SpecProblems:
         """A file that is not there, is no Python, or has no such class. Reads it; does not run it."""
         try:
-            names = read_script(workspace.file(self.file)).names
+            script = read_script(workspace.file(self.file))
         except PathError as error:
             yield (), str(error)
         except OSError as error:
@@ -90,8 +90,9 @@ class UserAssertion(Assertion):
         except ScriptProblem as error:
             yield (), f"{self.file}{error}"
         else:
-            if self.class_name not in names and ANYTHING not in names:
-                yield (), f"{self.file} defines no class '{self.class_name}'{did_you_mean(self.class_name, names)}"
+            if self.class_name not in script.names and ANYTHING not in script.names:
+                hint = did_you_mean(self.class_name, [found.name for found in script.classes] or script.names)
+                yield (), f"{self.file} defines no class '{self.class_name}'{hint}"
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor. Raises ScriptError."""

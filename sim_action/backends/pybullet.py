@@ -40,7 +40,7 @@ from sim_action.channels import Channels
 from sim_action.command import BasePush, JointTargets
 from sim_action.errors import EngineError
 from sim_action.geometry import Pose, Twist, Vector3
-from sim_action.observation import Clash, Contact, JointState, Observation, Overlap
+from sim_action.observation import ByName, Clash, Contact, JointState, Observation, Overlap
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 from sim_action.world import GROUND
@@ -127,7 +127,7 @@ class PyBulletBackend:
             time=time,
             pose=pose,
             twist=twist,
-            joints=dict(zip(self._joint_names, states, strict=True)),
+            joints=ByName(zip(self._joint_names, states, strict=True)),
             contacts=self._glance.at(lambda: self._contacts(step, ground=True)) if contacts else (),
         )
 

@@ -23,9 +23,10 @@ class LastWords:
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
-    def text(self) -> str:
-        """The last lines that were written, after the program is gone."""
-        self._thread.join(_PATIENCE)
+    def text(self, *, is_over: bool) -> str:
+        """The last lines that were written; all of them, if the program is gone."""
+        if is_over:
+            self._thread.join(_PATIENCE)
         lines = self._end.decode("utf-8", errors="replace").strip().splitlines()
         return "\n".join(lines[-_MOST_LINES:])
 

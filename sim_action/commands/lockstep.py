@@ -6,6 +6,7 @@ a time limit. What decides is the order of lines alone; how long an answer takes
 
 from __future__ import annotations
 
+import errno
 import os
 import queue
 import signal
@@ -129,7 +130,7 @@ class Lockstep:
                 process_group=0 if sys.platform == "linux" else None,
             )
         except OSError as error:
-            hint = "; does its first line name what runs it?" if "format" in str(error.strerror).lower() else ""
+            hint = _hint(error, Path(arguments[0]))
             raise ScriptError(f"the process '{self._name}' cannot be started: {error.strerror}{hint}") from None
 
     def _write(self) -> None:
@@ -194,8 +195,10 @@ class Lockstep:
 
     def _error(self, what: str, *, with_words: bool = True) -> ScriptError:
         """The last line of its standard error is often the cause; all that is kept goes with it."""
-        words = self._words.text() if with_words and self._process.poll() is not None else ""
-        said = f"; the last that it said: {escaped_line(words.splitlines()[-1])}" if words else ""
+        is_over = self._process.poll() is not None
+        words = self._words.text(is_over=is_over)
+        is_cause = with_words and is_over and words
+        said = f"; the last that it said: {escaped_line(words.splitlines()[-1])}" if is_cause else ""
         return ScriptError(f"the process '{self._name}' {what}{said}", details=words)
 
     def _kill(self) -> None:
@@ -210,3 +213,14 @@ class Lockstep:
 
 def _text(line: bytes) -> str:
     return shown(line.decode("utf-8", errors="replace"))
+
+
+def _hint(error: OSError, program: Path) -> str:
+    """What may be the cause if a program that is there cannot be started."""
+    if error.errno == errno.ENOEXEC:
+        return "; does its first line name what runs it?"
+    if error.errno != errno.ENOENT or not program.is_file():
+        return ""
+    with program.open("rb") as file:
+        first = file.readline(_MOST_NAME).decode("utf-8", errors="replace").rstrip("\n")
+    return f": it is there, but not what its first line names, {shown(first)}" if first.startswith("#!") else ""

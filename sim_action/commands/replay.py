@@ -37,7 +37,7 @@ class ReplayCommands(CommandSource):
     effort, the first that is given is followed; beyond the limits that the model states, they are taken as those of
     scripts are, and noted.
 
-    ROS logs need `pip install 'sim-action[rosbags]'`, and in a workflow the input `extras: rosbags`.
+    ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """
 
     replay: Annotated[str, Field(min_length=1, description="path of the log: .csv, .bag, .db3, .mcap, or a folder")]

@@ -84,7 +84,8 @@ class ScriptCommands(CommandSource):
             yield ("script",), f"{self.script}{error}"
         else:
             try:
-                name = controller_name(script.names, self.function, self.class_name)
+                classes = [found.name for found in script.classes]
+                name = controller_name(script.names, self.function, self.class_name, (script.functions, classes))
             except ScriptProblem as error:
                 yield (self._key,), f"{self.script}{error}"
                 return

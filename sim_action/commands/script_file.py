@@ -12,14 +12,24 @@ FUNCTION: Final = "control"
 CLASS: Final = "Controller"
 
 
-def controller_name(names: Collection[str], function: str | None, class_name: str | None) -> str:
+def controller_name(
+    names: Collection[str],
+    function: str | None,
+    class_name: str | None,
+    defined: tuple[Collection[str], Collection[str]] = ((), ()),
+) -> str:
     """Which of the names that a script binds is its controller. Raises ScriptProblem.
 
     `function` and `class_name` are what the scenario says; neither: a class `Controller`, or a function `control`.
+    `defined`: which of the names are functions, and which classes, as far as that is plain.
     """
-    if (stated := function or class_name) is not None:
-        _must_have(names, stated, f"no {'function' if function else 'class'} '{stated}'")
-        return stated
+    functions, classes = defined
+    if function is not None:
+        _must_have(names, function, f"no function '{function}'", functions)
+        return function
+    if class_name is not None:
+        _must_have(names, class_name, f"no class '{class_name}'", classes)
+        return class_name
     if CLASS in names and FUNCTION in names:
         raise ScriptProblem(
             f" defines both a class '{CLASS}' and a function '{FUNCTION}'; "
@@ -27,13 +37,13 @@ def controller_name(names: Collection[str], function: str | None, class_name: st
         )
     if CLASS in names:
         return CLASS
-    _must_have(names, FUNCTION, f"no function '{FUNCTION}' and no class '{CLASS}'")
+    _must_have(names, FUNCTION, f"no function '{FUNCTION}' and no class '{CLASS}'", {*functions, *classes})
     return FUNCTION
 
 
-def _must_have(names: Collection[str], name: str, missing: str) -> None:
+def _must_have(names: Collection[str], name: str, missing: str, likely: Collection[str]) -> None:
     if name not in names and ANYTHING not in names:
-        raise ScriptProblem(f" defines {missing}{did_you_mean(name, names)}")
+        raise ScriptProblem(f" defines {missing}{did_you_mean(name, likely or names)}")
 
 
 def class_problem(script: Script, name: str) -> str | None:

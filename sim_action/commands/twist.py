@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from itertools import accumulate
-from typing import Annotated, ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from sim_action.command import Command
 from sim_action.commands import CommandSource, Controller, OpenLoop
@@ -43,14 +43,12 @@ class TwistCommands(CommandSource):
 
     twist: Annotated[tuple[TwistSegment, ...], Field(min_length=1)]
 
-    @model_validator(mode="after")
-    def _only_the_last_is_open(self) -> Self:
-        if any(segment.duration is None for segment in self.twist[:-1]):
-            raise ValueError("only the last segment may leave out 'for'")
-        return self
-
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """Segments so short that they are over before there is a tick to command them."""
+        """Segments that never end before others, and those that are over before there is a tick to command them."""
+        endless = [index for index, segment in enumerate(self.twist[:-1]) if segment.duration is None]
+        if endless:
+            yield from ((("twist", index), "only the last segment may leave out 'for'") for index in endless)
+            return
         start = 0.0
         for index, (segment, end) in enumerate(zip(self.twist, self._ends, strict=True)):
             first_tick = math.ceil((start - _ROUNDING) * self.rate) / self.rate

@@ -29,7 +29,7 @@ _MOST_METADATA: Final = 10_000_000
 _NOT_IN_PATHS: Final = ("?", "#", "%")
 FILES: Final = (".bag", ".db3", ".mcap")
 INSTALLING: Final = (
-    "logs of ROS are read by the package rosbags, which is not installed here: pip install 'sim-action[rosbags]', or "
+    "logs of ROS are read by the package rosbags, which is not installed here: pip install '.[rosbags]', or "
     "in a workflow the input 'extras: rosbags'"
 )
 

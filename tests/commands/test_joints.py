@@ -295,4 +295,4 @@ expect: [upright]
 time_limit: 9 s
 """,
     )
-    assert found.startswith("5:5: commands.1: joint 'elbow' is moved by commands[0] already")
+    assert found.startswith("5:5: commands.1: joint 'elbow' is moved by commands.0 already")

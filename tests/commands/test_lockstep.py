@@ -195,6 +195,14 @@ def test_what_it_answers_is_quoted_without_what_acts_on_a_terminal(tmp_path: Pat
     assert str(error) == "the process 'ctl' answered '\\x1b[31m\ufffd': it is not JSON"
 
 
+def test_what_a_silent_program_says_elsewhere_goes_with_the_error(tmp_path: Path) -> None:
+    text = "print('waiting for a robot', file=sys.stderr, flush=True)\ninput(); print(flush=True); input(); input()"
+    error = refusal(text, tmp_path, Patience(1.0, "answer_within"))
+    assert "gave no answer within" in str(error)
+    assert "waiting" not in str(error)
+    assert error.details == "waiting for a robot"
+
+
 def test_no_thread_is_left_of_it(tmp_path: Path) -> None:
     before = set(threading.enumerate())
     with running(ECHO, tmp_path) as lockstep:
@@ -210,6 +218,9 @@ def test_a_program_that_cannot_be_started_is_told(tmp_path: Path) -> None:
     broken.write_bytes(b"\x00\x01 no program")
     broken.chmod(0o700)
     with pytest.raises(ScriptError, match=r"'ctl' cannot be started: Exec format error; does its first line name"):
+        Lockstep([str(broken)], tmp_path, "ctl")
+    broken.write_text("#!/no/such/python\nprint()\n")
+    with pytest.raises(ScriptError, match=r"No such file .*: it is there, but not .* names, '#!/no/such/python'"):
         Lockstep([str(broken)], tmp_path, "ctl")
     with pytest.raises(ScriptError, match=r"'x{57}\.\.\.' cannot be started: No such file"):
         Lockstep([str(tmp_path / "absent")], tmp_path, "x" * 100)

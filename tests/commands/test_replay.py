@@ -203,7 +203,7 @@ def test_without_rosbags_loading_says_what_to_install(tmp_path: Path, monkeypatc
     )
     (tmp_path / "a.bag").write_bytes(b"not read")
     _, found = told_at(tmp_path, scenario(replay="a.bag", topic="/cmd_vel"))
-    assert "pip install 'sim-action[rosbags]'" in found
+    assert "pip install '.[rosbags]'" in found
     assert "extras: rosbags" in found
 
 
@@ -231,7 +231,7 @@ def test_a_log_and_twists_for_the_same_wheels_are_an_error_at_load(tmp_path: Pat
     (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
     text = LEAST.replace(TWIST, "commands:\n  - replay: wheels.csv\n  - twist: [{linear: 1.0}]\n")
     _, found = told_at(tmp_path, text)
-    assert "joint 'wheel_left_joint' is moved by commands[0] already" in found
+    assert "joint 'wheel_left_joint' is moved by commands.0 already" in found
 
 
 def test_which_source_cannot_be_opened_is_told(tmp_path: Path) -> None:

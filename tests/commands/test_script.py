@@ -115,6 +115,20 @@ def test_a_file_that_is_no_text_is_a_problem(tmp_path: Path) -> None:
     assert "not valid Python" in message
 
 
+@pytest.mark.parametrize(
+    ("named", "hint"),
+    [
+        ({"function": "contrl"}, "no function 'contrl'; did you mean 'control'? (allowed: control, helper)"),
+        ({"class": "Controler"}, "no class 'Controler'; did you mean 'Controller'? (allowed: Controller)"),
+        ({"class": "drive"}, "no class 'drive' (allowed: Controller)"),
+    ],
+)
+def test_what_is_suggested_is_of_the_kind_that_was_asked_for(named: dict[str, str], hint: str, tmp_path: Path) -> None:
+    written(tmp_path, GOOD + "def helper(): ...\nclass Controller: ...\n")
+    ((_, message),) = problems(tmp_path, ScriptCommands.model_validate({"script": "controller.py", **named}))
+    assert message == f"controller.py defines {hint}"
+
+
 def test_a_wrong_function_is_told_where_it_is_named(tmp_path: Path) -> None:
     written(tmp_path, GOOD)
     ((path, message),) = problems(tmp_path, ScriptCommands(script="controller.py", function="drive"))

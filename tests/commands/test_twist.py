@@ -62,7 +62,6 @@ def test_a_tick_on_a_segments_end_belongs_to_the_next_whatever_the_rounding() ->
     ("data", "message"),
     [
         ({"twist": ()}, "at least 1 item"),
-        ({"twist": ({"linear": 1}, {"linear": 2})}, "only the last segment may leave out 'for'"),
         ({"twist": ({"for": 0},)}, "greater than 0"),
         ({"twist": ({"for": "-1 s"},)}, "greater than 0"),
         ({"twist": ({"duration": 1},)}, "Extra inputs"),
@@ -99,6 +98,11 @@ def test_a_segment_that_no_tick_falls_into_is_told_with_what_helps(
     for (_, message), (_, start, end, period, remedy) in zip(found, told, strict=True):
         assert message.startswith(f"no tick falls between {start} and {end}, so it would be left out; ")
         assert message.endswith(f"{period} apart (rate: {rate:g} Hz): make it that long, or rate: {remedy}")
+
+
+def test_a_segment_that_never_ends_is_the_last(tmp_path: Path) -> None:
+    found = spec({"linear": 1, "for": 1}, {"linear": 1}, {"linear": 2}).problems(Workspace(tmp_path, tmp_path))
+    assert list(found) == [(("twist", 1), "only the last segment may leave out 'for'")]
 
 
 @given(st.lists(st.floats(0.001, 0.5), min_size=1, max_size=8))

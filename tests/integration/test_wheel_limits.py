@@ -11,7 +11,7 @@ import pytest
 
 from sim_action.backends import installed
 from sim_action.loading import build_scene
-from sim_action.simulation import SimulationRun, simulate
+from sim_action.simulation import BOLTED, SimulationRun, simulate
 from tests.scenarios import load
 
 DRIVES: Final = Path(__file__).parents[2] / "examples/drives"
@@ -59,3 +59,15 @@ def test_a_twist_beyond_the_limits_is_the_fastest_within_them_on_the_same_curve(
     assert not any("a twist asked joint" in note for note in within.notes)
     assert fast.trace.base_position_xyz[-1] == pytest.approx(within.trace.base_position_xyz[-1], abs=0.02)
     assert fast.trace.yaw[-1] == pytest.approx(within.trace.yaw[-1], abs=0.01)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_twist_for_a_robot_that_is_bolted_down_is_noted(engine: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_bytes((DRIVES / "rover.urdf").read_bytes())
+    text = SCENARIO.format(drive=", base: fixed", linear=0.1, angular=0, engine=engine)
+    text = text.replace("[{travel: {at_least: 1 mm}}]", "[upright]").replace("4 s", "0.2 s")
+    loaded = load(tmp_path, text)
+    bolted = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    assert BOLTED in bolted.notes
+    loaded = load(tmp_path, text.replace("base: fixed", "base: free"))
+    assert BOLTED not in simulate(loaded.scenario, build_scene(loaded), lambda _: None).notes

@@ -10,7 +10,7 @@ import numpy as np
 from sim_action import geometry
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.geometry import Pose, Twist
-from sim_action.observation import JointState
+from sim_action.observation import ByName, JointState
 from sim_action.trace import FloatArray
 
 
@@ -78,7 +78,7 @@ class States:
         Number by number, since arrays of one row would take five times as long.
         """
         row = self._last(step).tolist()
-        joints = {name: JointState(row[p], row[v], row[e]) for name, p, v, e in self._places}
+        joints = ByName((name, JointState(row[p], row[v], row[e])) for name, p, v, e in self._places)
         return Present(step / self._rate, *self._present_base(row), joints)
 
     def _last(self, step: int) -> FloatArray:
