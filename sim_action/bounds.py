@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 from sim_action.quantities import Quantity
 
 _DEGREE: Final = math.pi / 180
+_BYTES: Final = ((2**30, "GiB"), (2**20, "MiB"), (1, "B"))
 # From here on, commas help to count digits.
 _LONG: Final = 10_000
 
@@ -46,11 +47,17 @@ def _written(value: float, unit: str) -> tuple[str, str]:
     """A number and its unit."""
     if unit in ("rad", "rad/s"):
         value, unit = value / _DEGREE, unit.replace("rad", "deg")
-    return f"{value:,.10g}" if abs(value) >= _LONG else f"{value:.10g}", unit
+    if unit == "B":
+        value, unit = next((value / size, name) for size, name in _BYTES if value % size == 0)
+    if float(value).is_integer():
+        value = int(value)
+        return f"{value:,}" if abs(value) >= _LONG else str(value), unit
+    return f"{value:.10g}", unit
 
 
 def _value(item: Any) -> float:
-    return float(next(getattr(item, name) for name in ("gt", "ge", "lt", "le") if hasattr(item, name)))
+    found: float = next(getattr(item, name) for name in ("gt", "ge", "lt", "le") if hasattr(item, name))
+    return found
 
 
 def _said_of(annotation: Any) -> Iterator[Any]:

@@ -63,5 +63,7 @@ def test_bounds_of_a_key(name: str, bounds: str, unit: str) -> None:
 
 def test_a_bound_has_all_its_digits() -> None:
     assert bound_text(1_000_000_000, "") == "1,000,000,000"
+    assert bound_text(2**63 - 1, "") == "9,223,372,036,854,775,807"
     assert bound_text(0.0, "m") == "0"
+    assert [bound_text(size, "B") for size in (512 * 2**20, 2**40, 1000)] == ["512 MiB", "1024 GiB", "1000 B"]
     assert bound_text(math.pi, "rad/s") == "180 deg/s"
