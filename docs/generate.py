@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from sim_action.errors import ExitCode
 from sim_action.geometry import Pose, Twist
 from sim_action.models.findings import RULES
 from sim_action.observation import Contact, JointState, Observation
+from sim_action.reading_columns import READING_COLUMNS, ReadingColumn
 from sim_action.registry import Table
 from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import results_schema, scenario_schema, schema_text
@@ -63,6 +64,8 @@ TOLD_BELOW = (
     *("robot", "world", "physics", "commands", "sensors", "expect", "trace", "pose"),
     *("ground", "patches", "objects", "disturbances"),
 )
+# Keys of a scenario that are told there with those below them.
+OPENED = ("agreement", "sphere", "cylinder")
 WORLDS = Table[type[BaseModel]](
     "world",
     {
@@ -113,13 +116,28 @@ def _scenario_keys() -> str:
         ("physics.", Physics),
         ("trace.", TraceSettings),
     )
-    rows = (
-        (f"`{prefix}{field.name}`", field.takes, field.default, field.description)
-        for prefix, model in parts
-        for field in catalogue.fields(model)
-        if field.name not in TOLD_BELOW
-    )
+    rows = (row for prefix, model in parts for row in _rows(prefix, model))
     return table(KEYS, rows)
+
+
+def _rows(prefix: str, model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
+    shown = {f"`{prefix}{field.name}`" for field in catalogue.fields(model) if field.name not in TOLD_BELOW}
+    opened = tuple(f"`{prefix}{name}." for name in OPENED)
+    return (row for row in keys(model, prefix) if row[0] in shown or row[0].startswith(opened))
+
+
+def _reading_columns() -> str:
+    """What is kept of each kind of sensor."""
+    rows = []
+    for kind, columns in READING_COLUMNS.items():
+        told = (f"`{name}` ({_shape(column)})" for name, column in columns.items())
+        rows.append((f"`{kind}`", ", ".join(told)))
+    return table(("sensor", "columns of n readings"), rows)
+
+
+def _shape(column: ReadingColumn) -> str:
+    shape = "n, ..." if column.many else f"n, {len(column.axes)}" if column.axes else "n"
+    return f"{shape}; {column.dimension.si}" if column.dimension.si else shape
 
 
 def _inputs(action: str) -> str:
@@ -187,6 +205,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "disturbance-keys": lambda: table(KEYS, keys(Disturbance)) + "\n" + examples("worlds", "disturbance"),
     "controller-types": lambda: attributes(*CONTROLLER_TYPES),
     "readings": lambda: attributes(*READINGS),
+    "reading-columns": _reading_columns,
     "drives": lambda: _entries(catalogue.drives(), "drive"),
     "models": lambda: table(("robot", "what it is"), ((f"`{e.name}`", e.summary) for e in catalogue.models())),
     "scenario-keys": _scenario_keys,

@@ -41,7 +41,7 @@ def examples(family: str, *names: str) -> str:
 
 
 def _section(family: str, name: str, model: type[BaseModel]) -> str:
-    parts = [f"#### `{name}`\n", f"{inspect.getdoc(model)}\n"]
+    parts = [f"### `{name}`\n", f"{inspect.getdoc(model)}\n"]
     if rows := list(keys(model)):
         parts.append(table(KEYS, rows))
     return "\n".join([*parts, _shown(example(family, name))])

@@ -52,7 +52,7 @@ def _written(value: float, unit: str) -> tuple[str, str]:
     if float(value).is_integer():
         value = int(value)
         return f"{value:,}" if abs(value) >= _LONG else str(value), unit
-    return f"{value:.10g}", unit
+    return f"{value:,.6g}", unit
 
 
 def _value(item: Any) -> float:

@@ -34,7 +34,9 @@ class JointReading(Assertion):
     at_least: Annotated[JointQuantity | None, Field(description="a goal: must be reached")] = None
     at_most: Annotated[JointQuantity | None, Field(description="an invariant: must not be exceeded")] = None
     near: Annotated[JointQuantity | None, Field(description="a goal: must be reached within 'tolerance'")] = None
-    tolerance: Annotated[JointQuantity | None, Field(description="goes with 'near'")] = None
+    tolerance: Annotated[
+        JointQuantity | None, Field(description="required with 'near': how far from it is near enough")
+    ] = None
 
     @model_validator(mode="after")
     def _asks_for_one_thing(self) -> Self:

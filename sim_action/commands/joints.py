@@ -36,8 +36,8 @@ class JointCommands(CommandSource):
     An effort is applied as it is: nothing else holds such a joint, from 0 s on. While the robot comes to rest before
     0 s, joints with positions are held where they begin, and those with velocities are braked.
 
-    Positions, speeds and efforts that are beyond the limits of the model are errors before anything is run. Each tick
-    gives what is right for the time until the next: with a higher `rate`, curves are finer.
+    Positions, speeds and efforts that are beyond the limits of the model are errors before anything is run. What a
+    tick says holds until the next one: with a higher `rate`, curves are finer.
     """
 
     points: Annotated[tuple[JointPoint, ...], Field(alias="joints", min_length=1, description="in rising time")]

@@ -34,6 +34,7 @@ _DYING: Final = 5.0
 # How often it is looked after while it is waited for, in s.
 _LOOK: Final = 0.1
 _MOST_NAME: Final = 60
+_OUR_MODULES: Final = str(Path(__file__).resolve().parents[2])
 
 
 class Patience(NamedTuple):
@@ -121,6 +122,7 @@ class Lockstep:
             return subprocess.Popen(  # noqa: S603 - it is what the user wants to be run, and no shell is
                 arguments,
                 cwd=folder,
+                env=_environment(),
                 bufsize=0,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -213,6 +215,14 @@ class Lockstep:
 
 def _text(line: bytes) -> str:
     return shown(line.decode("utf-8", errors="replace"))
+
+
+def _environment() -> dict[str, str]:
+    """Ours, without the folder of our own modules, which are not those of another Python."""
+    first, _, others = os.environ.get("PYTHONPATH", "").partition(os.pathsep)
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    path = others if first == _OUR_MODULES else os.environ.get("PYTHONPATH", "")
+    return {**kept, "PYTHONPATH": path} if path else kept
 
 
 def _hint(error: OSError, program: Path) -> str:

@@ -76,8 +76,10 @@ class ProcessCommands(CommandSource):
     After the run, its standard input ends. A program that has not left a second later is killed.
 
     Numbers are written so that whoever reads them as 64-bit floats has the same bits, and should be answered with as
-    many digits (17): then the same controller in another language gives the same run. The program runs with the
-    environment of the job, but for its tokens, and within `memory_limit`, which counts addresses.
+    many digits (17): then the same controller in another language gives the same run. An answer has
+    1 MB at the most. The program runs within `memory_limit`, which counts addresses, and with the environment of the
+    job, but for `GITHUB_TOKEN`, `GH_TOKEN`, the files by which steps talk to the runner (`GITHUB_ENV`, `GITHUB_OUTPUT`,
+    ...), and what begins with `ACTIONS_` or `INPUT_`.
     """
 
     runs_user_code: ClassVar[bool] = True

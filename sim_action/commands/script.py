@@ -50,7 +50,8 @@ class ScriptCommands(CommandSource):
     Motors saturate: an effort, a velocity or a `max_effort` beyond the limit that the model states for a joint is cut
     to it, and noted. Of a position beyond the limits of a joint, the joint reaches its stop, which is noted, too.
 
-    The file may import its neighbours. What it prints is kept with the outcome.
+    The file may import its neighbours and numpy; it runs in sim-action's own Python, which has nothing else of yours.
+    What it prints is kept with the outcome.
     """
 
     runs_user_code: ClassVar[bool] = True

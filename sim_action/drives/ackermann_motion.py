@@ -16,7 +16,7 @@ TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: it took
 class AckermannMotion:
     """Forward speed and curvature, ramping towards what the last twist asks for.
 
-    Wheels turn as the curve of the moment wants it, not as the one that the steering is on its way to.
+    Wheels turn as the curve wants it that they are steered for at a step, not the one that steering is on its way to.
     """
 
     def __init__(

@@ -18,8 +18,8 @@ class Camera(Sensor):
     """Takes pictures in colour, with the depth of every pixel.
 
     It looks along the x axis of its own frame, with y to the left and z up, as robots have it (REP 103; not the optical
-    frame of ROS, whose z axis looks ahead). A reading has `rgb`, (H, W, 3) bytes (`rgb.astype(int)` before you reckon
-    with them: bytes overflow), and `depth`, (H, W) in m along the x axis, which is not the length of the ray, and inf
+    frame of ROS, whose z axis looks ahead). A reading has `rgb`, (H, W, 3) bytes (`rgb.astype(int)` before you add
+    to them: bytes overflow), and `depth`, (H, W) in m along the x axis, which is not the length of the ray, and inf
     where nothing is.
 
     Row 0 is at the top, column 0 at the left. Pixels are square and taken at their middle. With the focal length

@@ -385,6 +385,13 @@ def test_programs_are_refused_where_scripts_are(tmp_path: Path) -> None:
     assert "scripts are not allowed to run here" in failure.message
 
 
+def test_a_program_does_not_get_our_own_modules_which_may_be_for_another_python(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text("import os\nopen('seen', 'w').write(os.environ['PYTHONPATH'])\n" + PYTHON)
+    write(tmp_path, "sees", "process: python ctl.py")
+    assert run(tmp_path)["sees"].status == "passed"
+    assert (tmp_path / "seen").read_text() == environment(tmp_path)["PYTHONPATH"]
+
+
 SEEN: Final = "import os\nopen('seen', 'w').write(os.environ.get('GITHUB_TOKEN', 'none'))\n"
 
 
