@@ -167,8 +167,8 @@ def test_text_is_split_as_a_shell_would_and_a_list_is_not() -> None:
         ("{a: b}", "expected a list, found a map of keys"),
         ('["a\\0b"]', "a NUL cannot be part of a command"),
         ("sh\n  answer_within: 0", "6:3: commands.answer_within: must be greater than 0, found 0"),
-        ("sh\n  answer_within: 1e12", "6:3: commands.answer_within: must be at most 86400"),
-        ("sh\n  start_within: 1e12", "6:3: commands.start_within: must be at most 86400"),
+        ("sh\n  answer_within: 1e12", "6:3: commands.answer_within: must be at most 86,400 s"),
+        ("sh\n  start_within: 1e12", "6:3: commands.start_within: must be at most 86,400 s"),
         ("sh\n  answer: 3", "unknown key; did you mean 'answer_within'?"),
     ],
 )
