@@ -11,6 +11,7 @@ from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from types import MappingProxyType
 from typing import Any, Final, cast
 
 from pydantic import JsonValue
@@ -33,7 +34,18 @@ MOST_KEYS: Final = 20
 # Of values, what they share counted for each, as each is checked on its own.
 _MOST_WRITTEN_OUT: Final = 5_000_000
 
-_FIXED: Final = ("name", "version", "tags", "variations", "backend")
+# What is the same in all variations, and why, where that needs saying.
+_FIXED: Final = MappingProxyType(
+    {
+        "name": "",
+        "version": "",
+        "tags": "",
+        "backend": "; --backend all runs a scenario on every engine",
+        "extends": ": files are merged before keys vary; write a file for each that it is to extend",
+        "scenarios": ": they are told apart before keys vary; each may have variations of its own",
+        "variations": ": there are none of variations; put all keys that vary beside each other",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +159,7 @@ def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
 def _refuse_unfit(path: KeyPath, written: str) -> None:
     if not is_nameable(written):
         raise NoSuchKey("runs are named after it: it is plain text of at most 200 characters, without any of [],=*?")
-    if path[0] in _FIXED:
-        instead = "; --backend all runs a scenario on every engine" if path[0] == "backend" else ""
+    if (instead := _FIXED.get(str(path[0]))) is not None:
         raise NoSuchKey(f"'{path[0]}' is the same in all variations{instead}")
 
 
