@@ -50,6 +50,23 @@ DATA: Final = _dimension(
     "amount of data", "B", {"kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
 )
 
+_DIMENSIONS: Final = (
+    TIME,
+    LENGTH,
+    ANGLE,
+    FREQUENCY,
+    MASS,
+    SPEED,
+    ANGULAR_SPEED,
+    ACCELERATION,
+    FORCE,
+    TORQUE,
+    ENERGY,
+    INERTIA,
+    SHARE,
+    DATA,
+)
+
 _QUANTITY: Final = re.compile(r"([-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?)\s*+(\S.*)?")
 
 
@@ -71,6 +88,12 @@ def parse(value: object, *dimensions: Dimension) -> float:
     if not math.isfinite(number):
         raise UnitError(f"expected a finite {_expected(dimensions)}, found {shown(value)}")
     return number
+
+
+def conversion(unit: str, other: str) -> float | None:
+    """How many of `other` one `unit` is; None if they are not units of one dimension."""
+    shared = (dimension.factors for dimension in _DIMENSIONS if {unit, other} <= dimension.factors.keys())
+    return next((factors[unit] / factors[other] for factors in shared), None)
 
 
 def _parse_text(text: str, dimensions: tuple[Dimension, ...]) -> float:

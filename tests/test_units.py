@@ -168,3 +168,17 @@ def test_all_floats_that_differ_look_different(value: float, other: float | None
     limit = math.nextafter(value, math.inf) if other is None else other
     texts = display_apart(value, limit, "m")
     assert (texts[0] == texts[1]) == (value == limit or (math.isnan(value) and math.isnan(limit)))
+
+
+def test_a_unit_is_converted_into_one_of_its_dimension() -> None:
+    assert units.conversion("m", "cm") == 100.0
+    assert units.conversion("deg", "rad") == pytest.approx(math.pi / 180)
+    assert units.conversion("m", "s") is None
+    assert units.conversion("furlong", "m") is None
+
+
+def test_no_symbol_is_a_unit_of_two_dimensions() -> None:
+
+    symbols = [symbol for dimension in DIMENSIONS for symbol in dimension.factors if symbol]
+    assert len(symbols) == len(set(symbols))
+    assert all(units.conversion(symbol, symbol) == 1 for symbol in symbols)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from sim_action import units
 from sim_action.messages import did_you_mean, shown
 from sim_action.quantities import FrozenModel
 from sim_action.spec_errors import spec_errors
@@ -56,12 +57,19 @@ class Draw(FrozenModel):
 
     @property
     def numbers(self) -> tuple[float, float, str]:
-        """Both figures, and their unit. Raises ValueError."""
-        pairs = [_number(value) for value in getattr(self, self.key)]
-        (first, unit), (second, other) = pairs
-        if unit != other:
-            raise ValueError(f"both figures have the same unit; found '{unit}' and '{other}'")
-        return first, second, unit
+        """Both figures in one unit: the second's, or the first's beside a bare 0. Raises ValueError."""
+        stated, bound = getattr(self, self.key)
+        (first, unit), (second, other) = _number(stated), _number(bound)
+        if unit == other or (unit and not other and second == 0):
+            return first, second, unit
+        if first == 0 and not unit:
+            return first, second, other
+        factor = units.conversion(unit, other) if unit and other else None
+        if factor is None or not math.isfinite(first * factor):
+            raise ValueError(
+                f"both figures have units of one dimension, or none; found {shown(stated)} and {shown(bound)}"
+            )
+        return first * factor, second, other
 
     def _one(self, generator: Generator, first: float, second: float) -> float:
         raise NotImplementedError
@@ -72,7 +80,9 @@ class Uniform(Draw):
 
     key = "uniform"
 
-    uniform: Annotated[Bounds, Field(description="least and greatest; both numbers, or with the same unit")]
+    uniform: Annotated[
+        Bounds, Field(description="least and greatest; both numbers, or with units of one dimension; 0 needs none")
+    ]
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
@@ -90,7 +100,10 @@ class Normal(Draw):
 
     key = "normal"
 
-    normal: Annotated[Bounds, Field(description="mean and standard deviation; both numbers, or with the same unit")]
+    normal: Annotated[
+        Bounds,
+        Field(description="mean and standard deviation; both numbers, or with units of one dimension; 0 needs none"),
+    ]
 
     @model_validator(mode="after")
     def _spreads(self) -> Self:

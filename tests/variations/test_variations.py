@@ -117,6 +117,24 @@ def test_what_is_drawn_is_of_the_seed_and_the_key_alone() -> None:
     assert more[:4] == [run.variation for run in varied(yaw)]
 
 
+@pytest.mark.parametrize(
+    ("bounds", "alike"),
+    [
+        ("uniform: [0, 90 deg]", "uniform: [0 deg, 90 deg]"),
+        ("uniform: [-90 deg, 0]", "uniform: [-90 deg, 0 deg]"),
+        ("normal: [0, 5 cm]", "normal: [0 cm, 5 cm]"),
+        ("normal: [1 m, 5 cm]", "normal: [100 cm, 5 cm]"),
+        ("uniform: [5 cm, 1 m]", "uniform: [0.05 m, 1 m]"),
+    ],
+)
+def test_what_is_drawn_is_in_one_unit_however_the_figures_are_written(bounds: str, alike: str) -> None:
+    drawn, same = (
+        [source.variation for source in varied(f"variations: {{robot.pose.x: {{{written}, samples: 3}}}}\n")]
+        for written in (bounds, alike)
+    )
+    assert drawn == same
+
+
 def test_samples_are_called_with_as_many_digits_as_tell_them_apart() -> None:
     found = names("variations:\n  robot.pose.yaw: {uniform: [1, 1.0000001], samples: 20}\n")
     assert len(set(found)) == 20
@@ -177,7 +195,14 @@ def test_a_name_in_a_list_leads_to_its_entry_wherever_that_stands() -> None:
         ("{robot.pose.x: {uniform: [0, 1], normal: [0, 1], samples: 2}}", "expected a list of values, or a draw"),
         ("{robot.pose.x: [1, 2, 1]}", "1 is there twice"),
         ("{robot.pose.x: {uniform: [1, 1], samples: 2}}", "the first bound must be below the second"),
-        ("{robot.pose.x: {uniform: [0 m, 5 cm], samples: 2}}", "the same unit; found 'm' and 'cm'"),
+        (
+            "{robot.pose.x: {uniform: [0 s, 5 cm], samples: 2}}",
+            "units of one dimension, or none; found '0 s' and '5 cm'",
+        ),
+        ("{robot.pose.x: {uniform: [1, 5 cm], samples: 2}}", "units of one dimension, or none; found 1.0 and '5 cm'"),
+        ("{robot.pose.x: {uniform: [-1 m, 5], samples: 2}}", "units of one dimension, or none; found '-1 m' and 5.0"),
+        ("{robot.pose.x: {normal: [1e308 km, 1 mm], samples: 2}}", "found '1e308 km' and '1 mm'"),
+        ("{robot.pose.x: {uniform: [1 m, 5 cm], samples: 2}}", "the first bound must be below the second"),
         ("{robot.pose.x: {uniform: [0, .inf], samples: 2}}", "expected a finite number, maybe with a unit, found inf"),
         ("{robot.pose.x: {uniform: [-1e308, 1e308], samples: 2}}", "the first bound must be below the second"),
         ("{robot.pose.x: {normal: [0, 0], samples: 2}}", "the standard deviation must be above 0"),
