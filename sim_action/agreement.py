@@ -54,9 +54,15 @@ def _alone(outcome: Outcome) -> Outcome:
 
 @dataclass(frozen=True, slots=True)
 class _Apart:
-    """What two engines differ in: (T,) differences over (T,) s of sim time."""
+    """What two engines differ in: (T,) differences over (T,) s of sim time.
+
+    Attributes:
+        what: such as "position".
+        measurement: what the difference is called, up to the engine's name.
+    """
 
     what: str
+    measurement: str
     unit: str
     limit: float | None
     time: FloatArray
@@ -74,13 +80,15 @@ class _Comparison:
 
     def expectations(self) -> Iterator[ExpectationOutcome]:
         """Whether they judged alike, and how far apart they were."""
-        yield self._expectation("the same verdicts", self._verdicts())
+        yield self._expectation(f"the same verdicts as {self._engine}", self._verdicts())
         apart = tuple(self._apart())
         for difference in apart:
-            yield self._expectation(f"the same {difference.what}", self._verdict(difference))
+            yield self._expectation(self._name(difference), self._verdict(difference))
         if not apart and self._asked and self.other.status != "error":
             message = f"there is no moment at which both have a position: nothing to compare with {self._engine}"
-            yield self._expectation("the same position", Verdict(False, None, None, None, "", None, message))
+            yield self._expectation(
+                f"the same position as {self._engine}", Verdict(False, None, None, None, "", None, message)
+            )
 
     @property
     def _asked(self) -> Agreement | None:
@@ -91,9 +99,15 @@ class _Comparison:
         """Of the other outcome: it may have ended before it could say."""
         return self.other.engine or self.other.name.rpartition("[")[2].rstrip("]")
 
+    def _name(self, apart: _Apart) -> str:
+        """Without a limit it is a measurement: a tick before "the same" would say that somebody had judged it."""
+        if apart.limit is not None:
+            return f"the same {apart.what} as {self._engine}"
+        return f"{apart.measurement} {self._engine}"
+
     def _expectation(self, name: str, verdict: Verdict) -> ExpectationOutcome:
         return ExpectationOutcome(
-            name=f"{name} as {self._engine}",
+            name=name,
             assertion=_KEY,
             severity="warning" if self._asked is None else "error",
             location=self.loaded.document.location((_KEY,)),
@@ -124,8 +138,8 @@ class _Comparison:
             return
         position = np.sqrt(np.square(ours.base_position_xyz - theirs.base_position_xyz).sum(axis=1))
         limits = (None, None) if self._asked is None else (self._asked.position, self._asked.yaw)
-        yield _Apart("position", "m", limits[0], ours.time, position)
-        yield _Apart("yaw", "rad", limits[1], ours.time, ours.yaw_error_to(theirs.yaw))
+        yield _Apart("position", "distance to", "m", limits[0], ours.time, position)
+        yield _Apart("yaw", "difference in yaw to", "rad", limits[1], ours.time, ours.yaw_error_to(theirs.yaw))
 
     def _trace(self, outcome: Outcome) -> Trace | None:
         path = stored_file(self.folder, outcome.trace) if outcome.trace else None

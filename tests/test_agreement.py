@@ -86,10 +86,17 @@ def test_what_is_too_far_apart_fails_if_it_was_asked(tmp_path: Path) -> None:
     assert (yaw.failed, yaw.verdict.time) == (True, 0.1)
 
 
+def test_what_only_one_limit_was_asked_of_is_judged_by_that_alone(tmp_path: Path) -> None:
+    _, (_, position, yaw) = held_against(tmp_path, NEAR, "agreement: {position: 3 cm}")
+    assert (position.name, yaw.name) == ("the same position as pybullet 1.0", "difference in yaw to pybullet 1.0")
+
+
 def test_what_nobody_asked_is_told_and_fails_nothing(tmp_path: Path) -> None:
     last, added = held_against(tmp_path, FAR)
     assert last.status == "passed"
     assert [(one.failed, one.warned, one.verdict.limit) for one in added] == [(False, False, None)] * 3
+    names = ["the same verdicts as pybullet 1.0", "distance to pybullet 1.0", "difference in yaw to pybullet 1.0"]
+    assert [one.name for one in added] == names
     assert added[1].verdict.message == "at most 0.05 m apart from pybullet 1.0 in position at 0.20 s"
 
 

@@ -178,7 +178,6 @@ def test_a_unit_is_converted_into_one_of_its_dimension() -> None:
 
 
 def test_no_symbol_is_a_unit_of_two_dimensions() -> None:
-
     symbols = [symbol for dimension in DIMENSIONS for symbol in dimension.factors if symbol]
     assert len(symbols) == len(set(symbols))
     assert all(units.conversion(symbol, symbol) == 1 for symbol in symbols)
