@@ -126,6 +126,11 @@ class Outcome(FrozenModel):
     trace: str | None = None
 
     @property
+    def causes_first(self) -> tuple[ExpectationOutcome, ...]:
+        """All expectations in their order, but those last that another one has cut off."""
+        return tuple(sorted(self.expectations, key=lambda expected: expected.verdict.cut_off))
+
+    @property
     def exit_code(self) -> ExitCode:
         """What this outcome alone would make of the process."""
         kinds = {failure.kind for failure in self.failures}

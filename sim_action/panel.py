@@ -32,7 +32,7 @@ class Panel:
     """
 
     scenario: Scenario
-    monitors: tuple[Monitor, ...]
+    monitors: tuple[Window, ...]
     has_goals: bool
     time: float = 0.0
 
@@ -83,7 +83,7 @@ class Panel:
         if self.end != "broken":
             return tuple(verdicts)
         pairs = zip(self.monitors, verdicts, strict=True)
-        return tuple(_undecided(verdict) if monitor.state is State.PENDING else verdict for monitor, verdict in pairs)
+        return tuple(_undecided(monitor, verdict) for monitor, verdict in pairs)
 
     def _decisive(self) -> list[Monitor]:
         pairs = zip(self.monitors, self.scenario.expect, strict=True)
@@ -101,6 +101,9 @@ class Panel:
         return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON
 
 
-def _undecided(verdict: Verdict) -> Verdict:
-    """A goal that was still pending when something else ended the run: not the reason to look for."""
-    return replace(verdict, message=f"{verdict.message}, when the run was over")
+def _undecided(monitor: Window, verdict: Verdict) -> Verdict:
+    """Of a run that an expectation ended, the verdict on any: what this cut off is not the reason to look for."""
+    if verdict.passed or monitor.over or monitor.state is State.BROKEN:
+        return verdict
+    told = ", when the run was over" if monitor.state is State.PENDING else ""
+    return replace(verdict, message=f"{verdict.message}{told}", cut_off=True)

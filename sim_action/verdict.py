@@ -17,6 +17,7 @@ class Verdict:
         unit: SI symbol, empty for a count.
         time: sim time in s at which it was decided, or at which an invariant came nearest to its limit.
         message: one sentence for people.
+        cut_off: whether it failed as something else ended the run before it was decided: not the reason to look for.
     """
 
     passed: bool
@@ -26,3 +27,4 @@ class Verdict:
     unit: str = ""
     time: float | None = None
     message: str = ""
+    cut_off: bool = False

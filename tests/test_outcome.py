@@ -131,6 +131,22 @@ def test_the_worst_come_first() -> None:
     assert [found.name for found in given.worst_first()] == ["broken", "failed", "fine"]
 
 
+def test_what_another_expectation_cut_off_comes_last() -> None:
+    first, second, third = (
+        ExpectationOutcome(
+            name=name,
+            assertion="travel",
+            severity="error",
+            location=Location("a.sim.yml", 9, 5),
+            verdict=Verdict(False, cut_off=cut_off),
+        )
+        for name, cut_off in (("far", True), ("near", False), ("gentle", False))
+    )
+    made = outcome(passed=False).model_copy(update={"expectations": (first, second, third)})
+    assert made.causes_first == (second, third, first)
+    assert made.expectations == (first, second, third)
+
+
 def test_how_far_the_robot_came_is_told_for_one_scenario_alone() -> None:
     assert results(outcome()).travelled == 1.5
     assert results(outcome(), outcome()).travelled is None

@@ -172,8 +172,17 @@ def test_a_goal_that_something_else_cut_short_says_so() -> None:
     undecided, broken = panel.verdicts()
     assert undecided.message == "travelled 6 m of 100 m in 6.0 s, when the run was over"
     assert broken.message == "travelled 6 m at 6.00 s, more than 5 m"
+    assert (undecided.cut_off, broken.cut_off) == (True, False)
 
 
 def test_a_goal_that_the_time_limit_cut_short_is_itself_to_blame() -> None:
     panel, _ = seen_by(scenario(FAR_GOAL), ride())
-    assert panel.verdicts()[0].message == "travelled 10 m of 100 m in 10.0 s"
+    (missed,) = panel.verdicts()
+    assert (missed.message, missed.cut_off) == ("travelled 10 m of 100 m in 10.0 s", False)
+
+
+def test_a_goal_whose_window_had_closed_was_cut_short_by_nothing() -> None:
+    closed = expectation(Travel(at_least=100.0), severity="warning", before=3.0)
+    panel, _ = seen_by(scenario(closed, BREAKS), ride())
+    assert panel.end == "broken"
+    assert [(verdict.passed, verdict.cut_off) for verdict in panel.verdicts()] == [(False, False)] * 2

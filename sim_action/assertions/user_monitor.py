@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, Self, get_args
 
@@ -72,10 +72,10 @@ def _plain(answer: object) -> Verdict:
         raise TypeError(f"a Verdict whose 'passed' is {answer.passed!r}; it is True or False")
     if not isinstance(answer.unit, str) or not isinstance(answer.message, str):
         raise TypeError("a Verdict whose 'unit' or 'message' is no text")
-    numbers_found = {field.name: getattr(answer, field.name) for field in fields(Verdict)}
-    plain = {name: _number(name, numbers_found[name]) for name in ("measured", "limit", "margin", "time")}
+    names = ("measured", "limit", "margin", "time")
+    measured, limit, margin, time = (_number(name, getattr(answer, name)) for name in names)
     message = escaped_line(answer.message) or ("holds" if answer.passed else "does not hold")
-    return Verdict(bool(answer.passed), **plain, unit=escaped_line(answer.unit), message=message)
+    return Verdict(bool(answer.passed), measured, limit, margin, escaped_line(answer.unit), time, message)
 
 
 def _number(name: str, value: object) -> float | None:

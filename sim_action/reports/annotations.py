@@ -94,7 +94,7 @@ def _annotations(name: str, outcome: Outcome) -> Iterator[tuple[Annotation, floa
     for failure in outcome.failures:
         where = failure.location or outcome.location
         yield Annotation("error", f"{name}: {failure.title}", failure.message, where), 0.0
-    for expected in outcome.expectations:
+    for expected in outcome.causes_first:
         if expected.verdict.passed:
             continue
         level: Level = "error" if expected.failed else "warning"

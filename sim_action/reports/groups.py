@@ -78,8 +78,13 @@ def _least_margin(outcome: Outcome) -> float:
 
 
 def relative_margin(expected: ExpectationOutcome) -> float:
-    """By which part of its limit something failed, less than zero; a limit of zero has no parts."""
+    """By which part of its limit something failed, less than zero; a limit of zero has no parts.
+
+    0 for what was cut off: nobody knows how near it would have come.
+    """
     margin, limit = expected.verdict.margin, expected.verdict.limit
+    if expected.verdict.cut_off:
+        return 0.0
     if margin is None:
         return _WHOLE
     return margin / abs(limit) if limit else margin

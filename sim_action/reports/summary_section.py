@@ -81,8 +81,8 @@ def _gist(outcome: Outcome) -> str:
     if outcome.status == "skipped":
         return _message(" ".join(outcome.notes))
     reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
-    reasons += [expected.verdict.message for expected in outcome.expectations if expected.failed]
-    reasons = reasons or [expected.verdict.message for expected in outcome.expectations if expected.warned]
+    reasons += [expected.verdict.message for expected in outcome.causes_first if expected.failed]
+    reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
     if reasons:
         more = f" <sub>(and {len(reasons) - 1} more)</sub>" if len(reasons) > 1 else ""
         return _message(reasons[0]) + more
@@ -108,7 +108,7 @@ def _failure(failure: Failure, options: ReportOptions) -> str:
 
 
 def _expectations(outcome: Outcome, options: ReportOptions) -> str:
-    worst_first = sorted(outcome.expectations, key=lambda expected: (not expected.failed, not expected.warned))
+    worst_first = sorted(outcome.causes_first, key=lambda expected: (not expected.failed, not expected.warned))
     if not worst_first:
         return ""
     rows = (_row(expected, options) for expected in worst_first[:_MOST_ROWS])

@@ -130,7 +130,7 @@ class _Printer:
         if outcome.status == "skipped":
             self._line("  ", (" ".join(outcome.notes), "dim"))
             return
-        for expected in outcome.expectations:
+        for expected in outcome.causes_first:
             if self._verbosity != "quiet" or expected.failed:
                 self._expectation(expected)
         for failure in outcome.failures:

@@ -48,6 +48,14 @@ COLLISION = ExpectationOutcome(
         False, 1.0, 0.0, -1.0, "contacts", 3.2, "base_link touched wall at 3.20 s, at (2.95, 0.00, 0.10) m, with 4.1 N"
     ),
 )
+CUT_OFF = TRAVEL.model_copy(
+    update={
+        "location": Location(WALL, 8, 5),
+        "verdict": Verdict(
+            False, 1.2, 1.5, -0.3, "m", 3.2, "travelled 1.2 m of 1.5 m in 3.2 s, when the run was over", cut_off=True
+        ),
+    }
+)
 PASSED = Outcome(
     name="burger drives straight",
     file=STRAIGHT,
@@ -114,6 +122,18 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                 "end": "time limit",
                 "sim_time": 30.0,
                 "travelled": 1.12,
+            }
+        ),
+    ),
+    "cut": (
+        PASSED.model_copy(
+            update={
+                "name": "burger hits the wall",
+                "file": WALL,
+                "status": "failed",
+                "expectations": (CUT_OFF, COLLISION),
+                "end": "broken",
+                "sim_time": 3.2,
             }
         ),
     ),

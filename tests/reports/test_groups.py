@@ -60,6 +60,13 @@ def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -
     assert [each.status for each in group.worst_first()] == ["error", "failed", "skipped"]
 
 
+def test_what_was_cut_off_makes_no_variation_the_worst() -> None:
+    cut = expected().model_copy(update={"verdict": Verdict(False, None, 10.0, -9.0, "m", cut_off=True)})
+    near, far = outcome("a[x=1]", cut, expected(-0.1, 1.0)), outcome("a[x=2]", expected(-0.2, 1.0))
+    (group,) = groups([near, far])
+    assert group.worst is far
+
+
 def test_scenarios_with_failures_come_first_in_the_order_of_the_call() -> None:
     found = groups(
         [

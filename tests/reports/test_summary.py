@@ -42,6 +42,14 @@ def test_worst_first(samples: Samples, make_results: MakeResults, options: Repor
     assert headings == ["### 💥 crash", "### ❌ failed", "### ⚠️ warning", "### ✅ passed"]
 
 
+def test_the_row_of_a_scenario_tells_what_ended_it_not_what_that_cut_off(
+    samples: Samples, options: ReportOptions
+) -> None:
+    overview, table = (line for line in summary(samples["cut"], options).splitlines() if "touched wall" in line)
+    assert "when the run was over" not in overview
+    assert table.startswith("| ❌ | **no_collision**")
+
+
 def test_what_passed_is_folded_and_warnings_are_not(samples: Samples, options: ReportOptions) -> None:
     assert "<summary>Measurements of what passed (1)</summary>" in summary(samples["passed"], options)
     assert "what passed" not in summary(samples["warning"], options)
