@@ -29,12 +29,12 @@ from sim_action.quantities import (
 from sim_action.robot_model import RobotModel
 from sim_action.sensors.mounting import MountedSensor
 from sim_action.source import Source
+from sim_action.time_rounding import STEP_EPSILON, first_step
 from sim_action.variations.values import Normal, Uniform
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 from sim_action.yaml_document import Document
 
-_STEP_ROUNDING = 1e-6
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
 _LEAST_MEMORY: Final = 512 << 20
 _MOST_MEMORY: Final = 1 << 50
@@ -189,7 +189,7 @@ class Scenario(FrozenModel):
 
     def steps(self, seconds: float) -> int:
         """The first physics step at or after a sim time."""
-        return math.ceil(seconds * self.physics.rate - _STEP_ROUNDING)
+        return first_step(seconds, self.physics.rate)
 
     def steps_between_ticks(self, rate: float) -> int:
         """Physics steps from one tick to the next; loading has checked that they are whole."""
@@ -199,7 +199,7 @@ class Scenario(FrozenModel):
 def rate_divides(physics_rate: float, rate: float) -> bool:
     """Whether ticks at `rate` fall on physics steps."""
     steps = physics_rate / rate
-    return math.isfinite(steps) and round(steps) >= 1 and abs(steps - round(steps)) < _STEP_ROUNDING
+    return math.isfinite(steps) and round(steps) >= 1 and abs(steps - round(steps)) < STEP_EPSILON
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,8 @@ class Distances:
         """The nearest points, at least those of these links."""
         robot, client = self._robot, self._client
         if links is None or len(links) > _FEW:
-            return pybullet.getClosestPoints(robot, body, within, physicsClientId=client)  # type: ignore[no-any-return]
+            found: Sequence[Any] = pybullet.getClosestPoints(robot, body, within, physicsClientId=client)
+            return found
         points: list[Any] = []
         for link in links:
             points += pybullet.getClosestPoints(robot, body, within, self._links[link], physicsClientId=client)

@@ -5,7 +5,6 @@ Before t = 0, while the robot settles, bodies wait where their paths begin, and 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final, Protocol, Self
 
@@ -14,9 +13,9 @@ from sim_action.backends.stage import Stage, Target
 from sim_action.geometry import Pose, Twist
 from sim_action.pose_path import PosePath
 from sim_action.scene import Scene
+from sim_action.time_rounding import first_step
 from sim_action.world import Body, Disturbance
 
-_ROUNDING: Final = 1e-6
 _AT_REST: Final = Twist()
 # In m: from there, nothing is seen or touched. Each body that is not there yet has a place of its own.
 _AWAY: Final = 1e6
@@ -96,7 +95,7 @@ class _Absence:
 
     def __init__(self, stage: Stage, body: Body, rate: float, number: int) -> None:
         assert body.appears is not None
-        self._stage, self._name, self._first = stage, body.name, _step_from(body.appears, rate)
+        self._stage, self._name, self._first = stage, body.name, first_step(body.appears, rate)
         self._pose = stage.pose(body.name)
         x, y, _ = self._pose.position_xyz
         self._away = Pose((x, y, number * _AWAY), self._pose.orientation_xyzw)
@@ -117,8 +116,8 @@ class _Acting:
         name = disturbance.body or disturbance.link or scene.model.root
         self._target = Target(name, is_link=disturbance.body is None)
         pushes = disturbance.velocity is not None
-        self.first = _step_from(disturbance.at, self._rate) if pushes else int(disturbance.at * self._rate)
-        self.last = self.first + 1 if pushes else _step_from(disturbance.end, self._rate)
+        self.first = first_step(disturbance.at, self._rate) if pushes else int(disturbance.at * self._rate)
+        self.last = self.first + 1 if pushes else first_step(disturbance.end, self._rate)
 
     def act(self, step: int, stage: Stage) -> None:
         """From this step to the next."""
@@ -134,11 +133,6 @@ class _Acting:
         """Of a step, the part in which it acts: times between steps count as much as others."""
         begins, ends = self._disturbance.at * self._rate, self._disturbance.end * self._rate
         return max(0.0, min(ends, step + 1.0) - max(begins, float(step)))
-
-
-def _step_from(time: float, rate: float) -> int:
-    """The first step at or after a time."""
-    return math.ceil(time * rate - _ROUNDING)
 
 
 def _scaled(vector: geometry.Vector3, factor: float) -> geometry.Vector3:

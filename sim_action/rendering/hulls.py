@@ -10,6 +10,7 @@ import numpy as np
 
 from sim_action.convex_hull import along, face_normals
 from sim_action.geometry import Vector3
+from sim_action.hull_file import hull_points
 from sim_action.rendering.rays import FloatArray
 from sim_action.rendering.solids import Polyhedron
 
@@ -21,14 +22,7 @@ _MOST_POINTS: Final = 64
 
 def read_hulls(path: Path) -> Iterator[tuple[Polyhedron, Vector3]]:
     """The hulls of a mesh that was written here, each about its middle, and where that is. Raises OSError."""
-    hulls = list[list[list[float]]]()
-    for line in path.read_text(encoding="ascii").splitlines():
-        kind, *values = line.split()
-        if kind == "o":
-            hulls.append([])
-        elif kind == "v":
-            hulls[-1].append([float(value) for value in values])
-    return (hull_about_its_middle(np.array(points), _MARGIN) for points in hulls)
+    return (hull_about_its_middle(points, _MARGIN) for points in hull_points(path))
 
 
 def hull_about_its_middle(points: FloatArray, margin: float = 0.0) -> tuple[Polyhedron, Vector3]:

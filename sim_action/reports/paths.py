@@ -13,7 +13,7 @@ def seen_from(workspace: Path, file: str | Path) -> str:
     """A path relative to the workspace if it is inside, else absolute; relative ones start from the current folder."""
     try:
         absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links are kept as they are written
-        candidates = [(absolute, Path(os.path.abspath(workspace)))]  # noqa: PTH100
+        candidates = [(absolute, Path(os.path.abspath(workspace)))]  # noqa: PTH100 - as above
         candidates.append((absolute.resolve(), workspace.resolve()))
     except (OSError, ValueError, RuntimeError):
         # A text that can be no path, such as one with a NUL in it, or a link that leads in a circle.

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from sim_action.hull_file import hull_points
 from sim_action.trace import FloatArray
 
 # In m, as models.references draws them in, and the share of its thickness that models.meshes.hulls leaves of a hull.
@@ -22,14 +23,7 @@ _FLAT: Final = 1e-6
 
 def read_hulls(path: Path) -> list[FloatArray]:
     """The points (P, 3) in m of each hull of a mesh that was written here. Raises OSError."""
-    hulls = list[list[list[float]]]()
-    for line in path.read_text(encoding="ascii").splitlines():
-        kind, *values = line.split()
-        if kind == "o":
-            hulls.append([])
-        elif kind == "v":
-            hulls[-1].append([float(value) for value in values])
-    return [solid(grown(np.array(points))) for points in hulls]
+    return [solid(grown(points)) for points in hull_points(path)]
 
 
 def grown(points: FloatArray) -> FloatArray:
