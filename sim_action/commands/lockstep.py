@@ -51,6 +51,13 @@ class _End(Enum):
     TOO_LONG = auto()
 
 
+class _Said(NamedTuple):
+    """A line, or why there is none, and the one behind it if both came at once."""
+
+    first: bytes | _End
+    second: bytes | _End | None = None
+
+
 class Lockstep:
     """A running program, which is asked line by line."""
 
@@ -61,7 +68,7 @@ class Lockstep:
         assert self._process.stderr
         self._words = LastWords(self._process.stderr, _STANDARD_ERROR)
         self._questions = queue.SimpleQueue[bytes | None]()
-        self._answers = queue.SimpleQueue[bytes | _End]()
+        self._answers = queue.SimpleQueue[_Said]()
         self._has_answered = False
         self._reader = threading.Thread(target=self._read, daemon=True)
         for thread in (threading.Thread(target=self._write, daemon=True), self._reader):
@@ -70,18 +77,20 @@ class Lockstep:
     def ask(self, question: bytes, patience: Patience) -> bytes:
         """Sends a line, and returns the line that answers it. Raises ScriptError."""
         if not self._answers.empty():
-            self._refuse_unasked(self._answers.get())
+            self._refuse_unasked(self._answers.get().first)
         self._questions.put(question)
         try:
-            answer = self._answer(patience.seconds)
+            answer, unasked = self._answer(patience.seconds)
         except queue.Empty:
             raise self._error(self._why_silent(patience)) from None
+        if unasked is not None:
+            self._refuse_unasked(unasked)
         if isinstance(answer, _End):
             raise self._error(self._why_ended(answer))
         self._has_answered = True
         return answer
 
-    def _answer(self, seconds: float) -> bytes | _End:
+    def _answer(self, seconds: float) -> _Said:
         """Raises queue.Empty, also when it is gone and what it has left behind holds its output."""
         deadline = time.monotonic() + seconds
         while self._process.poll() is None:
@@ -105,7 +114,7 @@ class Lockstep:
 
     def unasked(self) -> str | None:
         """What to say of a line, after it is closed, that answers no question."""
-        line = None if self._answers.empty() else self._answers.get()
+        line = None if self._answers.empty() else self._answers.get().first
         if line is None or isinstance(line, _End):
             return None
         return (
@@ -151,16 +160,15 @@ class Lockstep:
         unread = b""
         with self._process.stdout as pipe:
             while said := os.read(pipe.fileno(), 65536):
-                unread += said
-                while (length := unread.find(b"\n")) >= 0:
-                    self._answers.put(unread[:length] if length <= MOST_BYTES else _End.TOO_LONG)
-                    unread = unread[length + 1 :]
-                    if self._answers.qsize() > 1:
-                        return
-                if len(unread) > MOST_BYTES:
-                    self._answers.put(_End.TOO_LONG)
+                *lines, unread = (unread + said).split(b"\n", 2)
+                answers = [line if len(line) <= MOST_BYTES else _End.TOO_LONG for line in lines]
+                if not lines and len(unread) > MOST_BYTES:
+                    answers = [_End.TOO_LONG]
+                if answers:
+                    self._answers.put(_Said(*answers))
+                if len(answers) > 1 or _End.TOO_LONG in answers or self._answers.qsize() > 1:
                     return
-        self._answers.put(_End.CLOSED)
+        self._answers.put(_Said(_End.CLOSED))
 
     def _refuse_unasked(self, line: bytes | _End) -> None:
         if isinstance(line, _End):
