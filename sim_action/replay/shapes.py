@@ -1,0 +1,101 @@
+"""What is seen of links and bodies in a replay: plain solids, and meshes that several may share."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from sim_action.quantities import FrozenModel
+
+MAX_SHAPES: Final = 5_000
+"""Of one link or body; a map has at most 2,000 walls."""
+
+MAX_POINTS: Final = 40_000
+"""Of a mesh."""
+
+Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+Place = tuple[Number, Number, Number]
+"""x, y, z in m."""
+
+PoseNumbers = tuple[Number, Number, Number, Number, Number, Number, Number]
+"""x, y, z in m, then the quaternion x, y, z, w."""
+
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{16,64}$")]
+Coordinates = Annotated[
+    tuple[Annotated[int, Field(ge=-(2**31), le=2**31)], ...], Field(min_length=9, max_length=3 * MAX_POINTS)
+]
+Corners = Annotated[
+    tuple[Annotated[int, Field(ge=0, lt=MAX_POINTS)], ...], Field(min_length=3, max_length=6 * MAX_POINTS)
+]
+
+
+class _Shape(FrozenModel):
+    """A shape in the frame of what it is part of; `color`: red, green, blue, 0 to 1."""
+
+    pose: PoseNumbers
+    color: tuple[Share, Share, Share]
+
+
+class BoxShape(_Shape):
+    """A box of full sizes in m, about its middle."""
+
+    kind: Literal["box"] = "box"
+    size: tuple[Length, Length, Length]
+
+
+class CylinderShape(_Shape):
+    """About its z axis and its middle, in m."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    radius: Length
+    length: Length
+
+
+class EllipsoidShape(_Shape):
+    """Half axes in m, about its middle; a ball has three that are equal."""
+
+    kind: Literal["ellipsoid"] = "ellipsoid"
+    half: tuple[Length, Length, Length]
+
+
+class CapsuleShape(_Shape):
+    """About its z axis and its middle, in m; `length`: of the cylinder between the two half balls."""
+
+    kind: Literal["capsule"] = "capsule"
+    radius: Length
+    length: Length
+
+
+class MeshShape(_Shape):
+    """One of the scene's meshes, by its digest."""
+
+    kind: Literal["mesh"] = "mesh"
+    mesh: Digest
+
+
+Shape = Annotated[BoxShape | CylinderShape | EllipsoidShape | CapsuleShape | MeshShape, Field(discriminator="kind")]
+Shapes = Annotated[tuple[Shape, ...], Field(max_length=MAX_SHAPES)]
+
+
+class MeshData(FrozenModel):
+    """Triangles with flat sides, seen from both.
+
+    Attributes:
+        scale: m in a unit of the points.
+        points: x, y, z of each point, one after the other.
+        triangles: three points' numbers each, counted from 0.
+    """
+
+    scale: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+    points: Coordinates
+    triangles: Corners
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether points and triangles are complete, and all of its points are there."""
+        complete = len(self.points) % 3 == 0 and len(self.triangles) % 3 == 0
+        return complete and max(self.triangles) < len(self.points) // 3
