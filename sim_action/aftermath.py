@@ -49,6 +49,7 @@ def outcome_of(child: Child, ending: Ending) -> Outcome:
             "group": job.loaded.source.group,
             "variation": job.loaded.source.variation,
             "trace": job.trace_name if _is_regular(job.trace) else None,
+            "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
             "notes": (*outcome.notes, *(_left_behind(child) if written else ())),
             "diagnostics": diagnostics,
             "output": output,

@@ -38,12 +38,14 @@ class Channels:
         contacts: whether `Trace.contacts` are.
         clearances: which of `Trace.clearances` are.
         sensors: names of those that are read, and stand in `Trace.sensors` for monitors.
+        bodies: names of those whose `Trace.bodies` are.
         openings: sim times in s from which somebody looks: "ever before" begins anew at each.
     """
 
     contacts: bool = False
     clearances: frozenset[ClearanceWatch] = frozenset()
     sensors: frozenset[str] = frozenset()
+    bodies: frozenset[str] = frozenset()
     openings: frozenset[float] = frozenset()
 
     @classmethod
@@ -57,6 +59,7 @@ class Channels:
             contacts=self.contacts or other.contacts,
             clearances=self.clearances | other.clearances,
             sensors=self.sensors | other.sensors,
+            bodies=self.bodies | other.bodies,
             openings=self.openings | other.openings,
         )
 

@@ -45,13 +45,14 @@ class Defaults(FrozenModel):
     output_dir: Annotated[str | None, Field(alias="output-dir", min_length=1, description="as --output-dir")] = None
     junit: Annotated[str | None, Field(min_length=1, description="as --junit")] = None
     junit_strict: Annotated[bool | None, Field(alias="junit-strict", description="as --junit-strict")] = None
+    report: Annotated[bool | None, Field(description="as --report")] = None
     summary: Annotated[bool | None, Field(description="as --summary")] = None
     annotations: Annotated[bool | None, Field(description="as --annotations")] = None
     verbose: Annotated[bool | None, Field(description="as --verbose")] = None
     quiet: Annotated[bool | None, Field(description="as --quiet")] = None
 
 
-_REPORTS: Final = ("output_dir", "junit", "junit_strict", "summary", "annotations", "verbose", "quiet")
+_REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
 _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "run": ("paths", "backend", "seed", "jobs", "fail_fast", *_REPORTS),
     "merge": _REPORTS,

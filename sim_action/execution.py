@@ -18,7 +18,7 @@ from sim_action.isolation.child import Child
 from sim_action.native_output import muted
 from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario import LoadedScenario, Scenario
-from sim_action.trace_files import trace_paths
+from sim_action.trace_files import replay_path, trace_paths
 from sim_action.worker import Job
 
 # The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
@@ -44,12 +44,16 @@ def execute(
     interruption: Interruption,
     *,
     fail_fast: bool = False,
+    replays: bool = False,
     way: type[Child] | None = None,
 ) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
     An interruption ends what runs; scenarios without an outcome then get one that says so. `fail_fast`: nothing is
-    begun once one has not passed. `way`: how children are born; left out, as this system has it. Raises UsageError.
+    begun once one has not passed.
+    `replays`: whether they are written, too. `way`: how children are born; left out, as this system has it.
+
+    Raises UsageError.
     """
     way = way or way_here()
     for loaded in scenarios:
@@ -60,12 +64,16 @@ def execute(
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
         paths = trace_paths([loaded.scenario.name for loaded in scenarios], folder)
         waiting = deque(
-            (index, Job(loaded, path, folder, _subfolder(Path(scratch), index), way.limits_memory))
+            (index, _job(loaded, path, folder, _subfolder(Path(scratch), index), way, replays=replays))
             for index, (loaded, path) in enumerate(zip(scenarios, paths, strict=True))
         )
         outcomes = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast).run()
     left = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or left(loaded) for index, loaded in enumerate(scenarios)]
+
+
+def _job(loaded: LoadedScenario, trace: Path, results: Path, own: Path, way: type[Child], *, replays: bool) -> Job:
+    return Job(loaded, trace, results, own, way.limits_memory, replay_path(trace) if replays else None)
 
 
 def _subfolder(scratch: Path, index: int) -> Path:

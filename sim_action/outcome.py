@@ -102,6 +102,7 @@ class Outcome(FrozenModel):
         diagnostics: what the engine said.
         output: what the user's own code printed, its end.
         trace: path of the stored trace, seen from the results file.
+        replay: path of the stored replay, likewise.
     """
 
     name: str
@@ -124,6 +125,7 @@ class Outcome(FrozenModel):
     diagnostics: tuple[Diagnostic, ...] = ()
     output: str = ""
     trace: str | None = None
+    replay: str | None = None
 
     @property
     def causes_first(self) -> tuple[ExpectationOutcome, ...]:

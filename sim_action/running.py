@@ -6,6 +6,7 @@ import platform
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -83,7 +84,8 @@ def _outcomes(request: RunRequest, files: list[Scenarios], folder: Path, interru
         ran = iter([skipped(run) for run in every])
     else:
         listener = ProgressListener(total=len(every), verbosity=request.reports.verbosity)
-        ran = iter(execute(every, folder, request.jobs, listener, interruption, fail_fast=request.fail_fast))
+        asked = partial(execute, fail_fast=request.fail_fast, replays="report" not in request.reports.silenced)
+        ran = iter(asked(every, folder, request.jobs, listener, interruption))
         listener.close()
     return [outcome for plan in planned for outcome in _outcomes_of(plan, ran, folder)]
 

@@ -17,6 +17,7 @@ from sim_action.controls import Controls, padded
 from sim_action.digest import Digest
 from sim_action.drives import Drive, recognise
 from sim_action.errors import RunError
+from sim_action.footage import Footage
 from sim_action.missed import missed
 from sim_action.panel import End, Panel
 from sim_action.scenario import Scenario
@@ -67,16 +68,21 @@ class SimulationRun:
         return float(self.trace.time[-1])
 
 
-def simulate(scenario: Scenario, scene: Scene, progress: Progress) -> SimulationRun:
-    """Runs a scenario to its end. Raises RunError where there can be no verdict."""
+def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: Footage | None = None) -> SimulationRun:
+    """Runs a scenario to its end. Raises RunError where there can be no verdict.
+
+    `footage`: what is kept, also of a run that fails; left out: the trace alone.
+    """
+    footage = footage or Footage(scenario)
     drive = _drive_of(scenario, scene)
     scene = drive.prepared(scene) if drive else scene
     channels = Channels.all_of(expected.channels for expected in scenario.expect)
-    backend = BACKENDS.load(chosen(scenario.backend))(scene, channels)
+    watched = channels | footage.channels(scene.world)
+    backend = BACKENDS.load(chosen(scenario.backend))(scene, watched)
     try:
         at = backend.observe(0, contacts=False).pose
         refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
-        return _Loop(scenario, scene, drive, backend, channels).run(progress)
+        return _Loop(scenario, scene, drive, backend, channels).run(progress, footage)
     finally:
         backend.close()
 
@@ -111,7 +117,6 @@ class _Loop:
         self._motion = drive.open(scene.model, scenario.physics.rate) if drive else None
         self._arrivals = Arrivals.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
-        self._stride = max(1, round(scenario.physics.rate / scenario.trace_rate))
         self._step = 0
         with ExitStack() as opened:
             self._controls = opened.enter_context(closing(Controls(scenario, scene, self._motion)))
@@ -119,37 +124,40 @@ class _Loop:
             self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=channels.sensors)
             self._opened = opened.pop_all()
 
-    def run(self, progress: Progress) -> SimulationRun:
+    def run(self, progress: Progress, footage: Footage) -> SimulationRun:
         with self._opened:
-            run = self._run(progress)
+            run = self._run(progress, footage)
         return replace(run, notes=(*self._all_notes(), *run.notes))
 
-    def _run(self, progress: Progress) -> SimulationRun:
+    def _run(self, progress: Progress, footage: Footage) -> SimulationRun:
         self._settle()
         start = self._backend.observe(0, contacts=False)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
             self._notes.append(moved)
         panel = Panel.open(self._scenario, self._scene, start)
-        kept, digest = [Trace.of_observation(start)], Digest()
+        digest = Digest()
+        footage.begin(start)
         started = time.perf_counter()
         while panel.end is None:
             trace, failure = self._advance()
             if len(trace):
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
-                kept.append(self._decimated(self._sensing.stored(seen), keep_last=panel.end is not None))
+                is_last = panel.end is not None or failure is not None
+                footage.add(self._sensing.stored(seen), is_last=is_last)
                 progress(panel.time)
             if failure is not None and panel.end is None:
                 raise failure
         wall_time = time.perf_counter() - started
-        trace = Trace.concatenate(kept)
+        kept = footage.trace()
+        assert kept is not None
         x, y, _ = start.pose.position_xyz
         return SimulationRun(
-            trace=trace,
+            trace=kept,
             verdicts=panel.verdicts(),
             end=panel.end,
             digest=digest.hexdigest(),
-            travelled=float(trace.planar_distance_to(x, y)[-1]),
+            travelled=float(kept.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
             notes=tuple(missed(self._scene.world, panel.time)),
@@ -194,14 +202,6 @@ class _Loop:
         told = replace(self._backend.collect(), sensors=self._sensing.collect())
         trace, unstable = self._watchdog.watch(told)
         return trace, unstable or failure
-
-    def _decimated(self, trace: Trace, *, keep_last: bool) -> Trace:
-        """Every stride-th step, counted from t = 0."""
-        first_step = round(trace.time[0] * self._scenario.physics.rate)
-        kept = trace.rows(slice(-first_step % self._stride, None, self._stride))
-        if not keep_last or (first_step + len(trace) - 1) % self._stride == 0:
-            return kept
-        return Trace.concatenate((kept, replace(trace.rows(slice(-1, None)), contacts=(), sensors={}, clearances={})))
 
 
 def _fastest(trace: Trace) -> float:

@@ -13,6 +13,7 @@ from typing import Any, Final, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.body_record import BodyRecord
 from sim_action.channels import ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord
 from sim_action.geometry import Vector3
@@ -56,6 +57,7 @@ class Trace:
         contacts: of the robot with bodies other than the ground, from every step between the first and last moment.
         sensors: name -> what it told until the last moment, for sensors that the trace keeps.
         clearances: watch -> how near the robot came; from every step, as contacts are.
+        bodies: name -> where a body of the world was, for those that move, if a replay is asked for.
     """
 
     joint_names: tuple[str, ...]
@@ -63,6 +65,7 @@ class Trace:
     contacts: tuple[Contact, ...] = ()
     sensors: Mapping[str, SensorRecord] = field(default_factory=dict)
     clearances: Mapping[ClearanceWatch, ClearanceRecord] = field(default_factory=dict)
+    bodies: Mapping[str, BodyRecord] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.state)
@@ -94,8 +97,9 @@ class Trace:
         contacts = tuple(contact for trace in traces for contact in trace.contacts)
         sensors = _joined([trace.sensors for trace in traces], SensorRecord.concatenate)
         clearances = _joined([trace.clearances for trace in traces], ClearanceRecord.concatenate)
+        bodies = _joined([trace.bodies for trace in traces], BodyRecord.concatenate)
         state = np.concatenate([trace.state for trace in traces])
-        return cls(traces[0].joint_names, state, contacts, sensors, clearances)
+        return cls(traces[0].joint_names, state, contacts, sensors, clearances, bodies)
 
     @property
     def time(self) -> FloatArray:
@@ -147,11 +151,11 @@ class Trace:
         return self._part(slice(count), -np.inf, end)
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Some of the moments, with all contacts, readings and clearances."""
+        """Some of the moments, with all contacts, readings, clearances and bodies."""
         return replace(self, state=self.state[wanted])
 
     def between(self, start: float, end: float) -> Self:
-        """The moments, contacts, readings and clearances with start <= time <= end."""
+        """The moments, contacts, readings, clearances and bodies with start <= time <= end."""
         if len(self) and not self._tells and start <= self.time[0] and self.time[-1] <= end:
             return self
         start, end = start - TIME_EPSILON, end + TIME_EPSILON
@@ -161,7 +165,7 @@ class Trace:
     @property
     def _tells(self) -> bool:
         """Whether there is anything beside the state."""
-        return bool(self.contacts or self.sensors or self.clearances)
+        return bool(self.contacts or self.sensors or self.clearances or self.bodies)
 
     def _part(self, wanted: slice, start: float, end: float) -> Self:
         if not self._tells:
@@ -172,6 +176,7 @@ class Trace:
             contacts=tuple(contact for contact in self.contacts if start <= contact.time <= end),
             sensors={name: record.between(start, end) for name, record in self.sensors.items()},
             clearances={watch: record.between(start, end) for watch, record in self.clearances.items()},
+            bodies={name: record.between(start, end) for name, record in self.bodies.items()},
         )
 
     @cached_property

@@ -13,6 +13,7 @@ from sim_action.regular_files import open_regular
 from sim_action.whole_files import whole_file
 
 TRACE_FOLDER: Final = "traces"
+REPLAY_FOLDER: Final = "replays"
 
 
 def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
@@ -33,8 +34,13 @@ def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
     return paths
 
 
+def replay_path(trace: Path) -> Path:
+    """Where the replay of a run is stored whose trace is at a path."""
+    return trace.parent.parent / REPLAY_FOLDER / f"{trace.stem}.json.gz"
+
+
 def stored_file(folder: Path, trace: str) -> Path | None:
-    """The file of a trace that results in `folder` name; None unless it is one, below the folder and behind no link."""
+    """The file of a run that results in `folder` name; None unless it is one, below the folder and behind no link."""
     try:
         root = folder.resolve()
         path = Path(os.path.normpath(root / trace))

@@ -27,12 +27,17 @@ from sim_action.errors import (
     ScriptError,
     SimulationUnstable,
 )
+from sim_action.footage import Footage
 from sim_action.loading import build_scene, checked
 from sim_action.location import Location, Problem
+from sim_action.messages import escaped_line
 from sim_action.native_output import redirect_output
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.permissions import Permissions
+from sim_action.replay.build import replay_of
+from sim_action.replay.storage import write
 from sim_action.scenario import LoadedScenario, Scenario
+from sim_action.scene import Scene
 from sim_action.simulation import SimulationRun, simulate
 from sim_action.trace_storage import save_trace
 from sim_action.yaml_document import Document, KeyPath
@@ -43,13 +48,14 @@ _RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One scenario to run, and where its traces and its words go.
+    """One scenario to run, and where its traces, its replay and its words go.
 
     Attributes:
         trace: where the trace is written.
         results: the folder that outcomes name the trace from.
         folder: the child's own, for `outcome.json` and `output.txt`.
         memory_is_limited: whether the child is held to the scenario's `memory_limit`.
+        replay: where the replay is written; None: nobody asks for it.
     """
 
     loaded: LoadedScenario
@@ -57,11 +63,16 @@ class Job:
     results: Path
     folder: Path
     memory_is_limited: bool = True
+    replay: Path | None = None
 
     @property
     def trace_name(self) -> str:
         """How outcomes name the trace, on every system."""
-        return Path(os.path.relpath(self.trace, self.results)).as_posix()
+        return self.named(self.trace)
+
+    def named(self, path: Path) -> str:
+        """How outcomes name a file of the run, on every system."""
+        return Path(os.path.relpath(path, self.results)).as_posix()
 
     @property
     def outcome_file(self) -> Path:
@@ -164,10 +175,33 @@ def _stored_run(job: Job, progress: _Progress) -> SimulationRun:
     # To say that there was no memory takes some, when a script may have taken the last of it. Nothing is written there:
     # addresses cost nothing, and to fill them with zeros would take 20 ms.
     with _reserved():
-        run = _simulated(_checked(job.loaded), progress)
-        job.trace.parent.mkdir(parents=True, exist_ok=True)
-        save_trace(run.trace, job.trace)
-    return run
+        loaded = _checked(job.loaded)
+        scene, footage = build_scene(loaded), Footage(loaded.scenario, filmed=job.replay is not None)
+        try:
+            run = _simulated(loaded, scene, footage, progress)
+        except RunError:
+            # What there is of it shows what went wrong.
+            with suppress(OSError):
+                _store_evidence(job, scene, footage)
+            raise
+        notes = _store_evidence(job, scene, footage)
+    return replace(run, notes=(*run.notes, *notes))
+
+
+def _store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
+    """Writes what was kept of a run where it belongs; returns what to say of it. Raises OSError."""
+    trace, film = footage.trace(), footage.film()
+    if trace is None:
+        return ()
+    job.trace.parent.mkdir(parents=True, exist_ok=True)
+    save_trace(trace, job.trace)
+    if job.replay is None or film is None:
+        return ()
+    try:
+        write(replay_of(scene, film), job.replay)
+    except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
+        return (f"there is no replay of it: {escaped_line(str(error))}",)
+    return ()
 
 
 def _reserved() -> mmap.mmap:
@@ -192,11 +226,11 @@ def _checked(loaded: LoadedScenario) -> LoadedScenario:
     return replace(loaded, model=again.model)
 
 
-def _simulated(loaded: LoadedScenario, progress: _Progress) -> SimulationRun:
+def _simulated(loaded: LoadedScenario, scene: Scene, footage: Footage, progress: _Progress) -> SimulationRun:
     """The run; only in the process that began it. Raises RunError, ModelError, InvalidScenario."""
     born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
     try:
-        run = simulate(loaded.scenario, build_scene(loaded), progress)
+        run = simulate(loaded.scenario, scene, progress, footage)
     except BadStart as error:
         raise InvalidScenario(loaded.document.problem(*problem) for problem in error.problems) from None
     except BadSource as error:
@@ -287,4 +321,5 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         engine=run.engine,
         notes=run.notes,
         trace=job.trace_name,
+        replay=job.named(job.replay) if job.replay and job.replay.is_file() else None,
     )

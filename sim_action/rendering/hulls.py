@@ -38,7 +38,7 @@ def hull_of(points: FloatArray, margin: float = 0.0) -> Polyhedron:
     Of the planes only the directions are those of faces that were found: where a plane is, all of the points say.
     """
     middle = points.mean(axis=0)
-    normals = np.concatenate((np.eye(3), -np.eye(3), face_normals(_outermost(points - middle))))
+    normals = np.concatenate((np.eye(3), -np.eye(3), face_normals(outermost(points - middle))))
     _, first = np.unique(normals.round(6), axis=0, return_index=True)
     normals = normals[np.sort(first)]
     offsets = np.array([along(points, normal).max() for normal in normals]) + margin
@@ -46,7 +46,8 @@ def hull_of(points: FloatArray, margin: float = 0.0) -> Polyhedron:
     return Polyhedron(normals, offsets, reach)
 
 
-def _outermost(points: FloatArray) -> FloatArray:
+def outermost(points: FloatArray) -> FloatArray:
+    """Of points (N, 3) about their middle, those that reach furthest; all of them, if they are few."""
     if len(points) <= _MOST_POINTS:
         return points
     extents = np.ptp(points, axis=0)

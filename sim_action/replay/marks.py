@@ -20,7 +20,7 @@ class _Mark(FrozenModel):
 class CircleMark(_Mark):
     """On the ground plane, or as high as `z`; in m."""
 
-    kind: Literal["circle"] = "circle"
+    kind: Literal["circle"]
     x: Number
     y: Number
     z: Number = 0.0
@@ -30,21 +30,21 @@ class CircleMark(_Mark):
 class PolygonMark(_Mark):
     """A closed area on the ground plane; points x, y in m."""
 
-    kind: Literal["polygon"] = "polygon"
+    kind: Literal["polygon"]
     points: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=3, max_length=10_000)]
 
 
 class PolylineMark(_Mark):
     """A way; points x, y, z in m."""
 
-    kind: Literal["polyline"] = "polyline"
+    kind: Literal["polyline"]
     points: Annotated[tuple[Place, ...], Field(min_length=2, max_length=10_000)]
 
 
 class ArrowMark(_Mark):
     """A heading at a place on the ground plane: m, and rad about the z axis."""
 
-    kind: Literal["arrow"] = "arrow"
+    kind: Literal["arrow"]
     x: Number
     y: Number
     yaw: Number

@@ -19,7 +19,9 @@ MAX_CONTACTS: Final = 200
 MAX_SIGNALS: Final = 200
 MAX_MARKS: Final = 500
 
-Text = Annotated[str, Field(max_length=300)]
+MOST_LETTERS: Final = 300
+
+Text = Annotated[str, Field(max_length=MOST_LETTERS)]
 PoseColumns = tuple[Column, Column, Column, Column, Column, Column, Column]
 """x, y, z, then the quaternion x, y, z, w."""
 
@@ -171,7 +173,7 @@ class Replay(FrozenModel):
         contacts_left_out: how many more there were.
     """
 
-    version: Literal[1] = 1
+    version: Literal[1]
     scene: SceneData
     joint_names: Annotated[tuple[Text, ...], Field(max_length=MAX_LINKS)] = ()
     frames: Frames

@@ -37,6 +37,12 @@ _FILES: Final = (
 )
 _SWITCHES: Final = (
     click.option(
+        "--report/--no-report",
+        envvar="SIM_ACTION_REPORT",
+        default=True,
+        help="Write report.html, with a replay of each run.  [default: yes]",
+    ),
+    click.option(
         "--summary/--no-summary",
         envvar="SIM_ACTION_SUMMARY",
         default=True,
@@ -83,5 +89,5 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
         junit=Path(flags["junit"]) if flags["junit"] else None,
         junit_strict=flags["junit_strict"],
         verbosity="verbose" if flags["verbose"] else "quiet" if flags["quiet"] else "normal",
-        silenced=frozenset(name for name in ("summary", "annotations") if not flags[name]),
+        silenced=frozenset(name for name in ("report", "summary", "annotations") if not flags[name]),
     )

@@ -1,0 +1,85 @@
+"""What is kept of a run while it lasts: the trace that is stored, and, for a replay, 30 moments of each second."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.channels import Channels
+from sim_action.observation import Contact, Observation
+from sim_action.scenario import Scenario
+from sim_action.trace import Trace
+from sim_action.world import World
+
+FRAME_RATE: Final = 30.0
+"""Hz, of a replay."""
+
+# Of a run that lasts for hours: what is kept is still to fit into memory.
+_MOST_FRAMES: Final = 200_000
+
+
+class Footage:
+    """Grows with the run; what there is of one that fails is there for whoever began it."""
+
+    def __init__(self, scenario: Scenario, *, filmed: bool = False) -> None:
+        """`filmed`: whether a replay is asked for."""
+        self._judges_contacts = any(expected.channels.contacts for expected in scenario.expect)
+        self._contacts: list[Contact] = []
+        self._rate = scenario.physics.rate
+        self._stride = _stride(self._rate, scenario.trace_rate)
+        self._film_stride = _stride(self._rate, min(FRAME_RATE, _MOST_FRAMES / scenario.time_limit))
+        self._filmed = filmed
+        self._kept: list[Trace] = []
+        self._film: list[Trace] = []
+
+    def channels(self, world: World) -> Channels:
+        """What is to be computed of the run for a replay alone."""
+        if not self._filmed:
+            return Channels()
+        moving = (body.name for body in world.objects if body.mass is not None or body.path)
+        return Channels(contacts=True, bodies=frozenset(moving))
+
+    def begin(self, start: Observation) -> None:
+        """The moment at t = 0."""
+        self._kept.append(Trace.of_observation(start))
+        if self._filmed:
+            self._film.append(self._kept[0])
+
+    def add(self, seen: Trace, *, is_last: bool) -> None:
+        """The moments since the last ones, all that there were; of the last ones, the very last is kept."""
+        bodies = seen.bodies
+        if bodies:
+            wanted = self._rows(seen, self._film_stride, is_last=is_last, is_first=len(self._kept) == 1)
+            bodies = {name: record.rows(wanted) for name, record in bodies.items()}
+        wanted = self._rows(seen, self._stride, is_last=is_last)
+        # What is looked at for the replay alone makes no trace larger.
+        contacts = seen.contacts if self._judges_contacts else ()
+        self._kept.append(replace(seen, state=seen.state[wanted], contacts=contacts, bodies=bodies))
+        if self._filmed:
+            self._contacts += seen.contacts
+            wanted = self._rows(seen, self._film_stride, is_last=is_last)
+            self._film.append(Trace(seen.joint_names, seen.state[wanted], bodies=bodies))
+
+    def trace(self) -> Trace | None:
+        """At the rate that the scenario asks for; None: it has not begun."""
+        return Trace.concatenate(self._kept) if self._kept else None
+
+    def film(self) -> Trace | None:
+        """The same at 30 Hz, with contacts and bodies; None: nobody asks for it, or it has not begun."""
+        if not self._film:
+            return None
+        return replace(Trace.concatenate(self._film), contacts=tuple(self._contacts))
+
+    def _rows(self, seen: Trace, stride: int, *, is_last: bool, is_first: bool = False) -> NDArray[np.intp]:
+        """Those of every stride-th step, counted from t = 0."""
+        first_step = round(seen.time[0] * self._rate)
+        rows = np.arange(-first_step % stride, len(seen), stride)
+        ends = [0] * is_first + [len(seen) - 1] * is_last
+        return np.unique(np.concatenate((rows, np.array(ends, dtype=np.intp)))) if ends else rows
+
+
+def _stride(rate: float, wanted: float) -> int:
+    return max(1, round(rate / wanted))

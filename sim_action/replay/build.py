@@ -1,0 +1,48 @@
+"""From a scene and what was kept of a run to its replay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sim_action.replay.contacts import joined, strongest
+from sim_action.replay.frames import frames_of, thinned
+from sim_action.replay.marks import MarkData
+from sim_action.replay.models import MOST_LETTERS, Replay, SignalData
+from sim_action.replay.scenery import link_order, scenery
+from sim_action.scene import Scene
+from sim_action.trace import Trace
+
+
+def replay_of(
+    scene: Scene,
+    film: Trace,
+    signals: Sequence[SignalData] = (),
+    marks: Sequence[MarkData] = (),
+) -> Replay:
+    """The replay of a run.
+
+    Args:
+        scene: what was simulated.
+        film: what was seen of it, 30 moments a second.
+        signals: what expectations looked at.
+        marks: where they did.
+
+    Raises OSError if a mesh that the model was read with is no longer there.
+    """
+    tracks = [body.name for body in scene.world.objects if body.name in film.bodies]
+    links = {name: number for number, name in enumerate(link_order(scene.model))}
+    bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
+    contacts, left_out = strongest(joined(film.contacts), links, bodies)
+    joints = scene.model.moving_joints
+    sliding = [joint.type == "prismatic" for joint in joints]
+    records = [film.bodies[name] for name in tracks]
+    return Replay(
+        version=1,
+        scene=scenery(scene, tracks),
+        joint_names=tuple(joint.name[:MOST_LETTERS] for joint in joints),
+        frames=frames_of(thinned(film), records, scene.physics.rate, sliding),
+        contacts=contacts,
+        contacts_left_out=left_out,
+        signals=tuple(signals),
+        marks=tuple(marks),
+    )
