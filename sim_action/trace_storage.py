@@ -1,4 +1,4 @@
-"""Stored traces: a .npz file with one array a field; contacts as `contact_*`, sensors and clearances numbered."""
+"""Stored traces: a .npz file with one array a field; contacts as `contact_*`, the rest numbered."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from sim_action.body_record import BodyRecord
 from sim_action.channels import ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord
 from sim_action.observation import Contact
@@ -16,6 +17,7 @@ from sim_action.sensor_record import SensorRecord
 from sim_action.trace import COLUMNS, Trace
 from sim_action.whole_files import whole_file
 
+_BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
 _MOST_BYTES: Final = 2_000_000_000
 
@@ -27,7 +29,12 @@ class TraceError(ValueError):
 def save_trace(trace: Trace, path: Path) -> None:
     """Writes a trace as .npz."""
     columns = {name: getattr(trace, name) for name in COLUMNS}
-    told = {**_contact_arrays(trace), **_sensor_arrays(trace.sensors), **_clearance_arrays(trace.clearances)}
+    told = {
+        **_contact_arrays(trace),
+        **_sensor_arrays(trace.sensors),
+        **_clearance_arrays(trace.clearances),
+        **_body_arrays(trace.bodies),
+    }
     arrays: dict[str, Any] = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
     with whole_file(path) as file:
         np.savez(file, **arrays)
@@ -42,7 +49,8 @@ def load_trace(path: Path) -> Trace:
             columns = {name: stored[name] for name in COLUMNS}
             contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
             trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
-            return replace(trace, sensors=_sensor_records(stored), clearances=_clearance_records(stored))
+            sensors, clearances = _sensor_records(stored), _clearance_records(stored)
+            return replace(trace, sensors=sensors, clearances=clearances, bodies=_body_records(stored))
     except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
         raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -125,4 +133,23 @@ def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, Cleara
             raise ValueError(f"the columns of '{start}' do not fit each other")
         records[ClearanceWatch(links, bodies, within, bool(always))] = record
         index += 1
+    return records
+
+
+def _body_arrays(bodies: Mapping[str, BodyRecord]) -> dict[str, Any]:
+    """What a trace's file holds of bodies, numbered."""
+    arrays: dict[str, Any] = {"body_names": np.array(list(bodies), dtype=np.str_)} if bodies else {}
+    for index, record in enumerate(bodies.values()):
+        arrays |= {f"body_{index}_{name}": getattr(record, name) for name in _BODY_COLUMNS}
+    return arrays
+
+
+def _body_records(stored: Mapping[str, Any]) -> dict[str, BodyRecord]:
+    """What `_body_arrays` has made into arrays."""
+    records = {}
+    for index, name in enumerate(stored["body_names"].tolist() if "body_names" in stored else ()):
+        record = BodyRecord(*(stored[f"body_{index}_{column}"] for column in _BODY_COLUMNS))
+        if not record.is_whole:
+            raise ValueError(f"the columns of 'body_{index}' do not fit each other")
+        records[str(name)] = record
     return records

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from sim_action import geometry
 from sim_action.backends import NO_CHANNELS, UNLIMITED_EFFORT
+from sim_action.backends.body_tracks import BodyTracks
 from sim_action.backends.clearances import Clearances
 from sim_action.backends.glance import Glance
 from sim_action.backends.push import wrench
 from sim_action.backends.pybullet_distances import Distances
 from sim_action.backends.pybullet_links import in_link_frame, link_pose, link_twist
+from sim_action.backends.pybullet_overlaps import clashes, overlaps
 from sim_action.backends.pybullet_push import apply, pushed
 from sim_action.backends.pybullet_rays import cast_rays, hide_from_rays
 from sim_action.backends.pybullet_scene import (
@@ -35,6 +37,7 @@ from sim_action.backends.pybullet_scene import (
     set_surfaces,
 )
 from sim_action.backends.pybullet_stage import PyBulletStage
+from sim_action.backends.pybullet_tracks import looking_at
 from sim_action.backends.timetable import Timetable
 from sim_action.channels import Channels
 from sim_action.command import BasePush, JointTargets
@@ -76,6 +79,9 @@ class PyBulletBackend:
         self._timetable = Timetable.of(scene, PyBulletStage(self._client, self._robot, self._links, self._objects))
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         self._clearances = Clearances(channels, scene, distances.radii(), near=distances.near, body_at=self._body_at)
+        tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
+        look = looking_at(self._client, [self._objects[name][0] for name in tracked])
+        self._tracks = BodyTracks(tracked, self._rate, look)
         self._held_efforts: dict[int, float] = {}
         self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -101,6 +107,8 @@ class PyBulletBackend:
             self._rows.append(self._row(step))
             if self._watches_contacts:
                 self._touches += self._contacts(step, ground=False)
+            if not self._tracks.is_idle:
+                self._tracks.see(step)
             if not self._clearances.is_idle:
                 row = self._rows[-1]
                 self._clearances.see(step, row[1:8], row[14 : 14 + len(self._indices)])
@@ -111,7 +119,8 @@ class PyBulletBackend:
         state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
         for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
             state[:, column] = values
-        trace = Trace(self._joint_names, state, tuple(self._touches), clearances=self._clearances.collect())
+        clearances, bodies = self._clearances.collect(), self._tracks.collect()
+        trace = Trace(self._joint_names, state, tuple(self._touches), clearances=clearances, bodies=bodies)
         self._rows, self._touches = [], []
         return trace
 
@@ -168,25 +177,11 @@ class PyBulletBackend:
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Backend.overlaps."""
-        deepest: dict[tuple[str, str], float] = {}
-        for body, name in self._body_names.items():
-            # Contact points are those of the last step, and there may have been none.
-            for point in pybullet.getClosestPoints(self._robot, body, 0.0, physicsClientId=self._client):
-                pair = self._link_names[point[3]], name
-                deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
-        return tuple(Overlap(link, name, depth) for (link, name), depth in deepest.items() if depth > 0)
+        return overlaps(self._client, self._robot, self._link_names, self._body_names)
 
     def clashes(self) -> tuple[Clash, ...]:
         """See Backend.clashes."""
-        deepest: dict[tuple[str, str], float] = {}
-        for number in self._moving:
-            for other in self._body_names:
-                if other == number or (other in self._moving and other < number):
-                    continue
-                for point in pybullet.getClosestPoints(number, other, 0.0, physicsClientId=self._client):
-                    pair = self._body_names[number], self._body_names[other]
-                    deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
-        return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
+        return clashes(self._client, self._moving, self._body_names)
 
     def close(self) -> None:
         """See Backend.close."""

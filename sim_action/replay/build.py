@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sim_action.replay.contacts import joined, strongest
-from sim_action.replay.frames import frames_of, thinned
+from sim_action.replay.frames import Track, frames_of, thinned
 from sim_action.replay.marks import MarkData
 from sim_action.replay.models import MOST_LETTERS, Replay, SignalData
 from sim_action.replay.scenery import link_order, scenery
@@ -29,18 +29,18 @@ def replay_of(
 
     Raises OSError if a mesh that the model was read with is no longer there.
     """
-    tracks = [body.name for body in scene.world.objects if body.name in film.bodies]
+    moving = [body for body in scene.world.objects if body.name in film.bodies]
     links = {name: number for number, name in enumerate(link_order(scene.model))}
     bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
     contacts, left_out = strongest(joined(film.contacts), links, bodies)
     joints = scene.model.moving_joints
     sliding = [joint.type == "prismatic" for joint in joints]
-    records = [film.bodies[name] for name in tracks]
+    tracks = [Track(film.bodies[body.name], body.appears or 0.0) for body in moving]
     return Replay(
         version=1,
-        scene=scenery(scene, tracks),
+        scene=scenery(scene, [body.name for body in moving]),
         joint_names=tuple(joint.name[:MOST_LETTERS] for joint in joints),
-        frames=frames_of(thinned(film), records, scene.physics.rate, sliding),
+        frames=frames_of(thinned(film), tracks, scene.physics.rate, sliding),
         contacts=contacts,
         contacts_left_out=left_out,
         signals=tuple(signals),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -28,7 +29,15 @@ def thinned(trace: Trace) -> Trace:
     return trace.rows(np.linspace(0, len(trace) - 1, MAX_MOMENTS).round().astype(np.intp))
 
 
-def frames_of(trace: Trace, tracks: Sequence[BodyRecord], rate: float, sliding: Sequence[bool]) -> Frames:
+@dataclass(frozen=True, slots=True)
+class Track:
+    """A body that moves; `appears`: s before which it is not there, and its record says nothing."""
+
+    record: BodyRecord
+    appears: float = 0.0
+
+
+def frames_of(trace: Trace, tracks: Sequence[Track], rate: float, sliding: Sequence[bool]) -> Frames:
     """The columns of a trace and of bodies; `rate`: of the physics; `sliding`: of each joint, whether it slides."""
     steps = [_SLIDING if slides else _JOINT for slides in sliding]
     return Frames(
@@ -37,13 +46,16 @@ def frames_of(trace: Trace, tracks: Sequence[BodyRecord], rate: float, sliding: 
         joints=tuple(Column.encoded(column, step) for column, step in zip(trace.joint_position.T, steps, strict=True)),
         speed=Column.encoded(trace.speed, _SPEED),
         tilt=Column.encoded(trace.tilt, _JOINT),
-        tracks=tuple(_track(record, trace.time) for record in tracks),
+        tracks=tuple(_track(track, trace.time) for track in tracks),
     )
 
 
-def _track(record: BodyRecord, time: FloatArray) -> PoseColumns:
-    """A body at these moments; where it was not looked at, as just before."""
-    rows = np.maximum(np.searchsorted(record.time, time + TIME_EPSILON, side="right") - 1, 0)
+def _track(track: Track, time: FloatArray) -> PoseColumns:
+    """A body at these moments; where it was not looked at, as just before, and until it appears, as then."""
+    record = track.record
+    first = int(np.searchsorted(record.time, track.appears - TIME_EPSILON))
+    rows = np.searchsorted(record.time, time + TIME_EPSILON, side="right") - 1
+    rows = np.clip(rows, min(first, len(record) - 1), None)
     return _pose_columns(record.position_xyz[rows], record.orientation_xyzw[rows])
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.backends import NO_CHANNELS
+from sim_action.backends.body_tracks import BodyTracks
 from sim_action.backends.clearances import Clearances
 from sim_action.backends.glance import Glance
 from sim_action.backends.mujoco.contacts import Contacts
@@ -82,6 +83,8 @@ class MuJoCoBackend:
         # In MuJoCo's own format, axes may be beside the frames of their links: nobody knows how far.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
         self._clearances = Clearances(channels, scene, radii, near=distances.near, body_at=self._objects.at)
+        tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
+        self._tracks = BodyTracks(tracked, self._rate, self._objects.looking_at(tracked))
         # A live view of how often the engine has warned of what.
         self._warned = compiled.data.warning.number
         self._touches: list[Contact] = []
@@ -97,8 +100,9 @@ class MuJoCoBackend:
 
     def collect(self) -> Trace:
         """See Backend.collect."""
-        touches, clearances = tuple(self._touches), self._clearances.collect()
-        trace = Trace(self._joint_names, self._states.collect(), touches, clearances=clearances)
+        clearances, bodies = self._clearances.collect(), self._tracks.collect()
+        state, touches = self._states.collect(), tuple(self._touches)
+        trace = Trace(self._joint_names, state, touches, clearances=clearances, bodies=bodies)
         self._touches = []
         return trace
 
@@ -155,6 +159,8 @@ class MuJoCoBackend:
             self._states.keep(row)
             if self._watches_contacts:
                 self._touches += self._contacts.of_step(float(row[0]) / self._rate, ground=False)
+            if not self._tracks.is_idle:
+                self._tracks.see(int(row[0]))
             if not self._clearances.is_idle:
                 self._clearances.see(int(row[0]), *self._states.place(row))
 

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
 from sim_action import geometry
+from sim_action.backends.body_tracks import Look
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.backends.mujoco.shapes import wxyz
 from sim_action.geometry import Pose, Twist
+
+FloatArray = NDArray[np.float64]
+
+_IN_OUR_ORDER: Final = np.array([0, 1, 2, 4, 5, 6, 3])
 
 
 class Objects:
@@ -32,6 +43,25 @@ class Objects:
         """Of its middle, world frame."""
         px, py, pz, qw, qx, qy, qz = self.at(name)
         return Pose((px, py, pz), (qx, qy, qz, qw))
+
+    def looking_at(self, names: Sequence[str]) -> Look:
+        """See Look."""
+        model, numbers = self._model, [self._numbers[name] for name in names]
+        free = [place for place, body in enumerate(numbers) if model.body_dofnum[body]]
+        fixed = [place for place, body in enumerate(numbers) if not model.body_dofnum[body]]
+        starts = [model.jnt_qposadr[model.body_jntadr[numbers[place]]] for place in free]
+        # The engine has quaternions as w, x, y, z.
+        taken = np.add.outer(np.array(starts, dtype=np.intp), _IN_OUR_ORDER)
+        held = np.array([numbers[place] for place in fixed], dtype=np.intp)
+
+        def look() -> FloatArray:
+            row = np.empty((len(names), 7))
+            row[free] = self._data.qpos[taken]
+            if fixed:
+                row[fixed, :3], row[fixed, 3:] = model.body_pos[held], model.body_quat[held][:, _IN_OUR_ORDER[3:] - 3]
+            return row.ravel()
+
+        return look
 
     def put(self, name: str, pose: Pose, twist: Twist) -> bool:
         """Sets where a body is, world frame; whether it can have a velocity, which is set as well."""

@@ -1,0 +1,115 @@
+"""What is kept of a run for its replay, on every engine: it changes nothing, and what moves is where it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_action.errors import SimulationUnstable
+from sim_action.footage import Footage
+from sim_action.loading import build_scene
+from sim_action.replay.build import replay_of
+from sim_action.replay.models import Replay
+from sim_action.scenario import LoadedScenario
+from sim_action.simulation import SimulationRun, simulate
+from sim_action.trace import Trace
+from sim_action.trace_storage import load_trace, save_trace
+from tests.integration.engines import on_every_engine
+from tests.scenarios import load
+
+BUSY = """\
+name: burger among things that move
+robot: {{model: turtlebot3_burger}}
+world:
+  objects:
+    - {{name: wall, box: [0.1, 2.0, 0.5], pose: {{x: 0.45}}}}
+    - {{name: ball, sphere: {{radius: 10 cm}}, mass: 100 g, pose: {{x: -1, z: 1}}}}
+    - {{name: door, box: [0.1, 0.5, 0.5], pose: {{y: 1}}, path: [{{at: 0.5, y: 1}}, {{at: 1.5, y: 2}}]}}
+    - {{name: parcel, box: [0.1, 0.1, 0.1], mass: 1 kg, pose: {{x: -2, z: 2}}, appears: 1 s}}
+    - {{name: sign, box: [0.1, 0.1, 0.1], pose: {{x: -3}}, appears: 1 s}}
+commands: {{rate: 10 Hz, twist: [{{linear: 0.5}}]}}
+expect: [{{travel: {{at_least: 5 m}}}}]
+time_limit: 2.01 s
+backend: {engine}
+"""
+
+
+def filmed(loaded: LoadedScenario, *, asked: bool = True) -> tuple[SimulationRun, Trace | None]:
+    footage = Footage(loaded.scenario, filmed=asked)
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None, footage)
+    return run, footage.film()
+
+
+def replayed(loaded: LoadedScenario) -> Replay:
+    _, film = filmed(loaded)
+    assert film is not None
+    return replay_of(build_scene(loaded), film)
+
+
+@on_every_engine
+def test_a_run_that_is_filmed_is_the_same_run(engine: str, tmp_path: Path) -> None:
+    loaded = load(tmp_path, BUSY.format(engine=engine))
+    (filming, film), (plain, nothing) = filmed(loaded), filmed(loaded, asked=False)
+    assert filming.digest == plain.digest
+    assert (filming.trace.state == plain.trace.state).all()
+    assert filming.trace.contacts == plain.trace.contacts == ()
+    assert nothing is None
+    assert plain.trace.bodies == {}
+    assert film is not None
+    assert len(film) == 62  # 30 a second, the first and the last
+
+
+@on_every_engine
+def test_what_moves_is_where_it_was(engine: str, tmp_path: Path) -> None:
+    run, _ = filmed(load(tmp_path, BUSY.format(engine=engine)))
+    assert sorted(run.trace.bodies) == ["ball", "door", "parcel"]
+    ball, door = run.trace.bodies["ball"], run.trace.bodies["door"]
+    assert door.position_xyz[:, 1] == pytest.approx(1 + np.clip(door.time - 0.5, 0, 1), abs=1e-6)
+    assert door.time[-1] == pytest.approx(run.sim_time)
+    assert ball.position_xyz[0, 2] - ball.position_xyz[-1, 2] > 0.1
+    assert ball.position_xyz[-1, 2] == pytest.approx(0.1, abs=0.01)
+    assert np.linalg.norm(ball.orientation_xyzw, axis=1) == pytest.approx(np.ones(len(ball)))
+
+
+@on_every_engine
+def test_a_replay_has_everything_at_its_place(engine: str, tmp_path: Path) -> None:
+    replay = replayed(load(tmp_path, BUSY.format(engine=engine)))
+    frames, bodies = replay.frames, {body.name: body for body in replay.scene.bodies}
+    time = frames.time.decoded(frames.count)
+    assert (time[0], time[-1]) == (0.0, pytest.approx(2.0125))
+    track = bodies["parcel"].track
+    assert track is not None
+    height = frames.tracks[track][2].decoded(frames.count)
+    assert height[time < 1.0] == pytest.approx(2.0, abs=1e-3)  # nobody sees where it waits
+    assert height[-1] < 0.5
+    assert (bodies["sign"].track, bodies["sign"].appears, bodies["wall"].track) == (None, 1.0, None)
+    assert {(replay.scene.links[c.link].name, replay.scene.bodies[c.body].name) for c in replay.contacts} == {
+        ("base_footprint", "wall")
+    }
+
+
+@on_every_engine
+def test_bodies_are_stored_with_the_trace(engine: str, tmp_path: Path) -> None:
+    run, _ = filmed(load(tmp_path, BUSY.format(engine=engine)))
+    save_trace(run.trace, tmp_path / "trace.npz")
+    found = load_trace(tmp_path / "trace.npz")
+    assert list(found.bodies) == list(run.trace.bodies)
+    for name, record in run.trace.bodies.items():
+        assert (found.bodies[name].time == record.time).all()
+        assert (found.bodies[name].position_xyz == record.position_xyz).all()
+        assert (found.bodies[name].orientation_xyzw == record.orientation_xyzw).all()
+
+
+def test_what_explodes_has_been_seen_until_then(tmp_path: Path) -> None:
+    text = BUSY.format(engine="auto").replace(
+        "world:", "physics: {settle: 0 s}\nworld:\n  disturbances: [{at: 0.5 s, velocity: [1000000.0, 0, 0]}]"
+    )
+    loaded = load(tmp_path, text)
+    footage = Footage(loaded.scenario, filmed=True)
+    with pytest.raises(SimulationUnstable):
+        simulate(loaded.scenario, build_scene(loaded), lambda _: None, footage)
+    film = footage.film()
+    assert film is not None
+    assert film.time[-1] == pytest.approx(0.5, abs=0.05)
