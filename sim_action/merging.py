@@ -1,10 +1,10 @@
-"""`sim-action merge`, from the results of shards to those of one run: read -> join -> move traces -> report."""
+"""`sim-action merge`, from the results of shards to those of one run: read -> join -> move files -> report."""
 
 from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -18,10 +18,13 @@ from sim_action.outcome import RESULTS_FILE, Outcome, Results
 from sim_action.reporting import ReportRequest, report_options, write_reports
 from sim_action.reports.escaping import shortened
 from sim_action.result_files import ResultsFile, find_all, read_all
-from sim_action.trace_files import TRACE_FOLDER, copy_trace, stored_file, trace_paths
+from sim_action.trace_files import EVIDENCE_FOLDERS, copy_stored, replay_path, stored_file, trace_paths
 
 # Of what a stranger may have written; each JUnit suite has it.
 _LONGEST_VERSION: Final = 200
+
+# What outcomes name -> where it goes, by where the trace of the same run goes.
+_EVIDENCE: Final[Mapping[str, Callable[[Path], Path]]] = {"trace": lambda trace: trace, "replay": replay_path}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +40,10 @@ def merge(request: MergeRequest) -> ExitCode:
     """Joins results, writes every report, and returns what the process says to its caller."""
     files = _read(request)
     entries = _with_versions(joined(files, request.listing), files)
-    sources = [_trace_source(entry) for entry in entries]
+    sources = [_sources(entry) for entry in entries]
     _refuse_to_overwrite(files, sources, request.reports)
     options = report_options(request.reports)
-    outcomes = list(_with_traces(entries, sources, options.folder))
+    outcomes = list(_with_evidence(entries, sources, options.folder))
     added = [outcome for outcome, entry in zip(outcomes, entries, strict=True) if entry.origin is None]
     results = _results([file.results for file in files], outcomes)
     write_reports(results, options, annotated=results.model_copy(update={"outcomes": tuple(added)}))
@@ -120,45 +123,56 @@ def _distinct(texts: Iterable[str]) -> str:
     return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _LONGEST_VERSION)
 
 
-def _trace_source(entry: Entry) -> Path | None:
-    trace = entry.outcome.trace
-    return stored_file(entry.origin.parent, trace) if entry.origin and trace else None
+def _sources(entry: Entry) -> dict[str, Path]:
+    """Field of the outcome -> the file that it names; without those that are not beside the results."""
+    if entry.origin is None:
+        return {}
+    named = {field: getattr(entry.outcome, field) for field in _EVIDENCE}
+    found = {field: stored_file(entry.origin.parent, name) for field, name in named.items() if name}
+    return {field: path for field, path in found.items() if path is not None}
 
 
-def _refuse_to_overwrite(files: Iterable[ResultsFile], sources: Iterable[Path | None], request: ReportRequest) -> None:
+def _refuse_to_overwrite(
+    files: Iterable[ResultsFile], sources: Iterable[dict[str, Path]], request: ReportRequest
+) -> None:
     """What is joined is still there afterwards."""
     written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
-    traces = compared_name(str(request.folder / TRACE_FOLDER))
-    for path in [file.path for file in files] + [source for source in sources if source]:
+    folders = [compared_name(str(request.folder / name)) for name in EVIDENCE_FOLDERS]
+    for path in [file.path for file in files] + [path for found in sources for path in found.values()]:
         name = compared_name(str(path))
-        if name in written or Path(name).is_relative_to(traces):
+        if name in written or any(Path(name).is_relative_to(folder) for folder in folders):
             why = f"{name} is to be joined, and would be overwritten"
             raise UsageError(escaped_line(f"{why}; choose another --output-dir or --junit"))
 
 
-def _with_traces(entries: Sequence[Entry], sources: Sequence[Path | None], folder: Path) -> Iterator[Outcome]:
-    """Each outcome, with its trace in `folder`, named as one run of all scenarios would have named it."""
+def _with_evidence(entries: Sequence[Entry], sources: Sequence[dict[str, Path]], folder: Path) -> Iterator[Outcome]:
+    """Each outcome, with its files in `folder`, named as one run of all scenarios would have named them."""
     # A run has a name for the trace of whatever it could load.
     loaded = [place for place, entry in enumerate(entries) if entry.origin and not _is_invalid(entry.outcome)]
     paths = trace_paths([entries[place].outcome.name for place in loaded], folder)
-    targets = dict(zip(loaded, paths, strict=True))
-    for place, (entry, source) in enumerate(zip(entries, sources, strict=True)):
-        yield _with_trace(entry.outcome, source, targets.get(place), folder)
+    traces = dict(zip(loaded, paths, strict=True))
+    for place, (entry, found) in enumerate(zip(entries, sources, strict=True)):
+        outcome = entry.outcome
+        for field, target_of in _EVIDENCE.items():
+            target = target_of(traces[place]) if place in traces else None
+            outcome = _with_file(outcome, field, found.get(field), target, folder)
+        yield outcome
 
 
 def _is_invalid(outcome: Outcome) -> bool:
     return any(failure.kind == "invalid" for failure in outcome.failures)
 
 
-def _with_trace(outcome: Outcome, source: Path | None, target: Path | None, folder: Path) -> Outcome:
-    if not outcome.trace:
+def _with_file(outcome: Outcome, field: str, source: Path | None, target: Path | None, folder: Path) -> Outcome:
+    name = getattr(outcome, field)
+    if not name:
         return outcome
     if source is None or target is None:
-        note = escaped_line(f"its trace {outcome.trace} is not beside the results of its shard")
-        return _noted(outcome.model_copy(update={"trace": None}), note)
+        note = escaped_line(f"its {field} {name} is not beside the results of its shard")
+        return _noted(outcome.model_copy(update={field: None}), note)
     try:
         target.parent.mkdir(exist_ok=True)
-        copy_trace(source, target)
+        copy_stored(source, target)
     except OSError as error:
-        raise UsageError(escaped_line(f"the trace {source} cannot be copied to {target}: {error.strerror}")) from None
-    return outcome.model_copy(update={"trace": target.relative_to(folder).as_posix()})
+        raise UsageError(escaped_line(f"the {field} {source} cannot be copied to {target}: {error.strerror}")) from None
+    return outcome.model_copy(update={field: target.relative_to(folder).as_posix()})

@@ -11,7 +11,7 @@ from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
 from sim_action.outcome import Results
 from sim_action.reports import REPORTS, ReportOptions, Verbosity
-from sim_action.trace_files import TRACE_FOLDER
+from sim_action.trace_files import EVIDENCE_FOLDERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,10 @@ class ReportRequest:
 
 def report_options(request: ReportRequest) -> ReportOptions:
     """Where reports go; makes the output folder. Raises UsageError."""
-    for place in (request.folder / TRACE_FOLDER, *([request.junit.parent] if request.junit else [])):
+    for place in (
+        *(request.folder / name for name in EVIDENCE_FOLDERS),
+        *([request.junit.parent] if request.junit else []),
+    ):
         _refuse_links(place)
     folder = _created(request.folder)
     if request.junit is not None and request.junit.is_dir():

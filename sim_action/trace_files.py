@@ -1,4 +1,4 @@
-"""Where traces are stored beside their results, and how they come from there to somewhere else."""
+"""Where traces and replays are stored beside their results, and how they come from there to somewhere else."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from sim_action.whole_files import whole_file
 
 TRACE_FOLDER: Final = "traces"
 REPLAY_FOLDER: Final = "replays"
+EVIDENCE_FOLDERS: Final = (TRACE_FOLDER, REPLAY_FOLDER)
+"""What runs leave beside their results is in these."""
 
 
 def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
@@ -50,7 +52,7 @@ def stored_file(folder: Path, trace: str) -> Path | None:
     return path if is_stored else None
 
 
-def copy_trace(source: Path, target: Path) -> None:
-    """Copies a stored trace, all of it or nothing; raises OSError. What the target's name stands for is replaced."""
-    with open_regular(source, follow_link=False) as trace, whole_file(target) as copy:
-        shutil.copyfileobj(trace, copy)
+def copy_stored(source: Path, target: Path) -> None:
+    """Copies a stored file, all of it or nothing; raises OSError. What the target's name stands for is replaced."""
+    with open_regular(source, follow_link=False) as stored, whole_file(target) as copy:
+        shutil.copyfileobj(stored, copy)

@@ -111,9 +111,17 @@ def run_job(job: Job, progress_descriptor: int) -> None:
     """Runs a scenario in this process, which is the scenario's own, and writes the outcome."""
     # A script may go to another folder.
     started, here = time.perf_counter(), Path.cwd()
+    _clear(job)
     outcome = _outcome(job, _Progress(progress_descriptor), here)
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
     job.outcome_file.write_text(outcome.model_dump_json(), encoding="utf-8")
+
+
+def _clear(job: Job) -> None:
+    """What an earlier run has left in the same place is not this one's."""
+    for path in filter(None, (job.trace, job.replay)):
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 def leave() -> NoReturn:

@@ -10,7 +10,9 @@ from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 
 
-def outcome(file: str, *, holds: bool = True, wall_time: float = 1.0, trace: str | None = None) -> Outcome:
+def outcome(
+    file: str, *, holds: bool = True, wall_time: float = 1.0, trace: str | None = None, replay: str | None = None
+) -> Outcome:
     """Of a scenario with one expectation."""
     verdict = Verdict(holds, 1.5, 1.5, 0.0, "m", 2.0, "travelled 1.5 m")
     expected = ExpectationOutcome(
@@ -23,6 +25,7 @@ def outcome(file: str, *, holds: bool = True, wall_time: float = 1.0, trace: str
         expectations=(expected,),
         wall_time=wall_time,
         trace=trace,
+        replay=replay,
     )
 
 
@@ -35,9 +38,10 @@ def results(*outcomes: Outcome, shard: tuple[int, int, int] | None = None, wall_
 
 
 def stored(folder: Path, written: Results) -> Path:
-    """`results.json` in a folder, and an own text for each trace below it."""
-    (folder / "traces").mkdir(parents=True)
-    for made in written.outcomes:
-        if made.trace:
-            (folder / made.trace).write_text(f"trace of {made.file}")
+    """`results.json` in a folder, and an own text for each trace and replay below it."""
+    for kind in ("trace", "replay"):
+        (folder / f"{kind}s").mkdir(parents=True)
+        for made in written.outcomes:
+            if name := getattr(made, kind):
+                (folder / name).write_text(f"{kind} of {made.file}")
     return written.write(folder)

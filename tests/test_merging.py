@@ -59,6 +59,27 @@ def test_traces_come_along_under_names_of_their_own() -> None:
     assert len(list(Path("joined/traces").iterdir())) == 2
 
 
+def test_replays_come_along_under_the_names_of_their_traces() -> None:
+    trace, replay = "traces/same.npz", "replays/same.json.gz"
+    shard(1, outcome("a/same", trace=trace, replay=replay), outcome("c/same"))
+    shard(2, outcome("b/same", trace=trace, replay=replay))
+    assert merge(request()) is ExitCode.PASSED
+    found = {made.file: made.replay for made in read().outcomes}
+    assert found == {"a/same": "replays/same.json.gz", "b/same": "replays/same-2.json.gz", "c/same": None}
+    assert Path("joined/replays/same-2.json.gz").read_text() == "replay of b/same"
+
+
+def test_a_replay_that_is_not_beside_its_results_is_left_out_and_that_is_told() -> None:
+    path = shard(1, outcome("a", trace="traces/a.npz"), total=1)
+    written = Results.read(path)
+    forged = written.outcomes[0].model_copy(update={"replay": "../../secret"})
+    written.model_copy(update={"outcomes": (forged,)}).write(path.parent)
+    merge(request("shards/1"))
+    (made,) = read().outcomes
+    assert (made.trace, made.replay) == ("traces/a.npz", None)
+    assert made.notes == ("its replay ../../secret is not beside the results of its shard",)
+
+
 def test_what_could_not_be_loaded_takes_no_name_from_a_trace() -> None:
     error = InvalidScenario([Problem(Location("a/same"), "not a scenario")])
     shard(1, Outcome.of_invalid("a/same", error), total=2)

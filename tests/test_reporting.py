@@ -37,6 +37,7 @@ def test_the_output_folder_is_made(workspace: Path) -> None:
         ("out", "out", None),
         ("out", "out/deeper", None),
         ("out/traces", "out", None),
+        ("out/replays", "out", None),
         ("reports", "out", "reports/junit.xml"),
         ("reports", "out", "reports/deeper/junit.xml"),
     ],

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.trace_files import copy_trace, stored_file, trace_paths
+from sim_action.trace_files import copy_stored, stored_file, trace_paths
 
 
 def test_a_name_becomes_a_plain_file_name() -> None:
@@ -76,7 +76,7 @@ def test_what_is_outside_or_behind_a_link_or_no_file_is_not_found(results_folder
 def test_a_copy_replaces_a_link_and_not_what_it_leads_to(results_folder: Path, tmp_path: Path) -> None:
     target = tmp_path / "b.npz"
     target.symlink_to("secret")
-    copy_trace(results_folder / "traces" / "a.npz", target)
+    copy_stored(results_folder / "traces" / "a.npz", target)
     assert (target.read_text(), target.is_symlink()) == ("trace", False)
     assert (tmp_path / "secret").read_text() == "secret"
 
@@ -85,5 +85,5 @@ def test_nothing_is_left_of_a_copy_that_failed(results_folder: Path, tmp_path: P
     (results_folder / "link.npz").symlink_to("../secret")
     (tmp_path / "out").mkdir()
     with pytest.raises(OSError, match="link"):
-        copy_trace(results_folder / "link.npz", tmp_path / "out" / "b.npz")
+        copy_stored(results_folder / "link.npz", tmp_path / "out" / "b.npz")
     assert list((tmp_path / "out").iterdir()) == []

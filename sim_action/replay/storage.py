@@ -13,11 +13,11 @@ from sim_action.regular_files import open_regular
 from sim_action.replay.models import Replay
 from sim_action.whole_files import whole_file
 
-MOST_BYTES: Final = 20_000_000
+MOST_BYTES: Final = 8_000_000
 """Of a file."""
 
-MOST_UNPACKED: Final = 60_000_000
-"""Of what is in one. A run of 11 minutes of a robot of 30 joints has 2 MB."""
+MOST_UNPACKED: Final = 24_000_000
+"""Of what is in one: 20,000 moments of a robot of 30 joints and 50 bodies. Read, it takes ten times as much memory."""
 
 # More takes twice the time and saves nothing to speak of.
 _LEVEL: Final = 6
@@ -28,8 +28,10 @@ class ReplayError(ValueError):
 
 
 def write(replay: Replay, path: Path) -> None:
-    """Writes a replay, all of it or nothing. Raises OSError."""
+    """Writes a replay, all of it or nothing. Raises OSError, and ValueError for one that nobody would read."""
     data = replay.model_dump_json(exclude_defaults=True).encode()
+    if len(data) > MOST_UNPACKED:
+        raise ValueError(f"it would have {len(data) // 1_000_000} MB")
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as file:
         file.write(gzip.compress(data, _LEVEL, mtime=0))

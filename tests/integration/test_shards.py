@@ -92,9 +92,10 @@ def test_joined_shards_are_one_run(workspace: Path, kind: str, tmp_path: Path) -
     assert outcomes(joined) == outcomes(workspace / "whole/out")
     assert [bool(made["digest"]) for made in outcomes(joined)] == [True, True, False, True, True, False]
     assert junit(joined).replace(f"{tmp_path}/{kind}/", "whole/") == junit(workspace / "whole/out")
-    for trace in (workspace / "whole/out/traces").iterdir():
-        assert (joined / "traces" / trace.name).read_bytes() == trace.read_bytes()
-    assert len(list((joined / "traces").iterdir())) == 4
+    for evidence in ("traces", "replays"):
+        for stored in (workspace / "whole/out" / evidence).iterdir():
+            assert (joined / evidence / stored.name).read_bytes() == stored.read_bytes()
+        assert len(list((joined / evidence).iterdir())) == 4
 
 
 def test_the_matrix_deals_everything_once(workspace: Path) -> None:
