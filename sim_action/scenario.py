@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
 
@@ -14,6 +14,8 @@ from sim_action.channels import Channels
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
+from sim_action.marks import Mark
+from sim_action.observation import Observation
 from sim_action.parts import Part
 from sim_action.quantities import (
     FrozenModel,
@@ -27,13 +29,18 @@ from sim_action.quantities import (
     Tag,
 )
 from sim_action.robot_model import RobotModel
+from sim_action.scene import Scene
 from sim_action.sensors.mounting import MountedSensor
+from sim_action.signals import Signal
 from sim_action.source import Source
 from sim_action.time_rounding import STEP_EPSILON, first_step
 from sim_action.variations.values import Normal, Uniform
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Robot, World
 from sim_action.yaml_document import Document
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
 
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
 _LEAST_MEMORY: Final = 512 << 20
@@ -77,6 +84,14 @@ class Expectation:
     def channels(self) -> Channels:
         """What its assertion reads, from `after` on."""
         return self.assertion.channels.opening_at(self.after)
+
+    def signals(self, scene: Scene, start: Observation, trace: Trace) -> tuple[Signal, ...]:
+        """What its assertion looked at over a whole run, which may be decimated; what is measured first."""
+        return self.assertion.signals(scene, start, trace, self.after, self.before)
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """Where in the world that is."""
+        return self.assertion.marks(scene, start)
 
 
 class DrivenRobot(Robot):

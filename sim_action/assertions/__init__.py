@@ -6,16 +6,19 @@ the simulation loop feeds block by block and a stored trace in one piece, with t
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, TypeGuard
 
 from sim_action.channels import Channels
+from sim_action.marks import Mark
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
 from sim_action.scene import Scene, SpecProblems
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 from sim_action.workspace import Workspace
 
@@ -63,6 +66,13 @@ class Decisive(Monitor, Protocol):
         """Whether no later moment can change what it says."""
 
 
+class Drawn(Monitor, Protocol):
+    """A monitor that can show what it looks at."""
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """The curves that it would fold, were it to observe `trace`; that one is not empty, and may be decimated."""
+
+
 def is_follower(monitor: Monitor) -> TypeGuard[Follower]:
     """Whether its class says so; to compare it with the protocol takes as long as to observe a block of moments."""
     return hasattr(type(monitor), "begin")
@@ -71,6 +81,11 @@ def is_follower(monitor: Monitor) -> TypeGuard[Follower]:
 def is_decisive(monitor: Monitor) -> TypeGuard[Decisive]:
     """Whether its class says so."""
     return hasattr(type(monitor), "is_decided")
+
+
+def is_drawn(monitor: Monitor) -> TypeGuard[Drawn]:
+    """Whether its class says so."""
+    return hasattr(type(monitor), "signals")
 
 
 class Assertion(FrozenModel):
@@ -103,6 +118,21 @@ class Assertion(FrozenModel):
     @abstractmethod
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """The fold's beginning; `start` is the settled state at t = 0."""
+
+    def signals(
+        self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
+    ) -> tuple[Signal, ...]:
+        """What it looked at over time, with its limits: the curve of what is measured first.
+
+        `trace` is the whole run, and may be decimated; `after` and `before`, in s of sim time, are the expectation's.
+        """
+        from sim_action.assertions.window import signals_of
+
+        return signals_of(self.monitor(scene, start), trace, after, before)
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """Where in the world that is, if it is somewhere."""
+        return ()
 
     @property
     def reads_file(self) -> bool:

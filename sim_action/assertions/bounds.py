@@ -12,6 +12,7 @@ from sim_action import units
 from sim_action.assertions import Assertion, State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.quantities import NonNegativeMetres, PositiveMetres
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -85,6 +86,10 @@ class Bounds:
         invariant = self.invariant if self.at_most is None else self.invariant.observe(time, self.at_most - signal)
         return replace(self, goal=goal, invariant=invariant, end=float(time[-1]))
 
+    def drawn(self, name: str, time: FloatArray, signal: FloatArray) -> Signal:
+        """The curve of the signal, with both bounds."""
+        return Signal(name, self.unit, time, signal, self.at_least, self.at_most)
+
     def verdict(self) -> Verdict:
         """The bound that decides: a broken one, else the goal, else the one that held."""
         if self.at_least is None or self.invariant.state is State.BROKEN:
@@ -120,8 +125,9 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class SignalMonitor:
-    """A signal that each moment has by itself, against its bounds."""
+    """A signal that each moment has by itself, against its bounds; `name`: what people call it."""
 
+    name: str
     signal: Callable[[Trace], FloatArray]
     bounds: Bounds
 
@@ -142,3 +148,7 @@ class SignalMonitor:
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
         return self.bounds.verdict()
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals."""
+        return (self.bounds.drawn(self.name, trace.time, self.signal(trace)),)

@@ -79,7 +79,9 @@ class Effort(Assertion):
             limits = {key: units.parse(written, dimension) for key, written in self._limits().items()}
             who = f"{joint.name} exerted"
             if (at_most := limits.get("at_most")) is not None:
-                monitors.append(SignalMonitor(magnitude(effort), Bounds(who, dimension.si, None, at_most)))
+                monitors.append(
+                    SignalMonitor(f"{joint.name} effort", magnitude(effort), Bounds(who, dimension.si, None, at_most))
+                )
             if (rms_at_most := limits.get("rms_at_most")) is not None:
                 monitors.append(RootMeanSquareMonitor(effort, who, dimension.si, rms_at_most))
         return Every(tuple(monitors))

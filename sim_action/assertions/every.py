@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from sim_action.assertions import Monitor, State
+from sim_action.assertions import Monitor, State, is_drawn
 from sim_action.assertions.fold import joined
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -33,3 +34,7 @@ class Every:
         verdicts = [monitor.verdict() for monitor in self.monitors]
         nearest = min(verdicts, key=lambda v: (v.margin or 0.0) / (v.limit or 1.0))
         return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=nearest)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: those of all."""
+        return tuple(signal for monitor in self.monitors if is_drawn(monitor) for signal in monitor.signals(trace))

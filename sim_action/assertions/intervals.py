@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Invariant
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -85,3 +86,10 @@ class IntervalsMonitor:
         where, limit = (f"{name} = {text}" for text in units.display_apart(measured, side.bound, unit))
         message = f"stayed within; nearest to {limit} with {where}" if passed else f"left past {limit}: {where}"
         return Verdict(passed, measured, side.bound, margin, unit, time, f"{message} at {time:.2f} s")
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: one for each interval."""
+        intervals = dict.fromkeys(side.interval for side in self.sides)
+        return tuple(
+            Signal(one.name, one.unit, trace.time, one.signal(trace), one.lower, one.upper) for one in intervals
+        )

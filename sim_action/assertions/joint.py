@@ -89,7 +89,9 @@ class JointReading(Assertion):
         if near is not None and tolerance is not None:
             nearest = Nearest(f"{self.name} came", units.display(near, unit), unit, tolerance)
             return NearMonitor(signal, near, nearest)
-        return SignalMonitor(signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most))
+        return SignalMonitor(
+            f"{self.name} {self.reading}", signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most)
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,8 +39,9 @@ class MaxSpeed(Assertion):
         """See Assertion.monitor."""
         monitors = []
         if self.linear is not None:
-            monitors.append(SignalMonitor(lambda trace: trace.speed, Bounds("moved with", "m/s", None, self.linear)))
+            bounds = Bounds("moved with", "m/s", None, self.linear)
+            monitors.append(SignalMonitor("speed", lambda trace: trace.speed, bounds))
         if self.angular is not None:
             bounds = Bounds("turned with", "rad/s", None, self.angular)
-            monitors.append(SignalMonitor(lambda trace: trace.turn_rate, bounds))
+            monitors.append(SignalMonitor("turn rate", lambda trace: trace.turn_rate, bounds))
         return Every(tuple(monitors))

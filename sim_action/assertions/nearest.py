@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -58,6 +59,15 @@ class Nearest:
         best = int((time == later.goal.time).argmax())
         error = None if yaw_error is None else float(yaw_error[best])
         return replace(later, distance=float(distance[best]), yaw_error=error)
+
+    def drawn(
+        self, name: str, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None
+    ) -> tuple[Signal, ...]:
+        """The curves of what is folded, each against its tolerance."""
+        curve = Signal(name, self.unit, time, distance, upper=self.tolerance)
+        if yaw_error is None:
+            return (curve,)
+        return (curve, Signal("heading error", "rad", time, yaw_error, upper=self.yaw_tolerance))
 
     def verdict(self) -> Verdict:
         """Measured and limit are distances; the margin also accounts for the heading."""

@@ -11,9 +11,11 @@ from pydantic import Field
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.nearest import Nearest
+from sim_action.marks import Mark, goal
 from sim_action.observation import Observation
 from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.scene import Scene
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -48,6 +50,10 @@ class Reach(Assertion):
         nearest = Nearest("came", self.place, "m", self.tolerance, self.yaw_tolerance)
         return ReachMonitor(self, nearest)
 
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks."""
+        return tuple(goal(self.x, self.y, self.z, self.tolerance, self.yaw))
+
 
 @dataclass(frozen=True, slots=True)
 class ReachMonitor:
@@ -63,12 +69,19 @@ class ReachMonitor:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        yaw_error = None if self.spec.yaw is None else trace.yaw_error_to(self.spec.yaw)
-        return replace(self, nearest=self.nearest.observe(trace.time, self._distance(trace), yaw_error))
+        return replace(self, nearest=self.nearest.observe(trace.time, *self._errors(trace)))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals."""
+        return self.nearest.drawn(f"distance to {self.spec.place}", trace.time, *self._errors(trace))
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
         return self.nearest.verdict()
+
+    def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
+        """(T,) m and rad; None where any heading is right."""
+        return self._distance(trace), None if self.spec.yaw is None else trace.yaw_error_to(self.spec.yaw)
 
     def _distance(self, trace: Trace) -> FloatArray:
         if self.spec.z is None:

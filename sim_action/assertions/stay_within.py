@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
+from sim_action.marks import Mark, line, rectangle
 from sim_action.observation import Observation
 from sim_action.quantities import Metres
 from sim_action.scene import Scene
@@ -58,6 +59,14 @@ class StayWithin(Assertion):
             Interval(axis, "m", *bounds, _coordinate("xyz".index(axis))) for axis, bounds in self.intervals.items()
         )
         return IntervalsMonitor(tuple(side for interval in intervals for side in interval.sides()))
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks: the area, or the lines that bound it on two sides."""
+        if self.x is not None and self.y is not None:
+            return (rectangle(self.x, self.y),)
+        x, y, _ = start.pose.position_xyz
+        bounds = ((axis, at) for axis, both in self.intervals.items() if axis != "z" for at in both)
+        return tuple(line(axis, at, (x, y)) for axis, at in bounds)
 
 
 def _coordinate(column: int) -> Callable[[Trace], FloatArray]:

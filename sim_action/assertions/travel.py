@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from sim_action.assertions import Monitor
 from sim_action.assertions.bounds import Bounds, LengthBounds, SignalMonitor
+from sim_action.marks import Circle, Mark
 from sim_action.observation import Observation
 from sim_action.scene import Scene
 
@@ -19,4 +20,9 @@ class Travel(LengthBounds):
         """See Assertion.monitor."""
         x, y, _ = start.pose.position_xyz
         bounds = Bounds("travelled", "m", self.at_least, self.at_most)
-        return SignalMonitor(lambda trace: trace.planar_distance_to(x, y), bounds)
+        return SignalMonitor("travelled", lambda trace: trace.planar_distance_to(x, y), bounds)
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks: as far as it has to get, and may."""
+        x, y, _ = start.pose.position_xyz
+        return tuple(Circle(x, y, radius) for radius in (self.at_least, self.at_most) if radius)

@@ -29,4 +29,4 @@ class Upright(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        return SignalMonitor(lambda trace: trace.tilt, Bounds("tilted by", "rad", None, self.max_tilt))
+        return SignalMonitor("tilt", lambda trace: trace.tilt, Bounds("tilted by", "rad", None, self.max_tilt))

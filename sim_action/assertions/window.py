@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from sim_action.assertions import Monitor, State, is_follower
+from sim_action.assertions import Monitor, State, is_drawn, is_follower
+from sim_action.signals import Signal
 from sim_action.time_rounding import TIME_EPSILON
 from sim_action.verdict import Verdict
 
@@ -50,3 +51,15 @@ class Window:
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
         return self.monitor.verdict()
+
+
+def signals_of(monitor: Monitor, trace: Trace, after: float, before: float) -> tuple[Signal, ...]:
+    """What a monitor can show of a whole run: all of it, or what its window lets it see if it adds up."""
+    seen = trace
+    if is_follower(monitor):
+        monitor = monitor.begin(trace.between(-math.inf, after))
+        seen = trace.between(after, before)
+    if not is_drawn(monitor) or not len(seen):
+        return ()
+    end = min(before, float(trace.time[-1]))
+    return tuple(signal.within(after, end) for signal in monitor.signals(seen))

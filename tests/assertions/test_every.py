@@ -13,8 +13,8 @@ SEEN = trace([1.0, 2.0, 3.0], speed=[0.5, 1.5, 1.0], turn_rate=[1.0, 2.0, 8.0])
 def limits(speed: float, turn_rate: float) -> Every:
     return Every(
         (
-            SignalMonitor(lambda seen: seen.speed, Bounds("moved with", "m/s", None, speed)),
-            SignalMonitor(lambda seen: seen.turn_rate, Bounds("turned with", "rad/s", None, turn_rate)),
+            SignalMonitor("speed", lambda seen: seen.speed, Bounds("moved with", "m/s", None, speed)),
+            SignalMonitor("turn rate", lambda seen: seen.turn_rate, Bounds("turned with", "rad/s", None, turn_rate)),
         )
     )
 
