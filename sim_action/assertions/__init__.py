@@ -69,8 +69,12 @@ class Decisive(Monitor, Protocol):
 class Drawn(Monitor, Protocol):
     """A monitor that can show what it looks at."""
 
+    @property
+    def is_momentary(self) -> bool:
+        """Whether its curves depend on nothing that was before: they are of use beyond its time window, too."""
+
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """The curves that it would fold, were it to observe `trace`; that one is not empty, and may be decimated."""
+        """What it would fold, were it to observe `trace`, which is not empty, and may be decimated."""
 
 
 def is_follower(monitor: Monitor) -> TypeGuard[Follower]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -126,6 +126,8 @@ class Bounds:
 @dataclass(frozen=True, slots=True)
 class SignalMonitor:
     """A signal that each moment has by itself, against its bounds; `name`: what people call it."""
+
+    is_momentary: ClassVar[bool] = True
 
     name: str
     signal: Callable[[Trace], FloatArray]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
+from sim_action.assertions.least_distance import least_so_far
 from sim_action.clearance_record import ClearanceRecord, Nearness
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ class ClearanceMonitor:
         at_goal, at_worst: the moments that the two folds are about.
         end: sim time in s of the last moment seen.
     """
+
+    is_momentary: ClassVar[bool] = False
 
     spec: Clearance
     goal: Goal = Goal()
@@ -60,6 +64,12 @@ class ClearanceMonitor:
             at_worst=self.at_worst if invariant is self.invariant else _moment(record, invariant.time),
             end=float(trace.time[-1]) if len(trace) else self.end,
         )
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: distances are told only where they are less than any before."""
+        name = "least distance" + (f" to {', '.join(self.spec.to)}" if self.spec.to else "")
+        time, distance = least_so_far(trace, self.spec.watch)
+        return (Signal(name, "m", time, distance, self.spec.at_least, self.spec.at_most),) if len(time) else ()
 
     def verdict(self) -> Verdict:
         """The bound that decides: a broken one, else the goal, else the one that held."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,8 +12,10 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from sim_action.assertions import Assertion, Monitor, State, is_decisive, is_follower
 from sim_action.assertions.fold import joined, joined_by_any
 from sim_action.channels import Channels
+from sim_action.marks import Mark
 from sim_action.observation import Observation
 from sim_action.scene import Scene, SpecProblems
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 from sim_action.workspace import Workspace
 
@@ -55,6 +58,17 @@ class Combined(Assertion):
     def channels(self) -> Channels:
         """See Assertion.channels."""
         return Channels.all_of(part.channels for _, part in self.placed_parts)
+
+    def signals(
+        self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
+    ) -> tuple[Signal, ...]:
+        """Those of its parts."""
+        parts = (part for _, part in self.placed_parts)
+        return tuple(signal for part in parts for signal in part.signals(scene, start, trace, after, before))
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """Those of its parts."""
+        return tuple(mark for _, part in self.placed_parts for mark in part.marks(scene, start))
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Those of its parts."""

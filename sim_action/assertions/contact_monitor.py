@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
-from sim_action.assertions.least_distance import nearest_of
+from sim_action.assertions.least_distance import least_so_far, nearest_of
+from sim_action.assertions.stepwise import forces, with_zeros
 from sim_action.assertions.stretch import Stretch
 from sim_action.clearance_record import Nearness
 from sim_action.observation import Contact
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -39,6 +43,8 @@ class TouchMonitor:
         end: sim time in s of the last moment seen.
     """
 
+    is_momentary: ClassVar[bool] = False
+
     spec: Touch
     step: float
     stretch: Stretch
@@ -62,17 +68,12 @@ class TouchMonitor:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        forces: dict[float, float] = {}
-        others = []
-        for contact in trace.contacts:
-            if self.spec.is_meant(contact):
-                forces[contact.time] = forces.get(contact.time, 0.0) + contact.force
-            else:
-                others.append(contact)
+        time, force = forces(filter(self.spec.is_meant, trace.contacts))
+        others = [contact for contact in trace.contacts if not self.spec.is_meant(contact)]
         end = float(trace.time[-1]) if len(trace) else self.end
         nearest = nearest_of(trace, self.spec.watch, self.nearest)
         seen = replace(self, end=end, instead=self._instead_of(others), nearest=nearest)
-        return seen.touched(np.array(list(forces)), np.array(list(forces.values()))) if forces else seen
+        return seen.touched(time, force) if len(time) else seen
 
     def _instead_of(self, others: list[Contact]) -> Contact | None:
         """The first of those that come nearest to what was meant."""
@@ -90,12 +91,36 @@ class TouchMonitor:
 
     def lasted(self, time: FloatArray) -> Self:
         """The fold after these steps whose touch is strong enough, (N,) s."""
+        return replace(self, stretch=self.stretch.observe(*self._touching(time)), last=float(time[-1]))
+
+    def _touching(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Moments in s, and whether there is a touch: at all of `time`, and not at the step before each new one."""
         longest = max(_LOST_TOUCH, 1.5 * self.step)
         begins = np.flatnonzero(np.diff(time, prepend=-np.inf if self.last is None else self.last) > longest)
         # The steps without a touch are not in the list: one stands for all of them, where a touch begins anew.
         moments = np.insert(time, begins, time[begins] - self.step)
-        holds = np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
-        return replace(self, stretch=self.stretch.observe(moments, holds), last=float(time[-1]))
+        return moments, np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: what was asked of the force and of how long it lasts, else whether there is a touch."""
+        spec, body = self.spec, self.spec.body
+        time, force = forces(filter(spec.is_meant, trace.contacts))
+        pressed, touches = (with_zeros(trace.time, time, values, self.step) for values in (force, np.ones(len(time))))
+        pressing = Signal(f"force on {body}", "N", *pressed, spec.at_least, spec.at_most)
+        touching = Signal(f"touching {body}", "contacts", *touches, lower=1.0)
+        asked = [] if spec.span is None else [self._lasting_curve(time[force >= (spec.at_least or 0.0)], spec.span)]
+        asked += [pressing, touching] if spec.at_least or spec.at_most else [touching, pressing]
+        return (*asked, *self._nearness(trace))
+
+    def _lasting_curve(self, time: FloatArray, span: float) -> Signal:
+        moments, holds = self._touching(time)
+        lasted = self.stretch.lasting(moments, holds) if len(time) else moments
+        return Signal(f"time touching {self.spec.body}", "s", moments, lasted, lower=span)
+
+    def _nearness(self, trace: Trace) -> Iterator[Signal]:
+        time, distance = (None, None) if self.spec.watch is None else least_so_far(trace, self.spec.watch)
+        if time is not None and distance is not None and len(time):
+            yield Signal(f"least distance to {self.spec.body}", "m", time, distance)
 
     def verdict(self) -> Verdict:
         """Of the force that was too much; else of what is missing; else of the strictest that was asked."""

@@ -83,5 +83,7 @@ class Effort(Assertion):
                     SignalMonitor(f"{joint.name} effort", magnitude(effort), Bounds(who, dimension.si, None, at_most))
                 )
             if (rms_at_most := limits.get("rms_at_most")) is not None:
-                monitors.append(RootMeanSquareMonitor(effort, who, dimension.si, rms_at_most))
+                monitors.append(
+                    RootMeanSquareMonitor(f"{joint.name} RMS effort", effort, who, dimension.si, rms_at_most)
+                )
         return Every(tuple(monitors))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
 from sim_action import units
 from sim_action.assertions import State
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ class RootMeanSquareMonitor:
         squares: their sum, over `moments`, the last of which is at sim time `end` in s.
     """
 
+    is_momentary: ClassVar[bool] = False
+
+    name: str
     signal: Callable[[Trace], FloatArray]
     who: str
     unit: str
@@ -47,9 +51,8 @@ class RootMeanSquareMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        # One after the other, from what came before: otherwise it would round differently for every way to cut a trace.
-        squares = np.cumsum(np.concatenate(([self.squares], self.signal(trace) ** 2)))[-1]
-        return replace(self, squares=float(squares), moments=self.moments + len(trace), end=float(trace.time[-1]))
+        squares = float(self._squares(trace)[-1])
+        return replace(self, squares=squares, moments=self.moments + len(trace), end=float(trace.time[-1]))
 
     def verdict(self) -> Verdict:
         """Measured is the root mean square so far."""
@@ -60,3 +63,13 @@ class RootMeanSquareMonitor:
         value, limit = units.display_apart(measured, self.limit, self.unit)
         message = f"{self.who} {value} RMS until {self.end:.2f} s, {'limit' if passed else 'more than'} {limit}"
         return Verdict(passed, measured, self.limit, self.limit - measured, self.unit, self.end, message)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: of all moments up to each, of which the last counts."""
+        means = self._squares(trace) / (self.moments + np.arange(1, len(trace) + 1))
+        return (Signal(self.name, self.unit, trace.time, np.sqrt(means), upper=self.limit).at_end(),)
+
+    def _squares(self, trace: Trace) -> FloatArray:
+        """(T,) their sum up to each moment."""
+        # One after the other, from what came before: otherwise it would round differently for every way to cut a trace.
+        return np.asarray(np.cumsum(np.concatenate(([self.squares], self.signal(trace) ** 2)))[1:], dtype=np.float64)

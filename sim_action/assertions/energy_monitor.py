@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
 from sim_action.assertions import State
 from sim_action.assertions.bounds import Bounds
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ class EnergyMonitor:
         velocities: of the joints at that time, in rad/s or m/s.
         work: J.
     """
+
+    is_momentary: ClassVar[bool] = False
 
     joints: tuple[str, ...]
     braking: Braking
@@ -49,9 +52,18 @@ class EnergyMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
+        work = self._work_until(trace)
+        return replace(self.begin(trace), bounds=self.bounds.observe(trace.time, work), work=float(work[-1]))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals."""
+        return (self.bounds.drawn("work", trace.time, self._work_until(trace)),)
+
+    def _work_until(self, trace: Trace) -> FloatArray:
+        """(T,) J, up to each moment."""
         # The sum begins with what came before: added afterwards, it would round differently for every cut.
         work = np.cumsum(np.concatenate(([self.work], self._works(trace))))[1:]
-        return replace(self.begin(trace), bounds=self.bounds.observe(trace.time, work), work=float(work[-1]))
+        return np.asarray(work, dtype=np.float64)
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""

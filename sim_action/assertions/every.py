@@ -25,6 +25,11 @@ class Every:
         """See Monitor.state."""
         return joined(*(monitor.state for monitor in self.monitors))
 
+    @property
+    def is_momentary(self) -> bool:
+        """See Drawn.is_momentary."""
+        return all(monitor.is_momentary for monitor in self.monitors if is_drawn(monitor))
+
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
         return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))

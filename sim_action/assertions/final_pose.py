@@ -11,6 +11,7 @@ from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.nearest import Nearest
 from sim_action.geometry import Pose
+from sim_action.marks import Mark, goal, line
 from sim_action.observation import Observation
 from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.scene import Scene
@@ -69,3 +70,16 @@ class FinalPose(Assertion):
 
         nearest = Nearest("came", self.place_text, "m", self.tolerance, self.yaw_tolerance)
         return FinalPoseMonitor(self, start.pose if self.relative else Pose(), nearest)
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks: the place, or a line if it has only x or y."""
+        origin = start.pose if self.relative else Pose()
+        begin_x, begin_y, _ = start.pose.position_xyz
+        if self.x is None or self.y is None:
+            axes = {} if self.relative else {"x": self.x, "y": self.y}
+            return tuple(line(axis, at, (begin_x, begin_y)) for axis, at in axes.items() if at is not None)
+        cosine, sine = math.cos(origin.yaw), math.sin(origin.yaw)
+        x, y, z = origin.position_xyz
+        x, y = x + cosine * self.x - sine * self.y, y + sine * self.x + cosine * self.y
+        yaw = None if self.yaw is None else origin.yaw + self.yaw
+        return tuple(goal(x, y, None if self.z is None else z + self.z, self.tolerance, yaw))

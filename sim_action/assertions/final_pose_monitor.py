@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.nearest import Nearest
 from sim_action.geometry import Pose
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ class FinalPoseMonitor:
         distance, yaw_error: m and rad, at the last moment; 0 where any is right.
         end: s of sim time.
     """
+
+    is_momentary: ClassVar[bool] = True
 
     spec: FinalPose
     origin: Pose
@@ -53,6 +56,13 @@ class FinalPoseMonitor:
             yaw_error=float(yaw_error[-1]),
             end=float(trace.time[-1]),
         )
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals."""
+        name = f"distance to {self.spec.place_text}"
+        yaw_error = None if self.spec.yaw is None else self._yaw_error(trace)
+        curves = self.nearest.drawn(name, trace.time, self._distance(trace), yaw_error)
+        return tuple(curve.at_end() for curve in (curves if self.spec.place else curves[1:]))
 
     def verdict(self) -> Verdict:
         """Of distance and heading, the one that is worse as a part of its tolerance."""

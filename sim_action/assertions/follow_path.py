@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.reference_path import Point, ReferencePath, smoothed
+from sim_action.marks import Circle, Mark, Polyline
 from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, Metres, PositiveMetres
@@ -22,6 +23,7 @@ from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
 _MOST_POINTS: Final = 10_000
+_MOST_DRAWN: Final = 2_000
 _MOST_BYTES: Final = 2_000_000
 # In m: where floats no longer tell millimetres apart once they are squared.
 _FURTHEST: Final = 1e6
@@ -103,12 +105,22 @@ class FollowPath(Assertion):
         """See Assertion.monitor."""
         from sim_action.assertions.path_monitor import PathLimits, PathMonitor, Progress
 
-        points = [(point.x, point.y) for point in self.path or ()]
-        points = read_points(scene.workspace.file(self.file)) if self.file is not None else points
         x, y, _ = start.pose.position_xyz
-        path = ReferencePath(tuple(smoothed(points) if self.smooth else points))
+        path = ReferencePath(self._points(scene))
         limits = PathLimits(self.max_error, self.rms, None if self.end is None else self.end.tolerance)
         return PathMonitor(limits, Progress.at_start(path, (x, y)))
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks."""
+        points = self._points(scene)
+        coarse = points[:: 1 + len(points) // _MOST_DRAWN]
+        way = Polyline(tuple((x, y, 0.0) for x, y in (*coarse, points[-1])))
+        return (way,) if self.end is None else (way, Circle(*points[-1], self.end.tolerance))
+
+    def _points(self, scene: Scene) -> tuple[Point, ...]:
+        points = [(point.x, point.y) for point in self.path or ()]
+        points = read_points(scene.workspace.file(self.file)) if self.file is not None else points
+        return tuple(smoothed(points) if self.smooth else points)
 
 
 def read_points(path: Path) -> list[Point]:

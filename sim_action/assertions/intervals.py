@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from sim_action import units
 from sim_action.assertions import State
@@ -60,6 +60,8 @@ class Side:
 @dataclass(frozen=True, slots=True)
 class IntervalsMonitor:
     """All bounds; the first that was passed speaks, else the one that was nearest."""
+
+    is_momentary: ClassVar[bool] = True
 
     sides: tuple[Side, ...]
 

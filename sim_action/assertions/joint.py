@@ -18,6 +18,7 @@ from sim_action.observation import Observation
 from sim_action.quantities import JointQuantity
 from sim_action.robot_model import READINGS, Reading
 from sim_action.scene import Scene, SpecProblems
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ class JointReading(Assertion):
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
         if near is not None and tolerance is not None:
             nearest = Nearest(f"{self.name} came", units.display(near, unit), unit, tolerance)
-            return NearMonitor(signal, near, nearest)
+            return NearMonitor(f"{self.name} {self.reading}", signal, near, nearest)
         return SignalMonitor(
             f"{self.name} {self.reading}", signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most)
         )
@@ -98,6 +99,9 @@ class JointReading(Assertion):
 class NearMonitor:
     """How near a reading came to a value."""
 
+    is_momentary: ClassVar[bool] = True
+
+    name: str
     signal: Callable[[Trace], FloatArray]
     value: float
     nearest: Nearest
@@ -109,9 +113,15 @@ class NearMonitor:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        distance = abs(self.signal(trace) - self.value)
-        return replace(self, nearest=self.nearest.observe(trace.time, distance))
+        return replace(self, nearest=self.nearest.observe(trace.time, self._distance(trace)))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals."""
+        return self.nearest.drawn(f"{self.name} from {self.nearest.place}", trace.time, self._distance(trace))
 
     def verdict(self) -> Verdict:
         """Measured is the least distance to the value, the limit its tolerance."""
         return self.nearest.verdict()
+
+    def _distance(self, trace: Trace) -> FloatArray:
+        return abs(self.signal(trace) - self.value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,6 +14,7 @@ from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.combined import Combined, Place, begun, is_decided, short
 from sim_action.observation import Observation
 from sim_action.scene import Scene
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -57,6 +59,12 @@ class Negation(Combined):
     def title(self) -> str:
         """See Assertion.title."""
         return short(f"not {self.part.inner_title}")
+
+    def signals(
+        self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
+    ) -> tuple[Signal, ...]:
+        """Those of its part, with the limits the other way round."""
+        return tuple(signal.contrary() for signal in super().signals(scene, start, trace, after, before))
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""

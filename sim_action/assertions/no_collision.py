@@ -12,6 +12,7 @@ from sim_action.channels import Channels
 from sim_action.messages import FirstFew, did_you_mean
 from sim_action.observation import Contact, Observation
 from sim_action.scene import Scene, SpecProblems
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 from sim_action.world import GROUND
 
@@ -49,14 +50,17 @@ class NoCollision(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        return NoCollisionMonitor(frozenset(self.allow))
+        return NoCollisionMonitor(frozenset(self.allow), 1 / scene.physics.rate)
 
 
 @dataclass(frozen=True, slots=True)
 class NoCollisionMonitor:
-    """Keeps the first contact that was not allowed."""
+    """Keeps the first contact that was not allowed; `step`: s of sim time."""
+
+    is_momentary: ClassVar[bool] = True
 
     allowed: frozenset[str]
+    step: float
     first: Contact | None = None
     end: float | None = None
 
@@ -72,6 +76,19 @@ class NoCollisionMonitor:
         # A stored trace has fewer moments than contacts: there may be contacts where there is no moment.
         end = float(trace.time[-1]) if len(trace) else self.end
         return replace(self, first=next(filter(self._is_forbidden, trace.contacts), None), end=end)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: whether it touches something at each step, and how strongly."""
+        import numpy as np
+
+        from sim_action.assertions.stepwise import forces, with_zeros
+
+        time, force = forces(filter(self._is_forbidden, trace.contacts))
+        touches, pressed = (with_zeros(trace.time, time, values, self.step) for values in (np.ones(len(time)), force))
+        return (
+            Signal("touching something", "contacts", *touches, upper=0.0),
+            Signal("contact force", "N", *pressed),
+        )
 
     def _is_forbidden(self, contact: Contact) -> bool:
         return contact.link not in self.allowed and contact.body not in self.allowed and contact.body != GROUND

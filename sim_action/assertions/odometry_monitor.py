@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from sim_action.assertions import State
 from sim_action.assertions.fold import Invariant, joined
 from sim_action.observation import Observation
 from sim_action.sensor_record import SensorRecord
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ _SHORTEST_WAY: Final = 1.0
 # Sim time is step / rate: two ways to the same moment differ by rounding alone.
 _SAME_TIME: Final = 1e-9
 
+_NAMES: Final = {"position": "position error", "yaw": "heading error", "drift": "drift"}
 _UNITS: Final = {"position": "m", "yaw": "rad", "drift": ""}
 
 
@@ -38,6 +40,8 @@ class OdometryMonitor:
         truth: (4,) sim time in s, x and y in m, yaw in rad.
         way: m on the ground up to then, since t = 0.
     """
+
+    is_momentary: ClassVar[bool] = False
 
     sensor: str
     limits: tuple[tuple[str, float], ...]
@@ -73,6 +77,16 @@ class OdometryMonitor:
         folds = zip(self.folds, self.limits, strict=True)
         return replace(
             later, folds=tuple(fold.observe(record.time, limit - errors[name]) for fold, (name, limit) in folds)
+        )
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: at the sensor's own rate."""
+        record, truths = trace.sensors.get(self.sensor), self._truths(trace)
+        if record is None or not len(record):
+            return ()
+        errors = _errors(record, truths, self._ways(truths))
+        return tuple(
+            Signal(_NAMES[name], _UNITS[name], record.time, errors[name], upper=limit) for name, limit in self.limits
         )
 
     def _truths(self, trace: Trace) -> FloatArray:

@@ -10,6 +10,7 @@ from sim_action.assertions.bounds import Bounds, LengthBounds
 from sim_action.geometry import Vector3
 from sim_action.observation import Observation
 from sim_action.scene import Scene
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ class PathLength(LengthBounds):
 @dataclass(frozen=True, slots=True)
 class PathLengthMonitor:
     """Carries the length so far and the place that it ends at."""
+
+    is_momentary: ClassVar[bool] = False
 
     bounds: Bounds
     position_xyz: Vector3
@@ -56,6 +59,11 @@ class PathLengthMonitor:
         lengths = trace.arc_length_from(self.position_xyz, self.length)
         bounds = self.bounds.observe(trace.time, lengths)
         return replace(self, bounds=bounds, position_xyz=_last_position(trace), length=float(lengths[-1]))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals."""
+        lengths = trace.arc_length_from(self.position_xyz, self.length)
+        return (self.bounds.drawn("path length", trace.time, lengths),)
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""

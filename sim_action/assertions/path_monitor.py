@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.assertions.reference_path import Foot, Point, ReferencePath
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ class PathMonitor:
         end: sim time in s of the last moment seen.
     """
 
+    is_momentary: ClassVar[bool] = False
+
     limits: PathLimits
     progress: Progress
     goal: Goal = Goal()
@@ -123,6 +126,20 @@ class PathMonitor:
         if worst is self.worst:
             return self
         return replace(self, worst=worst, worst_along=way[int((time == worst.time).argmax())].foot.along)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: up to the moment at which the end is reached."""
+        way, limits = self._way(trace), self.limits
+        time, errors = trace.time[: len(way)], np.array([one.foot.distance for one in way])
+        curves = [Signal("distance from the path", "m", time, errors, upper=limits.max_error)]
+        if limits.end is not None:
+            remaining = np.array([one.remaining for one in way])
+            curves.append(Signal("distance to the end of the path", "m", time, remaining, upper=limits.end))
+        if limits.rms is not None:
+            moments = self.moments + np.arange(1, len(way) + 1)
+            means = np.sqrt((self.squares + np.cumsum(errors * errors)) / moments)
+            curves.append(Signal("RMS distance from the path", "m", time, means, upper=limits.rms).at_end())
+        return tuple(curves)
 
     def verdict(self) -> Verdict:
         """What failed decides: an error that was too great, an end not reached, the mean; else what was asked first."""

@@ -59,6 +59,8 @@ class Reach(Assertion):
 class ReachMonitor:
     """How near the base came to the place."""
 
+    is_momentary: ClassVar[bool] = True
+
     spec: Reach
     nearest: Nearest
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant
 from sim_action.reading_columns import READING_COLUMNS
 from sim_action.sensor_record import SensorRecord
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ class SensorMonitor:
         value: what was read at the moment that the fold is about.
         unit: SI symbol; known once something was read.
     """
+
+    is_momentary: ClassVar[bool] = True
 
     sensor: str
     reading: str
@@ -73,6 +76,15 @@ class SensorMonitor:
         if self.at_most is not None:
             margin = np.minimum(margin, self.at_most - values)
         return margin
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: at the sensor's own rate; nothing where a reading is infinite."""
+        record = trace.sensors.get(self.sensor)
+        if record is None or not len(record):
+            return ()
+        values = picked(record.columns[self.reading], self.which)
+        finite = np.where(np.isfinite(values), values, np.nan)
+        return (Signal(self.what, self._unit_of(record), record.time, finite, self.at_least, self.at_most),)
 
     def _unit_of(self, record: SensorRecord) -> str:
         return READING_COLUMNS[record.kind][self.reading].dimension.si

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.stretch import Stretch
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 class Motion(NamedTuple):
     """One speed over time, (T,) in `unit`, and the limit below which it is rest."""
 
+    name: str
     what: str
     speed: FloatArray
     limit: float
@@ -41,6 +44,8 @@ class SettledMonitor:
         joints: those that count, each with the unit of its velocity.
     """
 
+    is_momentary: ClassVar[bool] = False
+
     spec: Settled
     joints: tuple[tuple[str, str], ...]
     rest: Stretch
@@ -57,7 +62,7 @@ class SettledMonitor:
         if not len(trace) or self.state is State.HOLDS:
             return self
         motions = list(self._motions(trace))
-        slow = np.all([motion.speed <= motion.limit for motion in motions], axis=0)
+        slow = _are_slow(motions)
         fastest = max(motions, key=lambda motion: float(motion.speed[-1]) / motion.limit)
         return replace(
             self,
@@ -66,14 +71,24 @@ class SettledMonitor:
             last="it still was" if slow[-1] else fastest.last,
         )
 
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: how long it has rested, and what has to be slow for that."""
+        motions = list(self._motions(trace))
+        rest = self.rest.lasting(trace.time, _are_slow(motions))
+        return (
+            Signal("time at rest", "s", trace.time, rest, lower=self.rest.wanted),
+            *(Signal(motion.name, motion.unit, trace.time, motion.speed, upper=motion.limit) for motion in motions),
+        )
+
     def _motions(self, trace: Trace) -> Iterator[Motion]:
         """What must be slow: of the base, and of the joints."""
         spec = self.spec
-        yield Motion("the base moved", trace.speed, spec.speed, "m/s")
-        yield Motion("the base turned", trace.turn_rate, spec.turn_rate, "rad/s")
+        yield Motion("speed", "the base moved", trace.speed, spec.speed, "m/s")
+        yield Motion("turn rate", "the base turned", trace.turn_rate, spec.turn_rate, "rad/s")
         for name, unit in self.joints:
             speed = abs(trace.joint_velocity[:, trace.joint_names.index(name)])
-            yield Motion(f"{name} moved", speed, spec.speed if unit == "m/s" else spec.turn_rate, unit)
+            limit = spec.speed if unit == "m/s" else spec.turn_rate
+            yield Motion(f"{name} speed", f"{name} moved", speed, limit, unit)
 
     def verdict(self) -> Verdict:
         """Measured is the longest rest, up to the one that was long enough."""
@@ -90,3 +105,8 @@ class SettledMonitor:
 
     def _when(self) -> str:
         return f", from {self.rest.began:.2f} s on" if self.rest.longest else ""
+
+
+def _are_slow(motions: Sequence[Motion]) -> NDArray[np.bool_]:
+    """(T,) whether all are."""
+    return np.asarray(np.all([motion.speed <= motion.limit for motion in motions], axis=0))

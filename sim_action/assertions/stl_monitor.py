@@ -6,13 +6,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import joined, joined_by_any
+from sim_action.assertions.stl_curves import compared, robustness_so_far
 from sim_action.assertions.stl_parts import Extreme, Part, lookahead
 from sim_action.assertions.stl_until import UntilFold
+from sim_action.signals import Signal as Curve
 from sim_action.temporal_logic.formula import (
     Always,
     And,
@@ -124,8 +126,11 @@ class StlMonitor:
         units: of each comparison's margin, the SI symbol.
     """
 
+    is_momentary: ClassVar[bool] = False
+
+    formula: Formula
     part: Part
-    signals: tuple[Signal, ...]
+    sampled: tuple[Signal, ...]
     start_xy: tuple[float, float]
     units: Mapping[Comparison, str]
     seen: bool = False
@@ -133,7 +138,7 @@ class StlMonitor:
     @classmethod
     def of(cls, formula: Formula, start_xy: tuple[float, float], comparison_units: Mapping[Comparison, str]) -> Self:
         """The fold before the first moment; `start_xy` in m is where travel counts from."""
-        return cls(opened(formula), signals_of(formula), start_xy, comparison_units)
+        return cls(formula, opened(formula), signals_of(formula), start_xy, comparison_units)
 
     @property
     def state(self) -> State:
@@ -149,8 +154,16 @@ class StlMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        samples = Samples.of(trace, self.signals, self.start_xy)
-        return replace(self, part=self.part.observe(samples), seen=True)
+        return replace(self, part=self.part.observe(self._samples(trace)), seen=True)
+
+    def _samples(self, trace: Trace) -> Samples:
+        return Samples.of(trace, self.sampled, self.start_xy)
+
+    def signals(self, trace: Trace) -> tuple[Curve, ...]:
+        """See Drawn.signals: what is compared, and the robustness."""
+        samples, found = self._samples(trace), set(self.units.values())
+        robustness = robustness_so_far(self.part, samples, found.pop() if len(found) == 1 else "")
+        return (*compared(self.formula, samples, self.units), robustness)
 
     def verdict(self) -> Verdict:
         """Measured and limit are the two sides of the comparison that decides; the margin is the robustness."""

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_action import units
 from sim_action.assertions import State
-from sim_action.assertions.least_distance import nearest_of
+from sim_action.assertions.least_distance import distances, nearest_of
 from sim_action.assertions.stretch import Stretch
 from sim_action.clearance_record import Nearness
 from sim_action.observation import Contact
+from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ class StopsBeforeMonitor:
         met: m, the gap when the rest was long enough.
         motion: what it does at the last moment seen, for messages.
     """
+
+    is_momentary: ClassVar[bool] = False
 
     spec: StopsBefore
     rest: Stretch
@@ -61,14 +65,28 @@ class StopsBeforeMonitor:
 
     def moved(self, trace: Trace, gaps: FloatArray) -> Self:
         """The fold after these moments; `gaps`: (T,) m, infinite where it is more than it may be."""
-        lower, upper = self.spec.gap
-        slow = (trace.speed <= self.spec.speed) & (trace.turn_rate <= self.spec.turn_rate)
-        rest = self.rest.observe(trace.time, slow & (gaps >= lower) & (gaps <= upper))
+        rest = self.rest.observe(trace.time, self._rests(trace, gaps))
         met = self.met
         if met is None and rest.state is State.HOLDS:
             met = float(gaps[int((trace.time == rest.goal.time).argmax())])
         gap = float(gaps[-1]) if np.isfinite(gaps[-1]) else None
         return replace(self, rest=rest, met=met, gap=gap, motion=self._motion(trace), end=float(trace.time[-1]))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Drawn.signals: the gap, and how long it has rested with one that is right."""
+        lower, upper = self.spec.gap
+        rest = self.rest.lasting(trace.time, self._rests(trace, self._gaps(trace)))
+        time, gaps = distances(trace, self.spec.near, self.spec.far)
+        return (
+            Signal(f"gap to {self.spec.body}", "m", time, gaps, lower, upper),
+            Signal("time at rest", "s", trace.time, rest, lower=self.rest.wanted),
+        )
+
+    def _rests(self, trace: Trace, gaps: FloatArray) -> NDArray[np.bool_]:
+        """(T,) whether it is at rest with a gap that is right."""
+        lower, upper = self.spec.gap
+        slow = (trace.speed <= self.spec.speed) & (trace.turn_rate <= self.spec.turn_rate)
+        return np.asarray(slow & (gaps >= lower) & (gaps <= upper))
 
     def _motion(self, trace: Trace) -> str:
         speed, turn_rate = float(trace.speed[-1]), float(trace.turn_rate[-1])

@@ -52,9 +52,18 @@ class Stretch:
         """The fold after these moments, `holds` being (T,)."""
         if not len(time):
             return self
-        held_before = np.concatenate(([self.since is not None], holds[:-1]))
-        begins = np.where(holds & ~held_before, time, -math.inf)
-        since = np.maximum.accumulate(np.concatenate(([begins[0] if self.since is None else self.since], begins[1:])))
+        since = self._since(time, holds)
         margin = np.where(holds, np.round(time - since - self.wanted, _DIGITS) + 0.0, -math.inf)
         goal = self.goal.observe(time, margin)
         return replace(self, since=float(since[-1]) if holds[-1] else None, goal=goal)
+
+    def lasting(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
+        """(T,) s that it has held at each of these moments; 0 where it does not."""
+        return np.where(holds, np.round(time - self._since(time, holds), _DIGITS), 0.0)
+
+    def _since(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
+        """(T,) s of sim time from which it holds, where it does."""
+        held_before = np.concatenate(([self.since is not None], holds[:-1]))
+        begins = np.where(holds & ~held_before, time, -math.inf)
+        first = begins[0] if self.since is None else self.since
+        return np.asarray(np.maximum.accumulate(np.concatenate(([first], begins[1:]))), dtype=np.float64)

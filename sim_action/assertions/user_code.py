@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -13,7 +14,11 @@ from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
 from sim_action.python_files import ANYTHING, ScriptProblem, read_script
 from sim_action.scene import Scene, SpecProblems
+from sim_action.signals import Signal
 from sim_action.workspace import PathError, Workspace
+
+if TYPE_CHECKING:
+    from sim_action.trace import Trace
 
 
 class UserAssertion(Assertion):
@@ -93,6 +98,12 @@ class UserAssertion(Assertion):
             if self.class_name not in script.names and ANYTHING not in script.names:
                 hint = did_you_mean(self.class_name, [found.name for found in script.classes] or script.names)
                 yield (), f"{self.file} defines no class '{self.class_name}'{hint}"
+
+    def signals(
+        self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
+    ) -> tuple[Signal, ...]:
+        """None: nobody knows what it looks at, and to ask would run it again."""
+        return ()
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor. Raises ScriptError."""

@@ -54,12 +54,13 @@ class Window:
 
 
 def signals_of(monitor: Monitor, trace: Trace, after: float, before: float) -> tuple[Signal, ...]:
-    """What a monitor can show of a whole run: all of it, or what its window lets it see if it adds up."""
-    seen = trace
+    """What a monitor can show of a whole run; what adds up begins where its window does."""
     if is_follower(monitor):
         monitor = monitor.begin(trace.between(-math.inf, after))
-        seen = trace.between(after, before)
-    if not is_drawn(monitor) or not len(seen):
+    if not is_drawn(monitor):
+        return ()
+    seen = trace if monitor.is_momentary else trace.between(after, before)
+    if not len(seen):
         return ()
     end = min(before, float(trace.time[-1]))
     return tuple(signal.within(after, end) for signal in monitor.signals(seen))
