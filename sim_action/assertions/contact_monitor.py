@@ -108,13 +108,15 @@ class TouchMonitor:
         pressed, touches = (with_zeros(trace.time, time, values, self.step) for values in (force, np.ones(len(time))))
         pressing = Signal(f"force on {body}", "N", *pressed, spec.at_least, spec.at_most)
         touching = Signal(f"touching {body}", "contacts", *touches, lower=1.0)
-        asked = [] if spec.span is None else [self._lasting_curve(time[force >= (spec.at_least or 0.0)], spec.span)]
+        asked = (
+            [] if spec.span is None else [self._lasting_curve(trace, time[force >= (spec.at_least or 0.0)], spec.span)]
+        )
         asked += [pressing, touching] if spec.at_least or spec.at_most else [touching, pressing]
         return (*asked, *self._nearness(trace))
 
-    def _lasting_curve(self, time: FloatArray, span: float) -> Signal:
-        moments, holds = self._touching(time)
-        lasted = self.stretch.lasting(moments, holds) if len(time) else moments
+    def _lasting_curve(self, trace: Trace, time: FloatArray, span: float) -> Signal:
+        moments, holds = self._touching(time) if len(time) else (trace.time, trace.time < 0)
+        lasted = self.stretch.lasting(moments, holds)
         return Signal(f"time touching {self.spec.body}", "s", moments, lasted, lower=span)
 
     def _nearness(self, trace: Trace) -> Iterator[Signal]:

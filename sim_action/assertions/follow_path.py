@@ -113,7 +113,7 @@ class FollowPath(Assertion):
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See Assertion.marks."""
         points = self._points(scene)
-        coarse = points[:: 1 + len(points) // _MOST_DRAWN]
+        coarse = points[: -1 : 1 + len(points) // _MOST_DRAWN]
         way = Polyline(tuple((x, y, 0.0) for x, y in (*coarse, points[-1])))
         return (way,) if self.end is None else (way, Circle(*points[-1], self.end.tolerance))
 

@@ -76,11 +76,19 @@ class StopsBeforeMonitor:
         """See Drawn.signals: the gap, and how long it has rested with one that is right."""
         lower, upper = self.spec.gap
         rest = self.rest.lasting(trace.time, self._rests(trace, self._gaps(trace)))
-        time, gaps = distances(trace, self.spec.near, self.spec.far)
         return (
-            Signal(f"gap to {self.spec.body}", "m", time, gaps, lower, upper),
+            Signal(f"gap to {self.spec.body}", "m", *self._known_gaps(trace), lower, upper),
             Signal("time at rest", "s", trace.time, rest, lower=self.rest.wanted),
         )
+
+    def _known_gaps(self, trace: Trace) -> tuple[FloatArray, FloatArray]:
+        """(N,) s and (N,) m: all that is known, up to the first touch."""
+        time, gaps = distances(trace, self.spec.near, self.spec.far)
+        touch = next((contact for contact in trace.contacts if contact.body == self.spec.body), None)
+        if touch is None:
+            return time, gaps
+        before = time < touch.time
+        return np.append(time[before], touch.time), np.append(gaps[before], 0.0)
 
     def _rests(self, trace: Trace, gaps: FloatArray) -> NDArray[np.bool_]:
         """(T,) whether it is at rest with a gap that is right."""
