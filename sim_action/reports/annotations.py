@@ -22,6 +22,8 @@ from sim_action.reports.escaping import (
 )
 from sim_action.reports.groups import Group, groups, relative_margin, worst_first
 from sim_action.reports.paths import seen_from
+from sim_action.reports.reproduction import replay_link
+from sim_action.reports.wording import moment
 
 MOST_ANNOTATIONS: Final = 10
 """GitHub shows so many of each level and step."""
@@ -64,22 +66,24 @@ def write_annotations(results: Results, options: ReportOptions) -> None:
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
     ordered = worst_first(groups(results.outcomes))
-    found = [annotation for group in ordered for annotation in (_of_variations if group.varies else _of_one)(group)]
+    found = [
+        annotation for group in ordered for annotation in (_of_variations if group.varies else _of_one)(group, options)
+    ]
     encoding = sys.stdout.encoding or "utf-8"
     for annotation in (*_limited(found, "error"), *_limited(found, "warning")):
         sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
     sys.stdout.flush()
 
 
-def _of_one(group: Group) -> Iterator[Annotation]:
-    return (annotation for annotation, _ in _annotations(group.name, group.worst))
+def _of_one(group: Group, options: ReportOptions) -> Iterator[Annotation]:
+    return (annotation for annotation, _ in _annotations(group.name, group.worst, options))
 
 
-def _of_variations(group: Group) -> Iterator[Annotation]:
+def _of_variations(group: Group, options: ReportOptions) -> Iterator[Annotation]:
     """One for all variations of a scenario that the same happened to, in the words of the worst."""
     same: dict[tuple[str, str, Location | None], list[tuple[float, str, Annotation]]] = {}
     for outcome in group.worst_first():
-        for annotation, margin in _annotations(group.name, outcome):
+        for annotation, margin in _annotations(group.name, outcome, options):
             alike = same.setdefault((annotation.level, annotation.title, annotation.location), [])
             alike.append((margin, group.values(outcome), annotation))
     for alike in same.values():
@@ -89,17 +93,25 @@ def _of_variations(group: Group) -> Iterator[Annotation]:
         yield replace(worst, message=message)
 
 
-def _annotations(name: str, outcome: Outcome) -> Iterator[tuple[Annotation, float]]:
+def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterator[tuple[Annotation, float]]:
     """What did not hold, and by which part of its limit."""
     for failure in outcome.failures:
         where = failure.location or outcome.location
-        yield Annotation("error", f"{name}: {failure.title}", failure.message, where), 0.0
+        message = failure.message + _replayed(outcome, options, None)
+        yield Annotation("error", f"{name}: {failure.title}", message, where), 0.0
     for expected in outcome.causes_first:
         if expected.verdict.passed:
             continue
         level: Level = "error" if expected.failed else "warning"
-        annotation = Annotation(level, f"{name}: {expected.name}", expected.verdict.message, expected.location)
+        message = expected.verdict.message + _replayed(outcome, options, expected.verdict.time)
+        annotation = Annotation(level, f"{name}: {expected.name}", message, expected.location)
         yield annotation, relative_margin(expected)
+
+
+def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> str:
+    """Where in the report that is, at a time in s; empty if it is not there."""
+    link = replay_link(outcome, options, time)
+    return f" (replay{'' if time is None else f' at {moment(time)}'}: {link})" if link else ""
 
 
 def _limited(found: list[Annotation], level: Level) -> list[Annotation]:

@@ -50,12 +50,12 @@ def markdown_text(text: str) -> str:
     return escaped.replace("://", "&#58;//").replace("www.", "www&#46;")
 
 
-def markdown_block(text: str) -> str:
+def markdown_block(text: str, language: str = "text") -> str:
     """Text as a fenced block that it cannot end: the fence is longer than any run of backticks in it."""
     plain = plain_text(text).strip("\n")
     longest = max((len(run) for run in re.findall(r"`+", plain)), default=0)
     fence = "`" * max(3, longest + 1)
-    return f"{fence}text\n{plain}\n{fence}"
+    return f"{fence}{language}\n{plain}\n{fence}"
 
 
 def command_data(text: str) -> str:

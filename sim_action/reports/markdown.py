@@ -7,13 +7,18 @@ from urllib.parse import quote
 
 from sim_action.location import Location
 from sim_action.reports import ReportOptions
-from sim_action.reports.escaping import markdown_text
+from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.paths import place, seen_from
 
 
 def code(text: str) -> str:
     """Text in a fixed-width font; HTML, because a backtick ends what backticks began."""
     return f"<code>{markdown_text(text)}</code>"
+
+
+def code_of_link(link: str) -> str:
+    """A link to be copied: behind its `#` no invisible space may stand, as it does elsewhere."""
+    return "&#35;".join(map(markdown_text, link.split("#"))).join(("<code>", "</code>"))
 
 
 def table(columns: Sequence[str], markdown_rows: Iterable[str]) -> str:
@@ -30,6 +35,11 @@ def row(*markdown_cells: str) -> str:
 def folded(title: str, markdown: str) -> str:
     """What is seen when its title is clicked."""
     return f"<details><summary>{markdown_text(title)}</summary>\n\n{markdown}\n\n</details>"
+
+
+def shell_block(command: str) -> str:
+    """A command that can be copied; one line, without backticks at its beginning."""
+    return markdown_block(command, "sh")
 
 
 def source_link(options: ReportOptions, location: Location | None) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +23,8 @@ _FRAME: Final = 4_000
 # Of all bytes, how many the overview may take; what it leaves is for the sections.
 _OVERVIEW_SHARE: Final = 0.4
 _MOST_UNFOLDED: Final = 20
+# Scenarios whose failures are drawn: a page of charts is slow, and nobody looks at all of them.
+_MOST_DRAWN: Final = 8
 
 
 def write_summary(results: Results, options: ReportOptions) -> None:
@@ -42,8 +44,9 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MOST_BYT
     found, room = worst_first(groups(results.outcomes)), most_bytes - _FRAME
     if room < 0:
         return ""
-    rows = _fitting(found, lambda group: _overview_row(group, options), int(room * _OVERVIEW_SHARE))
-    sections = _fitting(found, lambda group: section(group, options), room - _size(rows))
+    rows = _fitting((_overview_row(group, options) for group in found), int(room * _OVERVIEW_SHARE))
+    written = (section(group, options, drawn=number < _MOST_DRAWN) for number, group in enumerate(found))
+    sections = _fitting(written, room - _size(rows))
     unfolded = sum(group.mood != "passed" for group in found[: len(sections)])
     parts = [
         f"## {_headline(results)}",
@@ -77,7 +80,8 @@ def _headline(results: Results) -> str:
 
 def _counts(results: Results) -> str:
     speed = f" ({factor(results.real_time_factor)})" if results.real_time_factor else ""
-    version = markdown_text(f"sim-action {results.sim_action}")
+    versions = (f"sim-action {results.sim_action}", f"Python {results.python}", results.platform)
+    version = " · ".join(map(markdown_text, versions))
     part = f" · {share(results.shard)}" if results.shard else ""
     return f"**{counts(results)}** in {results.wall_time:.1f} s{speed}{part} · {version}"
 
@@ -103,11 +107,10 @@ def _overview_row(group: Group, options: ReportOptions) -> str:
     return row(ICONS[group.mood], name, gist(group), moment(sim_time(group)), speed)
 
 
-def _fitting(found: list[Group], written: Callable[[Group], str], most_bytes: int) -> list[str]:
+def _fitting(written: Iterable[str], most_bytes: int) -> list[str]:
     """What is written of the first scenarios, as many as there is room for."""
     texts: list[str] = []
-    for group in found:
-        text = written(group)
+    for text in written:
         most_bytes -= _size([text])
         if most_bytes < 0:
             break

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import Final
 
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.replay.models import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text, shortened
+from sim_action.reports.evidence import curve, replay_of
 from sim_action.reports.groups import Group
-from sim_action.reports.markdown import code, folded, row, source_link, table
+from sim_action.reports.markdown import code, code_of_link, folded, row, shell_block, source_link, table
+from sim_action.reports.mermaid import chart
+from sim_action.reports.reproduction import command, replay_link
 from sim_action.reports.wording import Mood, factor, moment, mood, own_output, quantity
 
 ICONS: Final[dict[Mood, str]] = {"passed": "✅", "warned": "⚠️", "failed": "❌", "error": "💥", "skipped": "⏭️"}
@@ -20,12 +25,16 @@ _MOST_FAILURES: Final = 20
 _MOST_IN_MESSAGE: Final = 500
 _MOST_IN_BLOCK: Final = 4_000
 _MOST_REMARKS: Final = 50
+_MOST_CHARTS: Final = 2
 _DIGEST_DIGITS: Final = 12
 
 
-def section(group: Group, options: ReportOptions) -> str:
-    """A heading, what did not hold or why there is no verdict, everything measured; how it ran is folded."""
-    return _varied(group, options) if group.varies else _outcome(group.worst, options)
+def section(group: Group, options: ReportOptions, *, drawn: bool = False) -> str:
+    """A heading, what did not hold or why there is no verdict, everything measured; how it ran is folded.
+
+    `drawn`: whether what did not hold is also shown in charts, where the run has left what they are made of.
+    """
+    return _varied(group, options, drawn=drawn) if group.varies else _outcome(group.worst, options, drawn=drawn)
 
 
 def gist(group: Group) -> str:
@@ -44,7 +53,7 @@ def sim_time(group: Group) -> float | None:
     return sum(times) if times else None
 
 
-def _varied(group: Group, options: ReportOptions) -> str:
+def _varied(group: Group, options: ReportOptions, *, drawn: bool) -> str:
     """A table of its variations, in which those that passed are folded, and all about the worst, if one did not."""
     ordered = group.worst_first()
     unhappy = [outcome for outcome in ordered if mood(outcome) != "passed"]
@@ -60,21 +69,45 @@ def _varied(group: Group, options: ReportOptions) -> str:
         table(columns, bad) if bad else "",
         folded(f"{len(ordered) - len(unhappy)} variations that passed", table(columns, good)) if good else "",
         _left_out(len(ordered), len(bad) + len(good), "variations"),
-        _outcome(group.worst, options) if group.mood not in ("passed", "skipped") else "",
+        _outcome(group.worst, options, drawn=drawn) if group.mood not in ("passed", "skipped") else "",
     ]
     return "\n\n".join(part for part in parts if part)
 
 
-def _outcome(outcome: Outcome, options: ReportOptions) -> str:
+def _outcome(outcome: Outcome, options: ReportOptions, *, drawn: bool) -> str:
     parts = [
         f"### {ICONS[mood(outcome)]} {markdown_text(outcome.name)}",
         _subtitle(outcome, options),
         *(_failure(failure, options) for failure in outcome.failures[:_MOST_FAILURES]),
         _left_out(len(outcome.failures), _MOST_FAILURES, "errors"),
         _expectations(outcome, options),
+        *(_charts(outcome, options) if drawn else ()),
+        _reproduction(outcome, options),
         _run_details(outcome),
     ]
     return "\n\n".join(part for part in parts if part)
+
+
+def _charts(outcome: Outcome, options: ReportOptions) -> Iterator[str]:
+    """Of what did not hold, beginning with what makes the scenario fail."""
+    numbered = sorted(enumerate(outcome.expectations), key=lambda pair: (pair[1].verdict.cut_off, not pair[1].failed))
+    missed = [(number, expected) for number, expected in numbered if not expected.verdict.passed]
+    replay = replay_of(outcome, options) if missed else None
+    drawings = (_chart(replay, number, expected) for number, expected in missed) if replay else ()
+    yield from islice((drawing for drawing in drawings if drawing), _MOST_CHARTS)
+
+
+def _chart(replay: Replay, number: int, expected: ExpectationOutcome) -> str:
+    signal = curve(replay, number, expected.verdict)
+    drawing = "" if signal is None else chart(signal, expected.verdict.time)
+    return f"**{markdown_text(expected.name)}** over time:\n\n{drawing}" if drawing else ""
+
+
+def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
+    """What is of use to whoever has to mend something."""
+    if mood(outcome) in ("passed", "skipped") or not (typed := command(outcome, options)):
+        return ""
+    return f"To run it again:\n\n{shell_block(typed)}"
 
 
 def _gist(outcome: Outcome) -> str:
@@ -94,7 +127,8 @@ def _gist(outcome: Outcome) -> str:
 def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
     simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
     ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
-    parts = (source_link(options, outcome.location), simulated, ended, factor(outcome.real_time_factor))
+    engine, speed = markdown_text(outcome.engine or ""), factor(outcome.real_time_factor)
+    parts = (source_link(options, outcome.location), simulated, ended, speed, engine)
     return " · ".join(part for part in parts if part)
 
 
@@ -108,21 +142,40 @@ def _failure(failure: Failure, options: ReportOptions) -> str:
 
 
 def _expectations(outcome: Outcome, options: ReportOptions) -> str:
-    worst_first = sorted(outcome.causes_first, key=lambda expected: (not expected.failed, not expected.warned))
-    if not worst_first:
+    """What did not hold; what did is folded, if there is both."""
+    ordered = sorted(outcome.causes_first, key=lambda expected: not expected.failed)
+    missed = [expected for expected in ordered if not expected.verdict.passed]
+    held = [expected for expected in ordered if expected.verdict.passed]
+    if not missed or not held:
+        return _table(outcome, missed or held, options)
+    return "\n\n".join(
+        (
+            _table(outcome, missed, options),
+            folded(
+                f"{len(held)} {'expectation' if len(held) == 1 else 'expectations'} held",
+                _table(outcome, held, options),
+            ),
+        )
+    )
+
+
+def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options: ReportOptions) -> str:
+    if not expectations:
         return ""
-    rows = (_row(expected, options) for expected in worst_first[:_MOST_ROWS])
+    rows = (_row(outcome, expected, options) for expected in expectations[:_MOST_ROWS])
     columns = ("", "Expectation", " Measured", " Limit", " Margin", " At")
-    left_out = _left_out(len(worst_first), _MOST_ROWS, "expectations")
+    left_out = _left_out(len(expectations), _MOST_ROWS, "expectations")
     return table(columns, rows) + (f"\n\n{left_out}" if left_out else "")
 
 
-def _row(expected: ExpectationOutcome, options: ReportOptions) -> str:
+def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
     verdict = expected.verdict
     icon = ICONS["passed" if verdict.passed else "failed" if expected.failed else "warned"]
     what = f"**{markdown_text(expected.name)}**<br>{_message(verdict.message)}"
     if not verdict.passed:
         what += f"<br>{source_link(options, expected.location)}"
+        if link := replay_link(outcome, options, verdict.time):
+            what += f"<br>replay: {code_of_link(link)}"
     numbers = (quantity(value, verdict.unit) for value in (verdict.measured, verdict.limit, verdict.margin))
     return row(icon, what, *(markdown_text(number) for number in numbers), moment(verdict.time))
 
@@ -137,9 +190,7 @@ def _run_details(outcome: Outcome) -> str:
 
 
 def _remarks(outcome: Outcome) -> Iterator[str]:
-    if outcome.engine:
-        yield f"engine: {markdown_text(outcome.engine)}"
-    if outcome.seed:
+    if outcome.seed is not None:
         yield f"seed: {outcome.seed}"
     if outcome.digest:
         yield f"digest: {code(outcome.digest[:_DIGEST_DIGITS])}"

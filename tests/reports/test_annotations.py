@@ -126,3 +126,19 @@ def test_a_complaint_is_one_line_and_on_github_an_annotation() -> None:
     assert complaint(message, {}) == "sim-action: no scenario in 'a\\n::error::b # #[error]c'"
     on_github = complaint(message, {"GITHUB_ACTIONS": "true"})
     assert on_github == "::error title=sim-action::no scenario in 'a%0A::error::b # #[error]c'"
+
+
+def test_it_says_where_in_the_report_that_is(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    outcome = samples["cut"].outcomes[0].model_copy(update={"replay": "replays/a.json.gz"})
+    cause, _ = lines(make_results(outcome), options)
+    assert cause.endswith("with 4.1 N (replay at 3.20 s: report.html#scenario=burger%2520hits%2520the%2520wall&t=3.2)")
+
+
+def test_a_crash_leads_to_what_there_is_of_the_run(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    outcome = samples["crash"].outcomes[0].model_copy(update={"replay": "replays/a.json.gz"})
+    (line,) = lines(make_results(outcome), options)
+    assert line.endswith("(replay: report.html#scenario=burger%2520falls%2520apart)")

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
 from sim_action.outcome import Failure, Outcome, Results
+from sim_action.replay.storage import write
 from sim_action.reports import ReportOptions
 from sim_action.reports.summary import MOST_BYTES, summary, write_summary
+from tests.reports.replays import replay, signal
 
 Samples = dict[str, Results]
 MakeResults = Callable[..., Results]
@@ -112,3 +114,67 @@ def test_hostile_text_changes_no_structure(
         return [token.type for token in tokens]
 
     assert structure(f"a{text}") == structure("a")
+
+
+def with_replays(results: Results, options: ReportOptions, name: str = "distance to the wall") -> Results:
+    """The same, with a replay of each run, in which every expectation has a curve."""
+    path = "replays/all.json.gz"
+    curves = (signal(name, [0.0, 0.5, 1.0, 1.12], expectation=number, lower=1.5) for number in range(4))
+    write(replay(*curves), options.folder / path)
+    return results.model_copy(
+        update={"outcomes": tuple(outcome.model_copy(update={"replay": path}) for outcome in results.outcomes)}
+    )
+
+
+def test_golden_with_charts(samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden("charts.md", summary(with_replays(samples["failed"], options), replace(options, environment=ON_GITHUB)))
+
+
+def test_what_failed_is_drawn_and_what_held_is_not(samples: Samples, options: ReportOptions) -> None:
+    text = summary(with_replays(samples["failed"], options), options)
+    wall, straight = text.split("### ❌ ")[1:]
+    assert (wall.count("```mermaid"), straight.count("```mermaid")) == (2, 1)
+    assert "mermaid" not in summary(with_replays(samples["passed"], options), options)
+
+
+def test_the_moment_of_each_failure_leads_to_its_replay(samples: Samples, options: ReportOptions) -> None:
+    text = summary(with_replays(samples["failed"], options), options)
+    assert "replay: <code>report.html&#35;scenario=burger%20drives%20straight&amp;t=30</code>" in text
+
+
+def test_without_replays_there_are_no_charts(samples: Samples, options: ReportOptions) -> None:
+    assert "mermaid" not in summary(samples["failed"], options)
+
+
+def test_a_page_has_few_charts_however_many_fail(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    failed = samples["failed"].outcomes[0]
+    outcomes = [failed.model_copy(update={"name": f"failing {number}"}) for number in range(100)]
+    text = summary(with_replays(make_results(*outcomes), options), options)
+    assert text.count("```mermaid") == 16
+    assert text.index("### ❌ failing 8\n") > text.rindex("```mermaid")
+    assert len(text.encode()) < MOST_BYTES
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
+@given(name=st.text(min_size=1, max_size=200).filter(lambda text: text.encode(errors="ignore").decode() == text))
+def test_the_name_of_a_curve_ends_no_chart(name: str, samples: Samples, options: ReportOptions) -> None:
+    text = summary(with_replays(samples["failed"], options, name), options)
+    tokens = MarkdownIt("commonmark").enable("table").parse(text)
+    fences = [token for token in tokens if token.type == "fence" and token.info == "mermaid"]
+    assert [len(fence.content.splitlines()) for fence in fences] == [7, 7, 7]
+
+
+def test_how_to_run_it_again_can_be_copied(samples: Samples, options: ReportOptions) -> None:
+    tokens = MarkdownIt("commonmark").enable("table").parse(summary(samples["failed"], options))
+    commands = [token.content for token in tokens if token.type == "fence" and token.info == "sh"]
+    assert commands == [
+        'sim-action run scenarios/wall.sim.yml --only "burger stops before the wall" --backend pybullet\n',
+        'sim-action run scenarios/straight.sim.yml --only "burger drives straight" --backend pybullet\n',
+    ]
+
+
+def test_what_held_is_folded_beside_what_failed(samples: Samples, options: ReportOptions) -> None:
+    text = summary(samples["failed"], options)
+    assert "<summary>1 expectation held</summary>" in text

@@ -1,0 +1,62 @@
+"""How to see again what a report tells of: the command that runs it, and the moment in the report's replay."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from sim_action.backends import BACKENDS
+from sim_action.outcome import Outcome
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import one_line
+from sim_action.reports.paths import seen_from
+
+REPORT_FILE: Final = "report.html"
+
+# What every shell takes alike between double quotes.
+_PLAIN: Final = re.compile(r"[\w .,:;=+/()\[\]-]+", re.ASCII)
+_BARE: Final = re.compile(r"[\w.,:=+/-]+", re.ASCII)
+
+
+def command(outcome: Outcome, options: ReportOptions) -> str:
+    """What to type in the workspace to see it again; empty if there is nothing to run."""
+    if not outcome.file or any(failure.kind == "missing" for failure in outcome.failures):
+        return ""
+    file = one_line(seen_from(options.workspace, outcome.file))
+    if outcome.name == Path(outcome.file).name:
+        # It could not be read: nobody knows how its scenarios are called.
+        return " ".join(map(_quoted, ("sim-action", "validate", file)))
+    name, backend = _named(outcome)
+    words = ["sim-action", "run", file, "--only", one_line(name)]
+    # Of a variation of the seed, the name says it, and another would draw other variations.
+    if outcome.seed and not any(varied.key == "seed" for varied in outcome.variation):
+        words += ["--seed", str(outcome.seed)]
+    if backend:
+        words += ["--backend", backend]
+    return " ".join(map(_quoted, words))
+
+
+def _named(outcome: Outcome) -> tuple[str, str]:
+    """The scenario and the engine; of a run that is held against one on another engine, of both."""
+    for backend in BACKENDS:
+        if outcome.name.endswith(suffix := f" [{backend}]"):
+            return outcome.name.removesuffix(suffix), ""
+    engine = (outcome.engine or "").partition(" ")[0].lower()
+    return outcome.name, engine if engine in BACKENDS else ""
+
+
+def _quoted(word: str) -> str:
+    if _BARE.fullmatch(word):
+        return word
+    return f'"{word}"' if _PLAIN.fullmatch(word) else shlex.quote(word)
+
+
+def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = None) -> str:
+    """Where in the report a moment is, in s of sim time: `report.html#scenario=...&t=4.5`; empty if it is not there."""
+    if outcome.replay is None or "report" in options.silenced:
+        return ""
+    moment = "" if time is None else f"&t={round(time, 2):g}"
+    return f"{REPORT_FILE}#scenario={quote(outcome.name, safe='', errors='replace')}{moment}"

@@ -1,0 +1,85 @@
+"""How to see again what a report tells of."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import parse_qs
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sim_action.outcome import Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.reproduction import command, replay_link
+from sim_action.source import Varied
+
+Samples = dict[str, Results]
+
+
+def of(samples: Samples, **changed: object) -> Outcome:
+    return samples["passed"].outcomes[0].model_copy(update=changed)
+
+
+def test_the_scenario_is_named_and_the_engine_that_it_ran_on(samples: Samples, options: ReportOptions) -> None:
+    assert command(of(samples, seed=0), options) == (
+        'sim-action run scenarios/straight.sim.yml --only "burger drives straight" --backend pybullet'
+    )
+
+
+def test_a_seed_is_named_unless_it_is_the_one_that_everything_begins_with(
+    samples: Samples, options: ReportOptions
+) -> None:
+    assert "--seed" not in command(of(samples, seed=0), options)
+    assert command(of(samples, seed=7, engine="MuJoCo 4.0.0"), options).endswith(" --seed 7 --backend mujoco")
+
+
+def test_a_variation_of_the_seed_is_found_by_its_name(samples: Samples, options: ReportOptions) -> None:
+    varied = of(samples, name="push[seed=7]", seed=7, variation=(Varied("seed", 7),))
+    assert command(varied, options).endswith('--only "push[seed=7]" --backend pybullet')
+
+
+def test_a_run_that_is_held_against_another_engine_needs_both(samples: Samples, options: ReportOptions) -> None:
+    assert command(of(samples, name="push [pybullet]"), options) == (
+        "sim-action run scenarios/straight.sim.yml --only push"
+    )
+
+
+def test_files_are_seen_from_the_workspace(samples: Samples, options: ReportOptions, tmp_path: Path) -> None:
+    outcome = of(samples, file=str(tmp_path / "robot" / "a b.sim.yml"))
+    assert command(outcome, options).startswith('sim-action run "robot/a b.sim.yml" ')
+
+
+def test_what_could_not_be_read_is_validated(samples: Samples, options: ReportOptions) -> None:
+    assert command(samples["invalid"].outcomes[0], options) == "sim-action validate scenarios/broken.sim.yml"
+
+
+def test_what_nobody_ran_has_no_command(samples: Samples, options: ReportOptions) -> None:
+    assert [command(outcome, options) for outcome in samples["missing"].outcomes[1:]] == ["", ""]
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
+@given(name=st.text(min_size=1).filter(lambda text: text == " ".join(text.split()) and text.isprintable()))
+def test_a_shell_reads_the_name_as_it_is(name: str, samples: Samples, options: ReportOptions) -> None:
+    words = shlex.split(command(of(samples, name=name), options))
+    assert words[words.index("--only") + 1] == name
+
+
+@pytest.mark.parametrize("name", ["burger drives straight", "a&t=9#b %20 +c?", "Größe/😀"])
+def test_a_link_leads_to_the_moment(name: str, samples: Samples, options: ReportOptions) -> None:
+    link = replay_link(of(samples, name=name, replay="replays/a.json.gz"), options, 4.504166)
+    file, _, fragment = link.partition("#")
+    assert file == "report.html"
+    assert parse_qs(fragment) == {"scenario": [name], "t": ["4.5"]}
+
+
+def test_without_a_moment_it_leads_to_the_scenario(samples: Samples, options: ReportOptions) -> None:
+    assert replay_link(of(samples, name="a", replay="replays/a.json.gz"), options) == "report.html#scenario=a"
+
+
+def test_without_a_replay_or_a_report_there_is_no_link(samples: Samples, options: ReportOptions) -> None:
+    assert replay_link(of(samples), options, 1.0) == ""
+    unasked = replace(options, silenced=frozenset({"report"}))
+    assert replay_link(of(samples, replay="replays/a.json.gz"), unasked, 1.0) == ""
