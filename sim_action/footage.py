@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from sim_action.channels import Channels
 from sim_action.observation import Contact, Observation
 from sim_action.scenario import Scenario
+from sim_action.sensor_record import SensorRecord
 from sim_action.trace import Trace
 from sim_action.world import World
 
@@ -34,6 +36,7 @@ class Footage:
         self._filmed = filmed
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
+        self.start: Observation | None = None
 
     def channels(self, world: World) -> Channels:
         """What is to be computed of the run for a replay alone."""
@@ -44,12 +47,16 @@ class Footage:
 
     def begin(self, start: Observation) -> None:
         """The moment at t = 0."""
+        self.start = start
         self._kept.append(Trace.of_observation(start))
         if self._filmed:
             self._film.append(self._kept[0])
 
-    def add(self, seen: Trace, *, is_last: bool) -> None:
-        """The moments since the last ones, all that there were; of the last ones, the very last is kept."""
+    def add(self, seen: Trace, *, judged: Mapping[str, SensorRecord], is_last: bool) -> None:
+        """The moments since the last ones, all that there were; of the last ones, the very last is kept.
+
+        `judged`: what sensors told that assertions read, whether or not the trace keeps them.
+        """
         bodies = seen.bodies
         if bodies:
             wanted = self._rows(seen, self._film_stride, is_last=is_last, is_first=len(self._kept) == 1)
@@ -61,14 +68,17 @@ class Footage:
         if self._filmed:
             self._contacts += seen.contacts
             wanted = self._rows(seen, self._film_stride, is_last=is_last)
-            self._film.append(Trace(seen.joint_names, seen.state[wanted], bodies=bodies))
+            # Pictures are too large to be kept for a curve of them.
+            sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}
+            film = Trace(seen.joint_names, seen.state[wanted], bodies=bodies, sensors=sensors)
+            self._film.append(replace(film, clearances=seen.clearances))
 
     def trace(self) -> Trace | None:
         """At the rate that the scenario asks for; None: it has not begun."""
         return Trace.concatenate(self._kept) if self._kept else None
 
     def film(self) -> Trace | None:
-        """The same at 30 Hz, with contacts and bodies; None: nobody asks for it, or it has not begun."""
+        """The same at 30 Hz, with all that was looked at; None: nobody asks for it, or it has not begun."""
         if not self._film:
             return None
         return replace(Trace.concatenate(self._film), contacts=tuple(self._contacts))

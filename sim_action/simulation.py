@@ -144,7 +144,7 @@ class _Loop:
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
                 is_last = panel.end is not None or failure is not None
-                footage.add(self._sensing.stored(seen), is_last=is_last)
+                footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
                 progress(panel.time)
             if failure is not None and panel.end is None:
                 raise failure
