@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+from random import Random
+from statistics import NormalDist
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -16,12 +17,14 @@ from sim_action.quantities import FrozenModel
 from sim_action.spec_errors import spec_errors
 from sim_action.yaml_document import KeyPath
 
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
 _QUANTITY: Final = re.compile(
     r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*((?:[A-Za-z][A-Za-z0-9/^ ]{0,19})?)\s*"
 )
+
+_STANDARD: Final = NormalDist()
+
+# Below all but one of the numbers that are drawn: 0, at which a normal distribution has no value.
+_LEAST: Final = 2.0**-53
 
 Bounds = tuple[float | str, float | str]
 
@@ -49,7 +52,7 @@ class Draw(FrozenModel):
 
     samples: Annotated[int, Field(ge=1, le=10_000, description="how many; keys that are drawn have equally many")]
 
-    def drawn(self, generator: Generator) -> tuple[float | str, ...]:
+    def drawn(self, generator: Random) -> tuple[float | str, ...]:
         """The samples, in the unit of the bounds."""
         first, second, unit = self.numbers
         numbers = (self._one(generator, first, second) for _ in range(self.samples))
@@ -71,7 +74,7 @@ class Draw(FrozenModel):
             )
         return first * factor, second, other
 
-    def _one(self, generator: Generator, first: float, second: float) -> float:
+    def _one(self, generator: Random, first: float, second: float) -> float:
         raise NotImplementedError
 
 
@@ -91,7 +94,7 @@ class Uniform(Draw):
             raise ValueError("the first bound must be below the second")
         return self
 
-    def _one(self, generator: Generator, first: float, second: float) -> float:
+    def _one(self, generator: Random, first: float, second: float) -> float:
         return float(first + (second - first) * generator.random())
 
 
@@ -111,8 +114,8 @@ class Normal(Draw):
             raise ValueError("the standard deviation must be above 0")
         return self
 
-    def _one(self, generator: Generator, first: float, second: float) -> float:
-        return float(first + second * generator.standard_normal())
+    def _one(self, generator: Random, first: float, second: float) -> float:
+        return float(first + second * _STANDARD.inv_cdf(generator.random() or _LEAST))
 
 
 DRAWS: Final[dict[str, type[Draw]]] = {draw.key: draw for draw in (Uniform, Normal)}
@@ -144,11 +147,9 @@ def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
         raise ValuesError(message, path[:2]) from None
 
 
-def _generator(key: str, seed: int) -> Generator:
-    """As a scene makes one for each purpose."""
-    import numpy as np
-
-    return np.random.default_rng((seed, zlib.crc32(f"variations {key}".encode())))
+def _generator(key: str, seed: int) -> Random:
+    """Python promises the same numbers for good, and what deals scenarios has no numpy."""
+    return Random(f"variations {key} {seed}")
 
 
 def _refuse_twins(values: tuple[object, ...]) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import pickle
+import statistics
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -304,3 +307,36 @@ def test_no_two_variations_are_called_alike(numbers: list[float], words: list[st
     values = json.dumps([*numbers, *words], ensure_ascii=False)
     found = names(f"variations: {{robot.base: {values}, robot.pose.x: {{uniform: [0, 1], samples: 2}}}}\n")
     assert len(set(found)) == len(found) == 2 * (len(numbers) + len(words))
+
+
+def test_what_is_drawn_stays_the_same_for_good() -> None:
+    """Or a name that somebody has noted runs another variation one day."""
+    text = (
+        "variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 3}\n"
+        "  robot.pose.x: {normal: [0 cm, 5 cm], samples: 3}\n"
+    )
+    assert names(text) == [
+        "[yaw=0.038,x=11.8cm]",
+        "[yaw=0.016,x=-3.59cm]",
+        "[yaw=-0.0165,x=2.34cm]",
+    ]
+
+
+def test_normal_draws_are_spread_as_they_say() -> None:
+    values = [
+        run.variation[0].value for run in varied("variations: {robot.pose.x: {normal: [2, 0.5], samples: 10000}}\n")
+    ]
+    numbers = [value for value in values if isinstance(value, float)]
+    assert statistics.fmean(numbers) == pytest.approx(2, abs=0.03)
+    assert statistics.stdev(numbers) == pytest.approx(0.5, abs=0.03)
+    assert sum(abs(number - 2) < 0.5 for number in numbers) / 10_000 == pytest.approx(0.683, abs=0.02)
+
+
+def test_variations_are_drawn_where_there_is_no_numpy() -> None:
+    code = (
+        "import sys\nsys.modules['numpy'] = None\n"
+        "from sim_action.variations.values import value_list\n"
+        "print(len(value_list('a', {'normal': (0, 1), 'samples': 3}, 0).values))"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout == "3\n"
