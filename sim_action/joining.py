@@ -8,19 +8,23 @@ from itertools import groupby, zip_longest
 from pathlib import Path, PurePosixPath
 from typing import NoReturn
 
-from sim_action.discovery import compared_name, file_name
+from sim_action.discovery import compared_name
 from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
 from sim_action.outcome import Failure, Outcome
 from sim_action.result_files import ResultsFile
 from sim_action.sharding import Shard, shards_text
+from sim_action.source import Refused, Source
+
+Unit = tuple[str, int | None]
+"""What is dealt as one: a scenario or a variation, by its file and its place in that."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listing:
     """What has to be in the results, in the order of a run; `empty`: what was named but holds no scenario."""
 
-    files: Sequence[Path]
+    scenarios: Sequence[Source | Refused]
     empty: Sequence[str]
 
 
@@ -49,17 +53,24 @@ def joined(files: Sequence[ResultsFile], listing: Listing | None) -> list[Entry]
 
 
 def _check_files(files: Iterable[ResultsFile]) -> None:
-    """A file has an outcome for each engine that it ran on, by name; all of them are in the same results."""
-    seen: dict[str, Path] = {}
-    told = set[tuple[str, str]]()
-    for file in files:
-        for outcome in file.results.outcomes:
-            name = _compared(outcome)
-            if name and seen.setdefault(name, file.path) != file.path:
-                _refuse(f"both {seen[name]} and {file.path} have results of {outcome.file}; nothing is counted twice")
-            if name and (name, outcome.name) in told:
-                _refuse(f"{file.path} has results of {outcome.file} twice; nothing is counted twice")
-            told.add((name, outcome.name))
+    """A scenario has an outcome for each engine that it ran on, by name; all of them are in the same results."""
+    seen: dict[Unit, Path] = {}
+    told = set[tuple[Unit, str]]()
+    for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.outcomes if outcome.file):
+        unit, called = _unit(outcome), _called(outcome)
+        if seen.setdefault(unit, path) != path:
+            _refuse(f"both {seen[unit]} and {path} have results of {called}; nothing is counted twice")
+        if (unit, outcome.name) in told:
+            _refuse(f"{path} has results of {called} twice; nothing is counted twice")
+        told.add((unit, outcome.name))
+
+
+def _called(outcome: Outcome) -> str:
+    return outcome.file if outcome.number is None else f"'{outcome.name}' in {outcome.file}"
+
+
+def _unit(outcome: Outcome) -> Unit:
+    return _compared(outcome), outcome.number
 
 
 def _compared(outcome: Outcome) -> str:
@@ -95,7 +106,7 @@ def _ordered(files: Sequence[ResultsFile], sharded: Sequence[tuple[Shard, Result
         rounds = zip_longest(*map(_dealt, hands), fillvalue=())
         return [entry for turn in rounds for hand in turn for entry in hand]
     entries = [entry for file in files for entry in _entries(file)]
-    return sorted(entries, key=lambda entry: PurePosixPath(entry.outcome.file))
+    return sorted(entries, key=lambda entry: (PurePosixPath(entry.outcome.file), entry.outcome.number or 0))
 
 
 def _entries(file: ResultsFile) -> list[Entry]:
@@ -103,33 +114,65 @@ def _entries(file: ResultsFile) -> list[Entry]:
 
 
 def _dealt(file: ResultsFile) -> list[list[Entry]]:
-    """What was dealt as one: all outcomes of a scenario file."""
-    return [list(entries) for _, entries in groupby(_entries(file), key=lambda entry: _compared(entry.outcome))]
+    """All outcomes of what was dealt as one."""
+    return [list(entries) for _, entries in groupby(_entries(file), key=lambda entry: _unit(entry.outcome))]
 
 
 def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
     """What is not in the listing comes last."""
-    places = {name: place for place, name in enumerate(_names(listing))}
-    return sorted(entries, key=lambda entry: places.get(_compared(entry.outcome), len(places)))
+    files = [unit[0] for unit in _units(listing)] + [compared_name(escaped_line(pattern)) for pattern in listing.empty]
+    places = {file: place for place, file in enumerate(dict.fromkeys(files))}
+
+    def place(entry: Entry) -> tuple[int, int]:
+        file, number = _unit(entry.outcome)
+        return (places[file], number or 0) if file in places else (len(places), 0)
+
+    return sorted(entries, key=place)
 
 
-def _names(listing: Listing) -> list[str]:
-    """As a run reports them."""
-    names = [*map(file_name, listing.files), *map(escaped_line, listing.empty)]
-    return [compared_name(name) for name in names]
+def _units(listing: Listing) -> list[Unit]:
+    """Of the scenarios that are listed, in order."""
+    files = [each.file if isinstance(each, Refused) else each.document.file for each in listing.scenarios]
+    compared = {file: compared_name(file) for file in files}
+    return [(compared[file], each.number) for file, each in zip(files, listing.scenarios, strict=True)]
 
 
 def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> Iterator[Entry]:
-    found = {_compared(entry.outcome) for entry in entries}
+    found = {_unit(entry.outcome): entry.outcome for entry in entries}
     lost = "a result of this scenario; look at the jobs that were to run it"
     message = f"no shard has left {lost if left_any else 'any results; look at the jobs that were to run them'}"
-    outcomes = [_without_result(path, message) for path in listing.files] + [*map(Outcome.of_nothing, listing.empty)]
-    return (Entry(outcome) for name, outcome in zip(_names(listing), outcomes, strict=True) if name not in found)
+    stopped = set[tuple[str, str]]()
+    for unit, scenario in zip(_units(listing), listing.scenarios, strict=True):
+        whole = (unit[0], _group(scenario))
+        if unit in found and found[unit].failures and found[unit].group is None:
+            # Where variations cannot be run, the first one of them tells of them all.
+            stopped.add(whole)
+        if unit not in found and (unit[0], None) not in found and whole not in stopped:
+            yield Entry(_without_result(scenario, message))
+    for pattern in listing.empty:
+        if (compared_name(escaped_line(pattern)), None) not in found:
+            yield Entry(Outcome.of_nothing(pattern))
 
 
-def _without_result(path: Path, message: str) -> Outcome:
+def _group(scenario: Source | Refused) -> str:
+    """The scenario that it is a variation of, if it is one."""
+    return scenario.group or scenario.name if isinstance(scenario, Source) else scenario.name
+
+
+def _without_result(scenario: Source | Refused, message: str) -> Outcome:
     failure = Failure(kind="missing", title="no result", message=message)
-    return Outcome(name=escaped_line(path.name), file=file_name(path), status="error", failures=(failure,))
+    if isinstance(scenario, Refused):
+        return Outcome.of_refused(scenario).model_copy(update={"failures": (failure,)})
+    return Outcome(
+        name=scenario.name,
+        file=scenario.document.file,
+        line=scenario.line,
+        number=scenario.number,
+        group=scenario.group,
+        variation=scenario.variation,
+        status="error",
+        failures=(failure,),
+    )
 
 
 def _missing_shards(sharded: Sequence[tuple[Shard, ResultsFile]], added: int) -> Iterator[Outcome]:

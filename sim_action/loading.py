@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -64,19 +64,30 @@ def checked(
     return LoadedScenario(scenario, source, loader.model, loader.unchecked, loader.parts)
 
 
-def load_all(sources: Iterable[Source | Refused], permissions: Permissions) -> list[LoadedScenario | Refused]:
+def load_all(
+    sources: Iterable[Source | Refused],
+    permissions: Permissions,
+    models: ModelLibrary | None = None,
+    shapes: ShapeLibrary | None = None,
+) -> list[LoadedScenario | Refused]:
     """Each as it can be run, or with what is wrong with it; models and shapes that several name are read once.
 
     Variations of one scenario are all valid, or else one that is not, with what is wrong with any of them. A fault of
-    ours is that scenario's alone. Raises UsageError.
+    ours is that scenario's alone. `models`, `shapes`: those that are read already. Raises UsageError.
     """
-    models, shapes = ModelLibrary(), ShapeLibrary()
+    models, shapes = models or ModelLibrary(), shapes or ShapeLibrary()
     found: list[LoadedScenario | Refused] = []
-    for _, several in groupby(enumerate(sources), lambda pair: _scenario_of(*pair)):
-        scenarios = [_loaded_or_refused(source, permissions, models, shapes) for _, source in several]
+    for several in scenarios_of(sources):
+        scenarios = [_loaded_or_refused(source, permissions, models, shapes) for source in several]
         refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
-        found += [_as_one(refused)] if refused else scenarios
+        found += [_as_one(refused, several[0].number)] if refused else scenarios
     return found
+
+
+def scenarios_of(sources: Iterable[Source | Refused]) -> Iterator[tuple[Source | Refused, ...]]:
+    """The variations of one scenario together, what has none alone."""
+    for _, several in groupby(enumerate(sources), lambda pair: _scenario_of(*pair)):
+        yield tuple(source for _, source in several)
 
 
 def _scenario_of(index: int, source: Source | Refused) -> Hashable:
@@ -84,12 +95,15 @@ def _scenario_of(index: int, source: Source | Refused) -> Hashable:
     return (source.path, source.group) if isinstance(source, Source) and source.group is not None else index
 
 
-def _as_one(refused: Sequence[Refused]) -> Refused:
-    """What is wrong with any of them, each of it once; of a fault of ours, that alone: it may hide anything."""
+def _as_one(refused: Sequence[Refused], number: int) -> Refused:
+    """What is wrong with any of them, each of it once; of a fault of ours, that alone: it may hide anything.
+
+    `number`: of the first of all variations, which is where it is told.
+    """
     if fault := next((each for each in refused if isinstance(each.error, Fault)), None):
-        return fault
+        return replace(fault, number=number)
     problems = dict.fromkeys(problem for each in refused for problem in each.problems)
-    return replace(refused[0], error=InvalidScenario(problems))
+    return replace(refused[0], error=InvalidScenario(problems), number=number)
 
 
 def _loaded_or_refused(

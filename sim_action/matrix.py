@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from statistics import fmean
 from typing import Final
@@ -11,6 +14,7 @@ from typing import Final
 from sim_action.discovery import compared_name, file_name
 from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
+from sim_action.numbering import numbered
 from sim_action.outcome import Results
 from sim_action.sharding import balanced
 
@@ -23,16 +27,34 @@ _MOST_CHARACTERS: Final = 500_000
 # s; no job of GitHub's lasts as long, so a file that says more is not believed.
 _LONGEST: Final = 1e6
 
+Unit = tuple[str, int | None]
+"""A scenario or a variation, by its file, spelled in one way, and its number in that."""
 
-def matrix_text(files: Sequence[Path], empty: Sequence[str], count: int, known: Mapping[str, float]) -> str:
+
+@dataclass(frozen=True, slots=True)
+class FileOfScenarios:
+    """A file, and the numbers of its scenarios that are meant; `alone`: whether its name alone means these."""
+
+    path: Path
+    numbers: Sequence[int]
+    alone: bool = True
+
+    def named(self, numbers: Sequence[int]) -> str:
+        """How to tell a shard to run these of them."""
+        name = self.path.as_posix()
+        return name if self.alone and len(numbers) == len(self.numbers) else numbered(name, numbers)
+
+
+def matrix_text(files: Sequence[FileOfScenarios], empty: Sequence[str], count: int, known: Mapping[Unit, float]) -> str:
     """One line of ASCII JSON for `strategy.matrix`, of at most so many shards.
 
     Patterns that found nothing go to the first shard, whose run reports them. Raises UsageError for names that cannot
     stand in a list that has one name in each line, and for more of them than a runner or GitHub takes.
     """
-    names = [path.as_posix() for path in files]
-    _refuse_unlistable([*names, *empty])
-    shards = balanced(names, _durations(files, known), count)
+    _refuse_unlistable([*(file.path.as_posix() for file in files), *empty])
+    scenarios = [(place, number) for place, file in enumerate(files) for number in file.numbers]
+    dealt = balanced(scenarios, _durations(files, known), count)
+    shards = [list(_names(files, shard)) for shard in dealt]
     shards[:1] = [[*shard, *empty] for shard in shards[:1]]
     entries = [
         {"index": index, "shards": len(shards), "scenario": "\n".join(shard)}
@@ -43,21 +65,36 @@ def matrix_text(files: Sequence[Path], empty: Sequence[str], count: int, known: 
     return text
 
 
-def known_durations(results: Results) -> dict[str, float]:
-    """How long each scenario took in an earlier run, in s, by its file; what did not run is left out."""
-    longest: dict[str, float] = {}
+def known_durations(results: Results) -> dict[Unit, float]:
+    """How long each scenario took in an earlier run, in s, on all engines together; what did not run is left out."""
+    taken: dict[Unit, float] = {}
     for outcome in results.outcomes:
         if 0 < outcome.wall_time < _LONGEST:
-            name = compared_name(outcome.file)
-            longest[name] = max(longest.get(name, 0.0), outcome.wall_time)
-    return longest
+            unit = compared_name(outcome.file), outcome.number
+            taken[unit] = taken.get(unit, 0.0) + outcome.wall_time
+    return taken
 
 
-def _durations(files: Sequence[Path], known: Mapping[str, float]) -> list[float]:
-    """Of a file that nobody knows, the mean of those that are known."""
-    found = [known.get(compared_name(file_name(path))) for path in files]
-    mean = fmean([duration for duration in found if duration] or [1.0])
-    return [duration or mean for duration in found]
+def _names(files: Sequence[FileOfScenarios], shard: Sequence[tuple[int, int]]) -> Iterator[str]:
+    """Each file of a shard, with the numbers that are the shard's; `shard`: places of files and numbers."""
+    for place, several in groupby(shard, key=itemgetter(0)):
+        yield files[place].named([number for _, number in several])
+
+
+def _durations(files: Sequence[FileOfScenarios], known: Mapping[Unit, float]) -> list[float]:
+    """Of a scenario that nobody knows, the mean of those of its file that are known, or else of all."""
+    found = [_known(file, known) for file in files]
+    mean = _mean((duration for durations in found for duration in durations), 1.0)
+    return [duration or _mean(durations, mean) for durations in found for duration in durations]
+
+
+def _known(file: FileOfScenarios, known: Mapping[Unit, float]) -> list[float | None]:
+    name = compared_name(file_name(file.path))
+    return [known.get((name, number)) for number in file.numbers]
+
+
+def _mean(durations: Iterable[float | None], otherwise: float) -> float:
+    return fmean([duration for duration in durations if duration] or [otherwise])
 
 
 def _refuse_unlistable(names: Sequence[str]) -> None:

@@ -88,6 +88,7 @@ class Outcome(FrozenModel):
         name: of the scenario; of its file, if it could not be read.
         file: as it was named on the command line or found below it; empty if it is not of one file.
         line: of the file, where the scenario begins in one that holds several.
+        number: its place among all that the file holds, variations counted, from 1.
         group: of a variation, the name of the scenario that is varied.
         variation: the values that make it this one, exactly.
         failures: why there is no verdict; empty unless `status` is "error".
@@ -108,6 +109,7 @@ class Outcome(FrozenModel):
     name: str
     file: str
     line: Annotated[int, Field(ge=1)] | None = None
+    number: Annotated[int, Field(ge=1)] | None = None
     group: str | None = None
     variation: tuple[Varied, ...] = ()
     status: Status
@@ -166,7 +168,7 @@ class Outcome(FrozenModel):
             outcome = cls(name=refused.name, file=refused.file, status="error", failures=(failure,))
         else:
             outcome = cls.of_invalid(refused.file, refused.error)
-        return outcome.model_copy(update={"name": refused.name, "line": refused.line})
+        return outcome.model_copy(update={"name": refused.name, "line": refused.line, "number": refused.number})
 
     @classmethod
     def of_nothing(cls, pattern: str) -> Outcome:
@@ -183,6 +185,7 @@ class Results(FrozenModel):
         sim_action: version; of shards that were not alike, each that there was.
         wall_time: s that the call took; of shards that were joined, what the longest took.
         shard: which part of a list of scenarios this is of; left out: of all.
+        some: whether the call named scenarios of files by their numbers, of which none may be left to tell of.
         merged: whether `sim-action merge` has written this, from the results of others.
     """
 
@@ -192,6 +195,7 @@ class Results(FrozenModel):
     platform: str
     wall_time: NotNegative
     shard: Shard | None = None
+    some: bool = False
     merged: bool = False
     outcomes: tuple[Outcome, ...]
 
@@ -207,7 +211,8 @@ class Results(FrozenModel):
     @property
     def exit_code(self) -> ExitCode:
         """The worst of all outcomes: 130, 3, 2, 1, 0; a shard without any is not to blame if others have some."""
-        of_nothing = ExitCode.PASSED if self.shard and self.shard.total else ExitCode.NO_SCENARIO
+        part = self.some or (self.shard and self.shard.total)
+        of_nothing = ExitCode.PASSED if part else ExitCode.NO_SCENARIO
         return max((outcome.exit_code for outcome in self.outcomes), default=of_nothing)
 
     @property

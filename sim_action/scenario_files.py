@@ -48,8 +48,10 @@ def read_file(path: Path, permissions: Permissions, seed: int | None = None) -> 
         workspace = _workspace(path, permissions)
         document = _whole(_read(path), workspace, (path.resolve(),))
         if "scenarios" in _keys(document):
-            return tuple(_all_varied(_several(path, workspace, document), seed))
-        return tuple(_all_varied([Source(path, workspace, document, _name(document) or _called(path))], seed))
+            written: Iterable[Source | Refused] = _several(path, workspace, document)
+        else:
+            written = [Source(path, workspace, document, _name(document) or _called(path))]
+        return tuple(replace(each, number=place) for place, each in enumerate(_all_varied(written, seed), start=1))
     except InvalidScenario as error:
         return (Refused(file_name(path), _called(path), None, error),)
     except Exception as error:  # noqa: BLE001 - the other files have scenarios to run

@@ -44,16 +44,16 @@ class Selection:
 
 
 def selected(files: Sequence[Scenarios], selection: Selection) -> list[Scenarios]:
-    """Of each file what is meant, and only files of which something is. Raises UsageError if that is nothing at all."""
+    """Of each file what is meant. Raises UsageError if that is nothing at all."""
     chosen = [tuple(scenario for scenario in scenarios if selection.takes(scenario)) for scenarios in files]
     if files and not any(chosen):
         raise UsageError("\n".join(escaped_line(line) for line in _nothing(files, selection)))
-    return [scenarios for scenarios in chosen if scenarios]
+    return chosen
 
 
-def listing(files: Iterable[Scenarios]) -> Iterator[str]:
+def listing(scenarios: Iterable[Source | Refused]) -> Iterator[str]:
     """A line for each that can be read: name, place and tags, with tabs between."""
-    for scenario in (scenario for scenarios in files for scenario in scenarios):
+    for scenario in scenarios:
         if isinstance(scenario, Source):
             place = Location(scenario.document.file, scenario.line or 1)
             yield "\t".join((scenario.name, str(place), ",".join(scenario.tags))).rstrip("\t")

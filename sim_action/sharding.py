@@ -5,13 +5,13 @@ from __future__ import annotations
 import heapq
 import re
 from collections.abc import Iterable, Sequence
-from itertools import groupby
 from typing import Annotated, Final, Self, TypeVar
 
 from pydantic import Field, model_validator
 
 from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
+from sim_action.numbering import ranges_text
 from sim_action.quantities import FrozenModel
 
 MOST_SHARDS: Final = 256
@@ -62,10 +62,7 @@ class Shard(FrozenModel):
 def shards_text(indices: Iterable[int], count: int) -> str:
     """Some of so many shards, such as "shard 2 of 3" or "shards 1-3, 5 of 9"."""
     ordered = sorted(indices)
-    # Those that follow each other are equally far from their places in the list.
-    runs = [[index for _, index in run] for _, run in groupby(enumerate(ordered), lambda pair: pair[1] - pair[0])]
-    parts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
-    return f"{'shard' if len(ordered) == 1 else 'shards'} {', '.join(parts)} of {count}"
+    return f"{'shard' if len(ordered) == 1 else 'shards'} {ranges_text(ordered, ', ')} of {count}"
 
 
 def balanced(scenarios: Sequence[T], durations: Sequence[float], count: int) -> list[list[T]]:

@@ -33,6 +33,7 @@ class Source:
         line: where it begins in a file of several; None: its file holds nothing else.
         group: of a variation, the name of the scenario that is varied.
         variation: the values that make it this one.
+        number: its place among all that its file holds, variations counted, from 1.
     """
 
     path: Path
@@ -42,6 +43,7 @@ class Source:
     line: int | None = None
     group: str | None = None
     variation: tuple[Varied, ...] = ()
+    number: int = 1
 
     @property
     def tags(self) -> tuple[str, ...]:
@@ -51,7 +53,7 @@ class Source:
 
     def refused(self, error: InvalidScenario | Fault) -> Refused:
         """It, once it is known why it cannot be run."""
-        return Refused(self.document.file, self.group or self.name, self.line, error)
+        return Refused(self.document.file, self.group or self.name, self.line, error, self.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,7 @@ class Refused:
     name: str
     line: int | None
     error: InvalidScenario | Fault
+    number: int = 1
 
     @property
     def problems(self) -> tuple[Problem, ...]:

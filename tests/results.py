@@ -7,11 +7,20 @@ from pathlib import Path
 from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Outcome, Results
 from sim_action.sharding import Shard
+from sim_action.source import Source
 from sim_action.verdict import Verdict
+from sim_action.workspace import Workspace
+from sim_action.yaml_document import Document
 
 
 def outcome(
-    file: str, *, holds: bool = True, wall_time: float = 1.0, trace: str | None = None, replay: str | None = None
+    file: str,
+    *,
+    holds: bool = True,
+    wall_time: float = 1.0,
+    trace: str | None = None,
+    replay: str | None = None,
+    number: int | None = None,
 ) -> Outcome:
     """Of a scenario with one expectation."""
     verdict = Verdict(holds, 1.5, 1.5, 0.0, "m", 2.0, "travelled 1.5 m")
@@ -21,12 +30,19 @@ def outcome(
     return Outcome(
         name=Path(file).name.partition(".")[0],
         file=file,
+        number=number,
         status="passed" if holds else "failed",
         expectations=(expected,),
         wall_time=wall_time,
         trace=trace,
         replay=replay,
     )
+
+
+def source(file: str, number: int = 1, name: str | None = None, group: str | None = None) -> Source:
+    """As it is read out of a file."""
+    here = Workspace(Path(), Path())
+    return Source(Path(file), here, Document(file, {}), name or Path(file).name, group=group, number=number)
 
 
 def results(*outcomes: Outcome, shard: tuple[int, int, int] | None = None, wall_time: float = 1.0) -> Results:

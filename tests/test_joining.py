@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.errors import ExitCode, UsageError
+from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.joining import Listing, joined
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Failure, Outcome, Results
 from sim_action.result_files import ResultsFile
 from sim_action.sharding import Shard
-from tests.results import outcome, results
+from tests.results import outcome, results, source
 
 
 def files(*parts: Results) -> list[ResultsFile]:
@@ -27,7 +28,7 @@ def names(parts: list[ResultsFile], listing: Listing | None = None) -> list[str]
 
 
 def listed(*names: str, empty: tuple[str, ...] = ()) -> Listing:
-    return Listing([Path(name) for name in names], empty)
+    return Listing([source(name) for name in names], empty)
 
 
 def sharded(names: list[str], count: int, empty: tuple[str, ...] = ()) -> list[ResultsFile]:
@@ -222,3 +223,66 @@ def test_shards_that_do_not_add_up_are_refused(second: list[str]) -> None:
 
 def test_more_outcomes_than_the_list_had_are_refused_before_the_shards_are_complete() -> None:
     assert "they have 2" in refused(files(results(outcome("a"), outcome("b"), shard=(1, 2, 1))))
+
+
+def spread(name: str, *numbers: int) -> list[Outcome]:
+    return [outcome(name, number=number) for number in numbers]
+
+
+def units(parts: list[ResultsFile], listing: Listing | None = None) -> list[tuple[str, int | None]]:
+    return [(entry.outcome.file, entry.outcome.number) for entry in joined(parts, listing)]
+
+
+@given(sizes=st.lists(st.integers(1, 5), max_size=6), count=st.integers(1, 5), data=st.data())
+def test_files_of_several_scenarios_become_what_they_were(sizes: list[int], count: int, data: st.DataObject) -> None:
+    every = [(f"f{place}", number) for place, size in enumerate(sizes) for number in range(1, size + 1)]
+    hands = [Shard(index=index, count=count, total=len(every)).dealt(every) for index in range(1, count + 1)]
+    by_shard = [
+        results(*(outcome(name, number=number) for name, number in hand), shard=(index, count, len(every)))
+        for index, hand in enumerate(hands, start=1)
+    ]
+    assert units(files(*data.draw(st.permutations(by_shard)))) == every
+    without = [part.model_copy(update={"shard": None}) for part in by_shard]
+    assert units(files(*data.draw(st.permutations(without)))) == every
+
+
+def test_scenarios_of_one_file_may_be_in_several_results_each_in_one() -> None:
+    parts = files(results(*spread("a", 1, 3), outcome("b")), results(*spread("a", 2)))
+    assert units(parts) == [("a", 1), ("a", 2), ("a", 3), ("b", None)]
+    told = refused(files(results(*spread("a", 1, 3)), results(*spread("./a", 3))))
+    assert told == "both 1/results.json and 2/results.json have results of 'a' in ./a; nothing is counted twice"
+    told = refused(files(results(*spread("a", 1, 1))))
+    assert told == "1/results.json has results of 'a' in a twice; nothing is counted twice"
+
+
+def test_runs_of_one_scenario_on_several_engines_are_dealt_as_one() -> None:
+    def runs(number: int) -> list[Outcome]:
+        made = outcome("a", number=number)
+        return [made.model_copy(update={"name": f"a {number} [{engine}]"}) for engine in ("mujoco", "pybullet")]
+
+    parts = files(results(*runs(1), *runs(3), shard=(1, 2, 3)), results(*runs(2), shard=(2, 2, 3)))
+    assert units(parts) == [("a", 1), ("a", 1), ("a", 2), ("a", 2), ("a", 3), ("a", 3)]
+
+
+def test_of_a_file_what_has_no_result_is_missing_by_its_own_name() -> None:
+    sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
+    listing = Listing([*sweep, source("a", 4, "stand")], [])
+    entries = joined(files(results(*spread("a", 2))), listing)
+    assert [(entry.outcome.name, entry.outcome.group, entry.origin is None) for entry in entries] == [
+        ("push[x=1]", "push", True),
+        ("a", None, False),
+        ("push[x=3]", "push", True),
+        ("stand", None, True),
+    ]
+
+
+def test_variations_that_cannot_be_run_are_told_by_the_first_and_not_missing() -> None:
+    sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
+    broken = Outcome.of_refused(replace(sweep[0], line=4).refused(InvalidScenario([])))
+    assert (broken.name, broken.number, broken.line) == ("push", 1, 4)
+    failure = Failure(kind="invalid", title="invalid scenario", message="no robot")
+    told = broken.model_copy(update={"failures": (failure,)})
+    assert [entry.origin is None for entry in joined(files(results(told)), Listing([*sweep, source("a", 4)], []))] == [
+        False,
+        True,
+    ]

@@ -12,14 +12,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.discovery import compared_name
 from sim_action.errors import UsageError
-from sim_action.matrix import known_durations, matrix_text
+from sim_action.matrix import FileOfScenarios, Unit, known_durations, matrix_text
+from sim_action.numbering import split
 from tests.results import outcome, results
 
 
+def of(name: str, *numbers: int) -> FileOfScenarios:
+    return FileOfScenarios(Path(name), numbers or (1,))
+
+
+def names_of_files(known: dict[Unit, float]) -> dict[str, float]:
+    return {name: duration for (name, _), duration in known.items()}
+
+
 def dealt(names: list[str], count: int, known: dict[str, float] | None = None, empty: tuple[str, ...] = ()) -> Any:
-    earlier = results(*(outcome(name, wall_time=duration) for name, duration in (known or {}).items()))
-    text = matrix_text([Path(name) for name in names], empty, count, known_durations(earlier))
+    earlier = results(*(outcome(name, wall_time=duration, number=1) for name, duration in (known or {}).items()))
+    text = matrix_text([of(name) for name in names], empty, count, known_durations(earlier))
     assert text.isascii()
     assert len(text.splitlines()) == 1
     return json.loads(text)["include"]
@@ -65,13 +75,13 @@ def test_what_nobody_knows_counts_as_the_mean_of_what_is_known() -> None:
 
 def test_durations_are_those_of_what_ran_by_the_names_of_files() -> None:
     earlier = results(
-        outcome("./a.sim.yml", wall_time=2.0),
-        outcome("b//c.sim.yml", wall_time=3.0),
+        outcome("./a.sim.yml", wall_time=2.0, number=1),
+        outcome("b//c.sim.yml", wall_time=3.0, number=1),
         outcome("never-ran.sim.yml", wall_time=0.0),
         outcome("nonsense.sim.yml", wall_time=1e300),
     )
     assert list(known_durations(earlier).values()) == [2.0, 3.0]
-    assert scenarios(["d.sim.yml", "a.sim.yml", "b/c.sim.yml"], 2, known_durations(earlier)) == [
+    assert scenarios(["d.sim.yml", "a.sim.yml", "b/c.sim.yml"], 2, names_of_files(known_durations(earlier))) == [
         ["b/c.sim.yml"],
         ["d.sim.yml", "a.sim.yml"],
     ]
@@ -79,8 +89,10 @@ def test_durations_are_those_of_what_ran_by_the_names_of_files() -> None:
 
 @given(st.permutations([("a", 3.0), ("b", 3.0), ("c", 2.0), ("d", 2.0), ("e", 2.0), ("a", 1.0), ("x", 9.0)]))
 def test_the_order_of_earlier_results_does_not_matter(order: list[tuple[str, float]]) -> None:
-    known = known_durations(results(*(outcome(name, wall_time=duration) for name, duration in order)))
-    assert scenarios(["a", "b", "c", "d", "e"], 2, known) == [["a", "c", "e"], ["b", "d"]]
+    known = names_of_files(
+        known_durations(results(*(outcome(name, wall_time=duration, number=1) for name, duration in order)))
+    )
+    assert scenarios(["a", "b", "c", "d", "e"], 2, known) == [["a", "d"], ["b", "c", "e"]]
 
 
 def test_what_holds_no_scenario_is_told_by_the_first_shard_alone() -> None:
@@ -123,7 +135,7 @@ def test_bytes_are_counted_and_not_characters() -> None:
 
 def test_the_matrix_is_no_longer_than_an_output_may_be() -> None:
     names = names_of(499_000)
-    assert len(matrix_text([Path(name) for name in names], [], 8, {})) <= 500_000
+    assert len(matrix_text([of(name) for name in names], [], 8, {})) <= 500_000
     with pytest.raises(UsageError, match=r"would be 501\.\d kB long, and GitHub takes 500 kB.*`shard: I/N`"):
         dealt(names_of(501_000), 8)
 
@@ -132,8 +144,45 @@ def test_the_matrix_is_no_longer_than_an_output_may_be() -> None:
 def test_a_name_that_cannot_be_a_line_is_refused(name: str) -> None:
     for names, empty in (["fine", name], []), (["fine"], [name]):
         with pytest.raises(UsageError, match="cannot stand in a matrix") as raised:
-            matrix_text([Path(name) for name in names], empty, 2, {})
+            matrix_text([of(name) for name in names], empty, 2, {})
         told = str(raised.value)
         assert told.isprintable()
         assert repr(name) in told
         assert "fine" not in told
+
+
+def test_a_file_is_dealt_by_its_scenarios_and_named_alone_where_a_shard_has_all_of_it() -> None:
+    files = [of("many", 1, 2, 3, 4), of("lone"), FileOfScenarios(Path("some"), (7, 9), alone=False)]
+    entries = json.loads(matrix_text(files, [], 3, {}))["include"]
+    assert [entry["scenario"] for entry in entries] == ["many::1,4\nsome::9", "many::2\nlone", "many::3\nsome::7"]
+    (entry,) = json.loads(matrix_text(files, [], 1, {}))["include"]
+    assert entry["scenario"] == "many\nlone\nsome::7,9"
+
+
+@given(sizes=st.lists(st.integers(1, 30), min_size=1, max_size=6), count=st.integers(1, 8))
+def test_every_scenario_of_a_file_is_there_once(sizes: list[int], count: int) -> None:
+    files = [of(f"f{place}", *range(1, size + 1)) for place, size in enumerate(sizes)]
+    entries = json.loads(matrix_text(files, [], count, {}))["include"]
+    assert len(entries) == min(count, sum(sizes))
+    found = [split(line) for entry in entries for line in entry["scenario"].split("\n")]
+    every = {file.path.name: set(file.numbers) for file in files}
+    dealt = [(name, number) for name, numbers in found for number in numbers or every[name]]
+    assert sorted(dealt) == [(name, number) for name, numbers in every.items() for number in sorted(numbers)]
+
+
+def test_a_scenario_that_nobody_knows_counts_as_the_mean_of_its_file() -> None:
+    known: dict[Unit, float] = {(compared_name("many"), 1): 9.0, (compared_name("lone"), 1): 1.0}
+    files = [of("many", 1, 2), of("lone"), of("new")]
+    # 9 and 9, 1, and the mean of all that are known, 5.
+    entries = json.loads(matrix_text(files, [], 2, known))["include"]
+    assert [entry["scenario"] for entry in entries] == ["many::1\nnew", "many::2\nlone"]
+
+
+def test_a_scenario_takes_what_all_of_its_engines_take() -> None:
+    earlier = results(outcome("a", wall_time=2.0, number=1), outcome("a", wall_time=3.0, number=1))
+    assert list(known_durations(earlier).values()) == [5.0]
+
+
+def test_a_sweep_of_any_size_can_be_passed_on() -> None:
+    entries = json.loads(matrix_text([of("push.sim.yml", *range(1, 10_001))], [], 4, {}))["include"]
+    assert max(len(entry["scenario"]) for entry in entries) < MOST_BYTES

@@ -16,7 +16,7 @@ from sim_action.location import Location, Problem
 from sim_action.merging import MergeRequest, merge
 from sim_action.outcome import Failure, Outcome, Results
 from sim_action.reporting import ReportRequest
-from tests.results import outcome, results, stored
+from tests.results import outcome, results, source, stored
 
 
 @pytest.fixture(autouse=True)
@@ -168,7 +168,7 @@ def test_only_what_no_shard_has_annotated_is_annotated(
 ) -> None:
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a", holds=False), outcome("c"))
-    listing = Listing([Path("a"), Path("b.sim.yml"), Path("c")], [])
+    listing = Listing([source("a"), source("b.sim.yml"), source("c")], [])
     assert merge(request(listing=listing)) is ExitCode.INVALID
     commands = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("::error", "::warning"))]
     (command,) = commands
@@ -237,7 +237,7 @@ def test_what_was_joined_elsewhere_is_joined_like_anything_else() -> None:
 def test_an_earlier_merge_that_is_named_itself_is_not_overwritten() -> None:
     shard(1, outcome("a"), total=1)
     merge(request())
-    listing = Listing([Path("a")], [])
+    listing = Listing([source("a")], [])
     with pytest.raises(UsageError, match="would be overwritten; choose another"):
         merge(request("joined/results.json", listing=listing))
 
@@ -247,7 +247,7 @@ def test_what_an_earlier_merge_has_left_is_no_result_of_a_shard(capsys: pytest.C
     merge(request())
     with pytest.raises(UsageError, match=r"no results\.json in or at 'joined'"):
         merge(request("joined"))
-    assert merge(request("joined", listing=Listing([Path("a")], []))) is ExitCode.INVALID
+    assert merge(request("joined", listing=Listing([source("a")], []))) is ExitCode.INVALID
     assert "no shard has left any results" in capsys.readouterr().out
 
 
@@ -259,7 +259,7 @@ def test_if_all_shards_are_lost_every_listed_scenario_is_an_error_in_every_repor
         monkeypatch.setenv(name, name)
     if made:
         Path("shards").mkdir()
-    listing = Listing([Path("a.sim.yml"), Path("deep/b.sim.yml")], [])
+    listing = Listing([source("a.sim.yml"), source("deep/b.sim.yml")], [])
     assert merge(request(listing=listing)) is ExitCode.INVALID
     assert [(made.file, made.exit_code) for made in read().outcomes] == [
         ("a.sim.yml", ExitCode.INVALID),
@@ -288,7 +288,7 @@ def test_without_a_listing_nobody_knows_what_is_lost(pattern: str) -> None:
 
 def test_with_a_listing_a_place_without_results_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), total=1)
-    assert merge(request("shards", "nope", listing=Listing([Path("a")], []))) is ExitCode.PASSED
+    assert merge(request("shards", "nope", listing=Listing([source("a")], []))) is ExitCode.PASSED
     assert capsys.readouterr().err == "sim-action: no results.json in or at 'nope'\n"
 
 

@@ -65,8 +65,9 @@ def _headline(results: Results) -> str:
     left = results.count("skipped")
     bad = results.total - results.count("passed") - left
     if not results.total:
-        passed = results.shard if results.exit_code is ExitCode.PASSED else None
-        return f"✅ No scenario is left for {passed}" if passed else "⚠️ No scenario was run"
+        if results.exit_code is ExitCode.PASSED:
+            return f"✅ No scenario is left for {results.shard or 'this part'}"
+        return "⚠️ No scenario was run"
     if results.conclusion == "cancelled":
         return f"🛑 Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
     if left:

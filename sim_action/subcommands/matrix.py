@@ -8,10 +8,13 @@ import click
 
 from sim_action.errors import ExitCode, UsageError
 from sim_action.subcommands.paths import PATHS, discovered, note
-from sim_action.subcommands.selection_flags import selection_flags, taken_selection, with_selected
+from sim_action.subcommands.selection_flags import selection_flags
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from sim_action.matrix import FileOfScenarios
+    from sim_action.suite import Suite
 
 
 @click.command()
@@ -26,17 +29,27 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
     """
     from pathlib import Path
 
-    from sim_action.matrix import known_durations, matrix_text
+    from sim_action.matrix import Unit, known_durations, matrix_text
     from sim_action.outcome import Results
 
-    files, empty = discovered(paths)
-    if not files:
+    suite = discovered(paths, flags)
+    if not suite.files:
         return ExitCode.NO_SCENARIO
-    files = with_selected(files, taken_selection(flags))
-    known: dict[str, float] = {}
+    known: dict[Unit, float] = {}
     try:
         known = known_durations(Results.read(Path(durations))) if durations else known
     except UsageError as error:
         note(f"{error}; every scenario counts the same")
-    click.echo(matrix_text(files, empty, shards, known))
+    click.echo(matrix_text(_files(suite), suite.empty, shards, known))
     return ExitCode.PASSED
+
+
+def _files(suite: Suite) -> list[FileOfScenarios]:
+    """Those of which something is meant."""
+    from sim_action.discovery import file_name
+    from sim_action.matrix import FileOfScenarios
+    from sim_action.permissions import Permissions
+
+    read = suite.read(Permissions()).items()
+    numbers = {path: [each.number for each in scenarios if suite.numbered(each)] for path, scenarios in read}
+    return [FileOfScenarios(path, some, file_name(path) not in suite.numbers) for path, some in numbers.items() if some]

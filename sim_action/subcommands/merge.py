@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -9,7 +10,7 @@ import click
 from sim_action.errors import ExitCode, UsageError
 from sim_action.subcommands.paths import discovered
 from sim_action.subcommands.report_flags import report_flags, report_request
-from sim_action.subcommands.selection_flags import selection_flags, taken_selection, with_selected
+from sim_action.subcommands.selection_flags import selection_flags, taken_selection
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,12 +30,13 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     """
     from sim_action import merging
     from sim_action.joining import Listing
+    from sim_action.permissions import Permissions
 
     selection = taken_selection(flags)
     listing = None
     if scenarios:
-        files, empty = discovered(scenarios)
-        if not files:
+        suite = replace(discovered(scenarios), selection=selection)
+        if not suite.files:
             raise UsageError("--scenarios finds none; is this where the shards ran, with the repository checked out?")
-        listing = Listing(with_selected(files, selection), empty)
+        listing = Listing(suite.scenarios(Permissions()), suite.empty)
     return merging.merge(merging.MergeRequest(results, listing, report_request(flags)))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
+
+    from sim_action.suite import Suite
 
 PATHS: Final = click.argument("paths", nargs=-1, metavar="[PATHS]...")
 ALLOW_OUTSIDE: Final = click.option(
@@ -17,20 +19,45 @@ ALLOW_OUTSIDE: Final = click.option(
 )
 
 
-def discovered(paths: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """The scenario files, and what was named but holds none; if nothing was, as pyproject.toml says, or all below."""
+def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Suite:
+    """What is named; if nothing is, as pyproject.toml says, or all below. `flags`: as `taken_selection` has them."""
     from sim_action.discovery import compared_name, discover, unique
+    from sim_action.numbering import split
+    from sim_action.selection import Selection
+    from sim_action.subcommands.selection_flags import taken_selection
+    from sim_action.suite import Suite
 
-    found = discover(paths or click.get_current_context().lookup_default("paths") or ["."])
+    named = [split(path) for path in paths or click.get_current_context().lookup_default("paths") or ["."]]
+    found = discover(file for file, _ in named)
     # However it is spelled, it is one outcome.
     empty: dict[str, str] = {}
     for pattern in (pattern for pattern, matches in found.items() if not matches):
         empty.setdefault(compared_name(pattern), pattern)
     files = unique(found)
+    numbers = _numbers(files, ((found[file], some) for file, some in named))
+    selection = Selection() if flags is None else taken_selection(flags)
     for pattern in empty.values():
         # Beside others, it is in the reports.
         (note if files else complain)(f"no scenario in or at '{pattern}'")
-    return files, list(empty.values())
+    return Suite(files, tuple(empty.values()), numbers, selection)
+
+
+def _numbers(
+    files: Sequence[Path], named: Iterable[tuple[Sequence[Path], frozenset[int] | None]]
+) -> dict[str, frozenset[int]]:
+    """Of files that are named with numbers alone, all of these."""
+    from sim_action.discovery import compared_name, file_name
+
+    some: dict[str, frozenset[int]] = {}
+    whole = set[str]()
+    for path, numbers in ((path, numbers) for paths, numbers in named for path in paths):
+        name = compared_name(str(path))
+        if numbers is None:
+            whole.add(name)
+        else:
+            some[name] = some.get(name, frozenset()) | numbers
+    by_name = {compared_name(str(path)): file_name(path) for path in files} if some else {}
+    return {by_name[name]: numbers for name, numbers in some.items() if name not in whole}
 
 
 def note(message: str) -> None:

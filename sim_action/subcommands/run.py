@@ -11,13 +11,14 @@ import click
 from sim_action.errors import ExitCode
 from sim_action.subcommands.paths import ALLOW_OUTSIDE, PATHS, discovered
 from sim_action.subcommands.report_flags import report_flags, report_request
-from sim_action.subcommands.selection_flags import selection_flags, taken_selection
+from sim_action.subcommands.selection_flags import selection_flags
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sim_action.permissions import AllowScripts
-    from sim_action.running import RunRequest
+    from sim_action.planning import PlanRequest
+    from sim_action.source import Refused, Source
 
 
 @click.command()
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 )
 @click.option("--list", "list_only", is_flag=True, help="Print names, places and tags of scenarios, and run none.")
 @report_flags
-@click.option("--shard", metavar="I/N", help="Run every N-th scenario of the list only, beginning with the I-th.")
+@click.option("--shard", metavar="I/N", help="Run every N-th of the list only, variations counted, from the I-th on.")
 @click.option(
     "--backend",
     envvar="SIM_ACTION_BACKEND",
@@ -85,42 +86,43 @@ def run(
     with Interruption() as interruption:
         from sim_action import running
         from sim_action.permissions import Permissions, scripts_refused
+        from sim_action.planning import PlanRequest
 
-        files, empty = discovered(paths)
-        selection = taken_selection(flags)
-        request = running.RunRequest(
-            files=files,
-            empty=empty,
-            selection=selection,
-            fail_fast=fail_fast,
-            shard=shard,
-            backend=backend,
-            seed=seed,
-            jobs=jobs or _cores(),
-            permissions=Permissions(allow_outside, scripts_refused(allow_scripts, os.environ)),
-            reports=report_request(flags),
-        )
+        permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ))
+        plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed)
         if list_only:
-            return _listed(request)
-        return running.run(request, interruption)
+            return _listed(plan)
+        return running.run(running.RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast), interruption)
 
 
-def _listed(request: RunRequest) -> ExitCode:
+def _listed(request: PlanRequest) -> ExitCode:
     """Prints what would run; what cannot be read is told as an error."""
     from sim_action.messages import log_line
     from sim_action.selection import listing
     from sim_action.source import Refused
 
-    files = request.read()
-    for line in listing(files):
+    scenarios, empty = _meant(request)
+    for line in listing(scenarios):
         click.echo(line)
-    errors = [each.error for scenarios in files for each in scenarios if isinstance(each, Refused)]
+    errors = [each.error for each in scenarios if isinstance(each, Refused)]
     for line in (line for error in errors for line in str(error).split("\n")):
         click.echo(log_line(line), err=True)
-    if not files:
+    if not request.suite.files:
         return ExitCode.NO_SCENARIO
-    found = [*(error.exit_code for error in errors), *(ExitCode.INVALID for _ in request.empty)]
+    found = [*(error.exit_code for error in errors), *(ExitCode.INVALID for _ in empty)]
     return max(found, default=ExitCode.PASSED)
+
+
+def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str]]:
+    """The scenarios of this call, and the patterns without any that it tells of; only for a shard they are checked."""
+    from sim_action.planning import planned, source_of
+
+    if request.shard is None:
+        files = request.suite.read(request.permissions, request.seed)
+        every = [each for several in files.values() for each in several]
+        return [each for each in every if request.suite.numbered(each)], request.suite.empty
+    found = planned(request)
+    return [source_of(plan) for plan in found.plans], found.empty
 
 
 def _cores() -> int:

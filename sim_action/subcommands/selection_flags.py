@@ -10,8 +10,6 @@ import click
 from sim_action.errors import ExitCode
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from sim_action.selection import Selection
 
 Command = Callable[..., ExitCode]
@@ -38,16 +36,3 @@ def taken_selection(flags: dict[str, Any]) -> Selection:
     from sim_action.selection import Selection
 
     return Selection(**{name: tuple(flags.pop(name)) for name in ("only", "exclude", "tags", "exclude_tags")})
-
-
-def with_selected(files: list[Path], selection: Selection) -> list[Path]:
-    """The files of which something is selected. Raises UsageError if that is none of them."""
-    from sim_action.permissions import Permissions
-    from sim_action.scenario_files import read_file
-    from sim_action.selection import Selection, selected
-
-    if selection == Selection():
-        return files
-    read = {path: read_file(path, Permissions()) for path in files}
-    selected(list(read.values()), selection)
-    return [path for path, scenarios in read.items() if any(map(selection.takes, scenarios))]

@@ -23,12 +23,11 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     from sim_action.loading import load_all
     from sim_action.messages import log_line
     from sim_action.permissions import Permissions
-    from sim_action.scenario_files import read_file
     from sim_action.source import Refused
 
-    files, empty = discovered(paths)
+    suite = discovered(paths)
     permissions = Permissions(allow_outside)
-    found = load_all((source for path in files for source in read_file(path, permissions)), permissions)
+    found = load_all(suite.scenarios(permissions), permissions)
     refused = [scenario for scenario in found if isinstance(scenario, Refused)]
     valid = [scenario for scenario in found if not isinstance(scenario, Refused)]
     # What several share may be wrong in each of them, and stands in one place.
@@ -39,10 +38,10 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     scenarios = len({(loaded.file, loaded.source.group or loaded.scenario.name) for loaded in valid})
     runs = f" ({len(valid)} runs with all variations)" if len(valid) > scenarios else ""
     click.echo(f"{scenarios} valid, {_count(refused)}{runs}", err=bool(refused))
-    if not files:
+    if not suite.files:
         return ExitCode.NO_SCENARIO
     worst = max((scenario.error.exit_code for scenario in refused), default=ExitCode.PASSED)
-    return max(worst, ExitCode.INVALID if empty else ExitCode.PASSED)
+    return max(worst, ExitCode.INVALID if suite.empty else ExitCode.PASSED)
 
 
 def _messages(refused: Refused) -> list[str]:

@@ -164,7 +164,7 @@ def test_a_scenario_that_ran_twice_is_refused_however_it_was_named(workspace: Pa
         parts = [str(tmp_path / "relative"), str(tmp_path / kind)]
         merged = sim_action(workspace, "merge", *parts, "--output-dir", str(tmp_path / "out"))
         assert (merged.returncode, merged.stdout) == (2, "")
-        assert f"have results of {spelled[kind]}; nothing is counted twice" in merged.stderr
+        assert f"have results of 'same' in {spelled[kind]}; nothing is counted twice" in merged.stderr
         assert sim_action(workspace, "merge", parts[1], "--scenarios", "a.sim.yml").returncode == 0
 
 

@@ -128,18 +128,55 @@ def test_scenarios_are_found_by_name_and_tag(folder: Path) -> None:
     assert "no scenario is called 'pus'; did you mean 'push'?" in nothing.stderr
 
 
-def test_shards_are_dealt_what_is_selected(folder: Path) -> None:
+def test_shards_are_dealt_scenarios_of_what_is_selected(folder: Path) -> None:
+    flags = ("--only", "one", "--only", "push")
     for index in (1, 2):
-        flags = ("--only", "one", "--only", "push", "--output-dir", f"part-{index}")
-        sim_action(folder, "run", "--shard", f"{index}/2", *flags)
+        sim_action(folder, "run", "--shard", f"{index}/2", *flags, "--output-dir", f"part-{index}")
+    parts = [json.loads((folder / f"part-{index}/results.json").read_text())["outcomes"] for index in (1, 2)]
+    assert [[outcome["number"] for outcome in part] for part in parts] == [[1, 2, 4], [1, 3]]
+    listed = sim_action(folder, "run", "--list", "--shard", "2/2", *flags)
+    assert [line.partition("\t")[0] for line in listed.stdout.splitlines()] == [outcome["name"] for outcome in parts[1]]
     sim_action(folder, "merge", "part-1", "part-2")
     assert [name.partition("[")[0] for name, _ in told(folder)] == ["one", "push", "push", "push", "push"]
-    assert {outcome["group"] for outcome in outcomes(folder)} == {None, "push"}
+    suites = list(ET.parse(folder / "sim-results/junit.xml").getroot())
+    assert [(suite.get("name"), suite.get("tests")) for suite in suites] == [("one", "1"), ("push", "4")]
+
+
+def test_a_matrix_deals_scenarios_of_a_file(folder: Path) -> None:
+    dealt = sim_action(folder, "matrix", "--shards", "256", "--exclude", "t*", ".")
+    entries = [shard["scenario"] for shard in json.loads(dealt.stdout)["include"]]
+    assert entries == ["many.sim.yml", *(f"push.sim.yml::{number}" for number in (1, 2, 3, 4))]
+    for index, entry in enumerate(entries):
+        sim_action(folder, "run", entry, "--exclude", "t*", "--output-dir", f"part/{index}")
+    merge = ("merge", "part", "--scenarios", ".", "--exclude", "t*")
+    assert "3 passed, 2 failed" in sim_action(folder, *merge).stdout
+    merged = outcomes(folder)
+    sim_action(folder, "run", "--exclude", "t*")
+    assert [outcome["digest"] for outcome in merged] == [outcome["digest"] for outcome in outcomes(folder)]
+    (folder / "part/2/results.json").unlink()
+    sim_action(folder, *merge)
+    assert [status for _, status in told(folder)] == ["passed", "failed", "error", "passed", "passed"]
+
+
+def test_what_stops_all_variations_is_told_by_one_part(folder: Path) -> None:
+    path = folder / "push.sim.yml"
+    path.write_text(path.read_text().replace("[0.001, 0.9]", "[0.001, fast]"))
+    codes = [
+        sim_action(folder, "run", f"push.sim.yml::{number}", "--output-dir", f"part/{number}").returncode
+        for number in (1, 2, 3, 4)
+    ]
+    assert codes == [2, 0, 0, 0]
+    assert sim_action(folder, "merge", "part", "--scenarios", "push.sim.yml").returncode == 2
+    assert told(folder) == [("push", "error")]
+    beyond = sim_action(folder, "run", "push.sim.yml::5")
+    assert beyond.returncode == 2
+    assert "push.sim.yml::5: the file holds 4, counted from 1" in beyond.stderr
 
 
 def test_a_matrix_and_what_must_be_in_a_merge_know_the_same_selection(folder: Path) -> None:
     dealt = sim_action(folder, "matrix", "--shards", "5", "--only", "push", ".")
-    assert [shard["scenario"] for shard in json.loads(dealt.stdout)["include"]] == ["push.sim.yml"]
+    shards = [shard["scenario"] for shard in json.loads(dealt.stdout)["include"]]
+    assert shards == [f"push.sim.yml::{number}" for number in (1, 2, 3, 4)]
     assert sim_action(folder, "matrix", "--shards", "5", "--tag", "none").returncode == 2
     sim_action(folder, "run", "--tag", "wet", "--output-dir", "part")
     merge = ("merge", "part", "--scenarios", ".")
