@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Final
 
 from sim_action import geometry
@@ -37,7 +39,7 @@ class Wheel:
 
 def wheel(model: RobotModel, joint_name: str) -> Wheel:
     """The wheel that a joint turns; KeyError if the model has no such joint."""
-    return _wheel(model, model.joints_by_name[joint_name], _poses(model))
+    return _wheel_at_home(_Same(model), joint_name)
 
 
 def radius(model: RobotModel, joint_name: str) -> float | None:
@@ -75,9 +77,33 @@ def centre_of_mass(model: RobotModel) -> Vector3:
     return x, y, z
 
 
-def _poses(model: RobotModel) -> dict[str, Pose]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Same:
+    """A model, compared by what it is and not by what it says, which would take longer than to look anew."""
+
+    model: RobotModel
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.model is self.model
+
+    def __hash__(self) -> int:
+        return id(self.model)
+
+
+def _poses(model: RobotModel) -> Mapping[str, Pose]:
     """Link name -> its pose in the base frame, with all joints where they begin."""
-    return link_poses(model, model.positions({}))
+    return _poses_at_home(_Same(model))
+
+
+# A drive asks dozens of times, and 10,000 variations have one model.
+@lru_cache(maxsize=4)
+def _poses_at_home(same: _Same) -> Mapping[str, Pose]:
+    return MappingProxyType(link_poses(same.model, same.model.positions({})))
+
+
+@lru_cache(maxsize=64)
+def _wheel_at_home(same: _Same, joint_name: str) -> Wheel:
+    return _wheel(same.model, same.model.joints_by_name[joint_name], _poses(same.model))
 
 
 def _tyre(model: RobotModel, joint: Joint) -> Shape | None:

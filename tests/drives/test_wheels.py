@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from sim_action.drives.wheels import centre_of_mass, wheel
+from sim_action.drives import wheels
+from sim_action.drives.wheels import centre_of_mass, wheel, wheels_on_ground
+from sim_action.geometry import Pose
+from sim_action.kinematics import link_poses
 from sim_action.models.urdf import read_urdf
 from sim_action.robot_model import RobotModel
 from tests.traces import burger
@@ -81,3 +85,24 @@ def test_what_states_no_mass_has_none(nested: RobotModel) -> None:
 def test_an_unknown_joint_is_a_key_error(nested: RobotModel) -> None:
     with pytest.raises(KeyError):
         wheel(nested, "absent")
+
+
+def test_a_model_is_walked_through_once_however_often_a_drive_asks(
+    nested: RobotModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Or checking 10,000 variations takes a minute, of which nine parts are spent on the same poses."""
+    asked: list[RobotModel] = []
+
+    def counted(model: RobotModel, positions: dict[str, float]) -> dict[str, Pose]:
+        asked.append(model)
+        return link_poses(model, positions)
+
+    monkeypatch.setattr(wheels, "link_poses", counted)
+    for _ in range(3):
+        found = {joint.name: wheel(nested, joint.name) for joint in nested.joints}
+        wheels_on_ground(nested)
+        centre_of_mass(nested)
+    assert [id(model) for model in asked] == [id(nested)]
+    # What says something else, if only so much, is walked through on its own.
+    turned = replace(nested, joints=tuple(replace(joint, origin=Pose((9.0, 0.0, 0.0))) for joint in nested.joints))
+    assert {joint.name: wheel(turned, joint.name) for joint in turned.joints} != found
