@@ -72,15 +72,15 @@ def load_all(
 ) -> list[LoadedScenario | Refused]:
     """Each as it can be run, or with what is wrong with it; models and shapes that several name are read once.
 
-    Variations of one scenario are all valid, or else one that is not, with what is wrong with any of them. A fault of
-    ours is that scenario's alone. `models`, `shapes`: those that are read already. Raises UsageError.
+    Variations of one scenario are one that is not valid, with what is wrong with any of them, unless only values are
+    wrong that were drawn at random: then those variations alone are. A fault of ours is that scenario's alone.
+    `models`, `shapes`: those that are read already. Raises UsageError.
     """
     models, shapes = models or ModelLibrary(), shapes or ShapeLibrary()
     found: list[LoadedScenario | Refused] = []
     for several in scenarios_of(sources):
         scenarios = [_loaded_or_refused(source, permissions, models, shapes) for source in several]
-        refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
-        found += [_as_one(refused, several[0].number)] if refused else scenarios
+        found += _together(several, scenarios)
     return found
 
 
@@ -93,6 +93,25 @@ def scenarios_of(sources: Iterable[Source | Refused]) -> Iterator[tuple[Source |
 def _scenario_of(index: int, source: Source | Refused) -> Hashable:
     """What is the same for variations of one scenario."""
     return (source.path, source.group) if isinstance(source, Source) and source.group is not None else index
+
+
+def _together(
+    sources: Sequence[Source | Refused], scenarios: Sequence[LoadedScenario | Refused]
+) -> Sequence[LoadedScenario | Refused]:
+    """All variations of a scenario, in the light of what is wrong with any of them."""
+    refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
+    alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
+    pairs = list(zip(sources, scenarios, strict=True))
+    if alike or any(isinstance(scenario, Refused) and not _is_of_draws(source, scenario) for source, scenario in pairs):
+        return [_as_one(refused, sources[0].number)]
+    return [
+        source.refused_alone(scenario) if isinstance(source, Source) and isinstance(scenario, Refused) else scenario
+        for source, scenario in pairs
+    ]
+
+
+def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
+    return isinstance(source, Source) and source.is_of_draws(refused)
 
 
 def _as_one(refused: Sequence[Refused], number: int) -> Refused:

@@ -168,7 +168,8 @@ class Outcome(FrozenModel):
             outcome = cls(name=refused.name, file=refused.file, status="error", failures=(failure,))
         else:
             outcome = cls.of_invalid(refused.file, refused.error)
-        return outcome.model_copy(update={"name": refused.name, "line": refused.line, "number": refused.number})
+        told = ("name", "line", "number", "group", "variation")
+        return outcome.model_copy(update={key: getattr(refused, key) for key in told})
 
     @classmethod
     def of_nothing(cls, pattern: str) -> Outcome:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydantic import JsonValue
@@ -34,6 +34,7 @@ class Source:
         group: of a variation, the name of the scenario that is varied.
         variation: the values that make it this one.
         number: its place among all that its file holds, variations counted, from 1.
+        draws: where values stand that are drawn at random, and what to say of one that cannot be.
     """
 
     path: Path
@@ -44,12 +45,24 @@ class Source:
     group: str | None = None
     variation: tuple[Varied, ...] = ()
     number: int = 1
+    draws: tuple[tuple[Location, str], ...] = ()
 
     @property
     def tags(self) -> tuple[str, ...]:
         """As far as they are what tags can be."""
         tags = self.document.data.get("tags") if isinstance(self.document.data, dict) else None
         return tuple(tag for tag in tags if isinstance(tag, str)) if isinstance(tags, tuple) else ()
+
+    def is_of_draws(self, refused: Refused) -> bool:
+        """Whether all that is wrong with it is wrong with values that are drawn at random."""
+        places = {place for place, _ in self.draws}
+        return isinstance(refused.error, InvalidScenario) and all(each.location in places for each in refused.problems)
+
+    def refused_alone(self, refused: Refused) -> Refused:
+        """This variation, where others of the scenario can be run."""
+        draws = dict(self.draws)
+        told = [Problem(each.location, f"{each.message} ({draws[each.location]})") for each in refused.problems]
+        return replace(refused, name=self.name, group=self.group, variation=self.variation, error=InvalidScenario(told))
 
     def refused(self, error: InvalidScenario | Fault) -> Refused:
         """It, once it is known why it cannot be run."""
@@ -65,6 +78,8 @@ class Refused:
     line: int | None
     error: InvalidScenario | Fault
     number: int = 1
+    group: str | None = None
+    variation: tuple[Varied, ...] = ()
 
     @property
     def problems(self) -> tuple[Problem, ...]:

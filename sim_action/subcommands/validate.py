@@ -51,6 +51,9 @@ def _messages(refused: Refused) -> list[str]:
 
 
 def _count(refused: Sequence[Refused]) -> str:
-    """How many are invalid; those with a fault of ours may be valid."""
+    """How many are invalid; those with a fault of ours may be valid, and others have variations that are."""
     faults = sum(isinstance(scenario.error, Fault) for scenario in refused)
-    return f"{len(refused) - faults} invalid" + (f", {faults} not checked to the end" if faults else "")
+    alone = sum(scenario.group is not None for scenario in refused)
+    variations = f", {alone} {'variation' if alone == 1 else 'variations'} invalid" if alone else ""
+    unchecked = f", {faults} not checked to the end" if faults else ""
+    return f"{len(refused) - faults - alone} invalid{variations}{unchecked}"

@@ -105,6 +105,7 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
         own: KeyPath = ("variations", key.written)
         place = source.document.location(own if key.values.drawn else (*own, indices[key.written]))
         marks |= dict.fromkeys(made, place)
+    draws = ((source.document.location(("variations", key.written)), key.values.draw) for key in keys)
     values = ",".join(f"{key.label}={key.texts[indices[key.written]]}" for key in keys)
     return replace(
         source,
@@ -112,6 +113,7 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
         name=f"{source.name}[{values}]",
         group=source.name,
         variation=tuple(Varied(key.written, _json(key.values.values[indices[key.written]])) for key in keys),
+        draws=tuple((place, draw) for place, draw in draws if draw),
     )
 
 

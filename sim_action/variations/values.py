@@ -31,10 +31,15 @@ Bounds = tuple[float | str, float | str]
 
 @dataclass(frozen=True, slots=True)
 class ValueList:
-    """The values of one key, as a scenario would have them; `drawn`: whether at random."""
+    """The values of one key, as a scenario would have them; `draw`: if drawn at random, what to say of a wrong one."""
 
     values: tuple[Any, ...]
-    drawn: bool = False
+    draw: str = ""
+
+    @property
+    def drawn(self) -> bool:
+        """Whether at random."""
+        return bool(self.draw)
 
 
 class ValuesError(Exception):
@@ -49,6 +54,8 @@ class Draw(FrozenModel):
     """Values that are drawn at random, by the seed and the key's name alone: other keys change none of them."""
 
     key: ClassVar[str]
+    bounding: ClassVar[str]
+    """What to do where a sample is beyond what its key allows."""
 
     samples: Annotated[int, Field(ge=1, le=10_000, description="how many; keys that are drawn have equally many")]
 
@@ -74,6 +81,9 @@ class Draw(FrozenModel):
             )
         return first * factor, second, other
 
+    def __str__(self) -> str:
+        return f"{self.key}: [{', '.join(map(str, getattr(self, self.key)))}]"
+
     def _one(self, generator: Random, first: float, second: float) -> float:
         raise NotImplementedError
 
@@ -82,6 +92,7 @@ class Uniform(Draw):
     """Anything between two bounds, equally likely."""
 
     key = "uniform"
+    bounding = "choose bounds that it allows"
 
     uniform: Annotated[
         Bounds, Field(description="least and greatest; both numbers, or with units of one dimension; 0 needs none")
@@ -102,6 +113,7 @@ class Normal(Draw):
     """Around a mean."""
 
     key = "normal"
+    bounding = "'uniform' has bounds, 'normal' has none; a smaller deviation seldom goes as far"
 
     normal: Annotated[
         Bounds,
@@ -136,7 +148,8 @@ def value_list(key: str, stated: object, seed: int) -> ValueList:
         others = [name for name in stated if name not in DRAWS and name != "samples"]
         hint = did_you_mean(others[0], (*DRAWS, "samples")) if others else ""
         raise ValuesError(f"{_EXPECTED}{hint}")
-    return ValueList(_draw(DRAWS[ways[0]], stated).drawn(_generator(key, seed)), drawn=True)
+    draw = _draw(DRAWS[ways[0]], stated)
+    return ValueList(draw.drawn(_generator(key, seed)), f"drawn from {draw}; {draw.bounding}")
 
 
 def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:

@@ -218,3 +218,20 @@ def test_a_xacro_of_a_base_is_evaluated_with_what_each_scenario_says(tmp_path: P
     found = outcomes(tmp_path)
     assert [outcome["status"] for outcome in found] == ["passed", "passed", "error"]
     assert "heavy" in json.dumps(found[2]["failures"])
+
+
+def test_a_draw_out_of_bounds_is_an_error_of_that_variation(folder: Path) -> None:
+    path = folder / "push.sim.yml"
+    path.write_text(
+        f"name: push\nvariations: {{world.ground.friction: {{uniform: [-0.3, 0.9], samples: 4}}}}\n{SHARED}"
+    )
+    validated = sim_action(folder, "validate", "push.sim.yml")
+    assert validated.returncode == 2
+    assert "1 valid, 0 invalid, 1 variation invalid (3 runs with all variations)" in validated.stderr
+    ran = sim_action(folder, "run", "push.sim.yml")
+    assert ran.returncode == 2
+    assert sorted(status for _, status in told(folder)) == ["error", "passed", "passed", "passed"]
+    assert "3 of 4 passed; worst: [friction=-" in ran.stdout
+    assert "(drawn from uniform: [-0.3, 0.9]; choose bounds that it allows)" in ran.stdout
+    (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
+    assert (suite.get("tests"), suite.get("errors")) == ("4", "1")

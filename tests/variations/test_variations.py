@@ -7,6 +7,7 @@ import pickle
 import statistics
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from sim_action.errors import InvalidScenario
 from sim_action.loading import load_all
+from sim_action.outcome import Outcome
 from sim_action.permissions import Permissions
 from sim_action.scenario import LoadedScenario
 from sim_action.scenario_files import read_file
@@ -340,3 +342,49 @@ def test_variations_are_drawn_where_there_is_no_numpy() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout == "3\n"
+
+
+def test_a_draw_beyond_what_its_key_allows_stops_that_variation_alone(tmp_path: Path) -> None:
+    text = "variations:\n  world.ground.friction: {normal: [0.2, 0.2], samples: 20}\n  robot.pose.x: [0, 1]\n"
+    found = loaded(tmp_path, text)
+    refused = [each for each in found if isinstance(each, Refused)]
+    drawn = [each.source.variation[0].value for each in found if isinstance(each, LoadedScenario)]
+    assert len(found) == 40
+    assert 2 <= len(refused) <= 20
+    assert all(isinstance(friction, float) and friction >= 0 for friction in drawn)
+    for each in refused:
+        assert each.name.startswith("burger drives straight[friction=-0.")
+        assert (each.group, each.variation[0].key) == ("burger drives straight", "world.ground.friction")
+        (problem,) = each.problems
+        assert str(problem).endswith(
+            f"12:3: world.ground.friction: must be at least 0, found {each.variation[0].value} "
+            "(drawn from normal: [0.2, 0.2]; 'uniform' has bounds, 'normal' has none; a smaller deviation seldom "
+            "goes as far)"
+        )
+    outcome = Outcome.of_refused(refused[0])
+    assert (outcome.name, outcome.group, outcome.variation) == (refused[0].name, refused[0].group, refused[0].variation)
+    assert [each.number for each in refused] == [place for place, each in enumerate(found, 1) if each in refused]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        # Of the list, as that is a mistake of whoever has written it.
+        ("{world.ground.friction: {uniform: [-1, 1], samples: 9}, robot.pose.x: [0, far]}", "found 'far'"),
+        # The same for every sample.
+        ("{world.ground.fricton: {uniform: [0, 1], samples: 3}}", "unknown key; did you mean 'friction'?"),
+    ],
+)
+def test_what_is_wrong_beside_what_is_drawn_stops_all_variations(tmp_path: Path, text: str, told: str) -> None:
+    (refused,) = loaded(tmp_path, f"variations: {text}\n")
+    assert isinstance(refused, Refused)
+    assert (refused.name, refused.group, refused.number) == ("burger drives straight", None, 1)
+    assert any(told in str(problem) for problem in refused.problems)
+
+
+def test_a_variation_that_cannot_be_keeps_its_name_on_its_own(tmp_path: Path) -> None:
+    text = "variations: {world.ground.friction: {uniform: [-1, 1], samples: 9}}\n"
+    refused = next(each for each in loaded(tmp_path, text) if isinstance(each, Refused))
+    sources = [each for each in read_file(tmp_path / "s.sim.yml", Permissions()) if each.name == refused.name]
+    (alone,) = load_all(sources, Permissions())
+    assert alone == replace(refused, error=alone.error) if isinstance(alone, Refused) else False
