@@ -40,6 +40,11 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
 
+def counted(count: int, noun: str) -> str:
+    """Such as "1 variation", "2 variations"."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def did_you_mean(found: str, allowed: Iterable[str]) -> str:
     """The end of an error message: the nearest allowed name, if one is near, then all of them, up to a screenful."""
     names = sorted(allowed)

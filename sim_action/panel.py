@@ -27,13 +27,13 @@ class Panel:
 
     Attributes:
         scenario: whose expectations the monitors are of, in this order.
-        has_goals: whether anything was pending at the start that a run can fail by.
+        goals: of each, whether it was pending at the start.
         time: s of sim time, the last moment seen.
     """
 
     scenario: Scenario
     monitors: tuple[Window, ...]
-    has_goals: bool
+    goals: tuple[bool, ...]
     time: float = 0.0
 
     @classmethod
@@ -43,9 +43,13 @@ class Panel:
             Window(expected.assertion.monitor(scene, start), expected.after, expected.before)
             for expected in scenario.expect
         )
-        pairs = zip(monitors, scenario.expect, strict=True)
-        has_goals = any(m.state is State.PENDING and expected.severity == "error" for m, expected in pairs)
-        return cls(scenario, monitors, has_goals)
+        return cls(scenario, monitors, tuple(monitor.state is State.PENDING for monitor in monitors))
+
+    @cached_property
+    def has_goals(self) -> bool:
+        """Whether anything was pending at the start that a run can fail by."""
+        pairs = zip(self.goals, self.scenario.expect, strict=True)
+        return any(goal and expected.severity == "error" for goal, expected in pairs)
 
     def observe(self, trace: Trace) -> Self:
         """The panel after the moments that follow."""
@@ -79,11 +83,11 @@ class Panel:
 
     def verdicts(self) -> tuple[Verdict, ...]:
         """One for each expectation, if nothing more came."""
-        verdicts = (monitor.verdict() for monitor in self.monitors)
+        pairs = zip(self.monitors, self.goals, strict=True)
+        verdicts = (replace(monitor.verdict(), goal=goal) for monitor, goal in pairs)
         if self.end != "broken":
             return tuple(verdicts)
-        pairs = zip(self.monitors, verdicts, strict=True)
-        return tuple(_undecided(monitor, verdict) for monitor, verdict in pairs)
+        return tuple(map(_undecided, self.monitors, verdicts))
 
     def _decisive(self) -> list[Monitor]:
         pairs = zip(self.monitors, self.scenario.expect, strict=True)

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from sim_action.backends import BACKENDS
 from sim_action.errors import UsageError
 from sim_action.location import Location
-from sim_action.messages import did_you_mean, escaped_line
+from sim_action.messages import counted, did_you_mean, escaped_line
 from sim_action.source import Refused, Source
 
 Scenarios = tuple[Source | Refused, ...]
@@ -79,7 +79,7 @@ def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
     for tag in selection.tags:
         if tag not in tags:
             yield f"--tag: no scenario has the tag '{tag}'{did_you_mean(tag, tags)}"
-    yield f"of {len(every)} scenarios, none is selected"
+    yield f"of {counted(len(every), 'scenario')}, none is selected"
     for scenario in every:
         if isinstance(scenario, Refused) and not selection.takes(scenario):
             yield str(scenario.problems[0])

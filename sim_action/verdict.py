@@ -18,6 +18,7 @@ class Verdict:
         time: sim time in s at which it was decided, or at which an invariant came nearest to its limit.
         message: one sentence for people.
         cut_off: whether it failed as something else ended the run before it was decided: not the reason to look for.
+        goal: whether it had to come true once; its margin is that of the moment it did, and says little.
     """
 
     passed: bool
@@ -28,3 +29,4 @@ class Verdict:
     time: float | None = None
     message: str = ""
     cut_off: bool = False
+    goal: bool = False

@@ -9,7 +9,7 @@ from typing import Final
 
 from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Outcome
-from sim_action.reports.wording import Mood, mood
+from sim_action.reports.wording import Mood, moment, mood, quantity
 
 WORST_FIRST: Final[tuple[Mood, ...]] = ("error", "failed", "warned", "skipped", "passed")
 
@@ -27,8 +27,19 @@ class Group:
 
     @property
     def worst(self) -> Outcome:
-        """Without a verdict before failed before the rest; of equals, what missed its limit by most."""
-        return min(self.outcomes, key=lambda outcome: (WORST_FIRST.index(mood(outcome)), _least_margin(outcome)))
+        """Without a verdict before failed before the rest; of equals, what missed its limit by most or came nearest."""
+        return min(self.outcomes, key=lambda outcome: (WORST_FIRST.index(mood(outcome)), *_nearness(outcome)))
+
+    @property
+    def worst_told(self) -> str:
+        """Which variation was the worst and by what, such as "[yaw=0.4], margin 0.02 m (travel at least 1.5 m)"."""
+        expected = _nearest(self.worst)
+        if expected is None:
+            return self.values(self.worst)
+        verdict = expected.verdict
+        known = f"margin {quantity(verdict.margin, verdict.unit)}" if verdict.margin is not None else ""
+        told = f"at {moment(verdict.time)}" if verdict.passed and verdict.goal else known
+        return f"{self.values(self.worst)}, {told} ({expected.name})" if told else self.values(self.worst)
 
     @property
     def mood(self) -> Mood:
@@ -72,13 +83,32 @@ def worst_first(found: Iterable[Group]) -> list[Group]:
     return sorted(found, key=lambda group: WORST_FIRST.index(group.mood))
 
 
-def _least_margin(outcome: Outcome) -> float:
-    """Relative to its limit, of what failed; 0 if nothing did."""
-    return min((relative_margin(expected) for expected in outcome.expectations if expected.failed), default=0.0)
+def _nearness(outcome: Outcome) -> tuple[float, float]:
+    """Less is worse; of goals that came true, the later is."""
+    expected = _nearest(outcome)
+    return (0.0, 0.0) if expected is None else _closeness(expected)
+
+
+def _nearest(outcome: Outcome) -> ExpectationOutcome | None:
+    """What missed its limit by most, or if nothing failed, what came nearest to it; None where nothing was measured.
+
+    Of what held throughout, if there is that: a goal is met at its limit, whatever happens.
+    """
+    failed = [expected for expected in outcome.expectations if expected.failed]
+    measured = [expected for expected in outcome.expectations if expected.verdict.margin is not None]
+    held = [expected for expected in measured if expected.verdict.passed]
+    throughout = [expected for expected in held if not expected.verdict.goal]
+    return min(failed or throughout or held, key=_closeness, default=None)
+
+
+def _closeness(expected: ExpectationOutcome) -> tuple[float, float]:
+    verdict = expected.verdict
+    late = verdict.time if verdict.passed and verdict.goal and verdict.time is not None else 0.0
+    return -late, relative_margin(expected)
 
 
 def relative_margin(expected: ExpectationOutcome) -> float:
-    """By which part of its limit something failed, less than zero; a limit of zero has no parts.
+    """Which part of its limit was left, or was missing if less than zero; a limit of zero has no parts.
 
     0 for what was cut off: nobody knows how near it would have come.
     """

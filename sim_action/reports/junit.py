@@ -89,7 +89,8 @@ class _Document:
         if not group.varies:
             return ours | _ran(group.worst)
         digests = {f"digest: {group.values(outcome)}": outcome.digest for outcome in group.outcomes}
-        return {**ours, "passed": group.passed, **digests}
+        worst = None if group.mood == "skipped" else group.worst_told
+        return {**ours, "passed": group.passed, "worst": worst, **digests}
 
     def _expectation(self, group: Group, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
         case = self._case(group, outcome, expected.name, expected.location)

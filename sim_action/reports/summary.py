@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.errors import ExitCode
+from sim_action.messages import counted
 from sim_action.outcome import Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_text
@@ -96,9 +97,10 @@ def _overview(found: list[Group], rows: list[str]) -> Iterable[str]:
     if rows[:unfolded]:
         yield table(columns, rows[:unfolded])
     if rows[unfolded:]:
-        yield folded(f"{len(rows) - unfolded} scenarios passed", table(columns, rows[unfolded:]))
+        yield folded(f"{counted(len(rows) - unfolded, 'scenario')} passed", table(columns, rows[unfolded:]))
     if len(found) > len(rows):
-        yield f"_{len(found) - len(rows)} more scenarios are left out of this table._"
+        left = len(found) - len(rows)
+        yield f"_{counted(left, 'more scenario')} {'is' if left == 1 else 'are'} left out of this table._"
 
 
 def _overview_row(group: Group, options: ReportOptions) -> str:
@@ -127,4 +129,5 @@ def _size(texts: list[str]) -> int:
 def _left_out(count: int) -> str:
     if not count:
         return ""
-    return f"_{count} more scenarios are left out here, as GitHub shows no more; `results.json` has them all._"
+    left = f"{counted(count, 'more scenario')} {'is' if count == 1 else 'are'} left out here"
+    return f"_{left}, as GitHub shows no more; `results.json` has them all._"

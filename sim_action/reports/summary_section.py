@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Final
 
+from sim_action.messages import counted
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.replay.models import Replay
 from sim_action.reports import ReportOptions
@@ -41,9 +42,14 @@ def gist(group: Group) -> str:
     """The one thing to know about a scenario, as Markdown."""
     if not group.varies:
         return _gist(group.worst)
-    worst = (
-        f"; worst: {markdown_text(group.values(group.worst))} {_gist(group.worst)}" if group.mood != "passed" else ""
-    )
+    if group.mood == "passed":
+        return headline(group)
+    return f"{group.passed}; worst: {markdown_text(group.values(group.worst))} {_gist(group.worst)}"
+
+
+def headline(group: Group) -> str:
+    """How many of its variations passed, and how near the worst of them came to its limit, as Markdown."""
+    worst = f"; worst: {markdown_text(group.worst_told)}" if group.mood != "skipped" else ""
     return f"{group.passed}{worst}"
 
 
@@ -62,13 +68,14 @@ def _varied(group: Group, options: ReportOptions, *, drawn: bool) -> str:
         for outcome in ordered[: max(len(unhappy), _MOST_ROWS)]
     ]
     columns = ("", "Variation", "What happened", " Sim time")
+    passed = f"{counted(len(ordered) - len(unhappy), 'variation')} that passed"
     bad, good = rows[: len(unhappy)][:_MOST_ROWS], rows[len(unhappy) :]
     parts = [
-        f"### {ICONS[group.mood]} {markdown_text(group.name)}: {group.passed}",
+        f"### {ICONS[group.mood]} {markdown_text(group.name)}: {headline(group)}",
         source_link(options, group.location),
         table(columns, bad) if bad else "",
-        folded(f"{len(ordered) - len(unhappy)} variations that passed", table(columns, good)) if good else "",
-        _left_out(len(ordered), len(bad) + len(good), "variations"),
+        folded(passed, table(columns, good)) if good else "",
+        _left_out(len(ordered), len(bad) + len(good), "variation"),
         _outcome(group.worst, options, drawn=drawn) if group.mood not in ("passed", "skipped") else "",
     ]
     return "\n\n".join(part for part in parts if part)
@@ -79,7 +86,7 @@ def _outcome(outcome: Outcome, options: ReportOptions, *, drawn: bool) -> str:
         f"### {ICONS[mood(outcome)]} {markdown_text(outcome.name)}",
         _subtitle(outcome, options),
         *(_failure(failure, options) for failure in outcome.failures[:_MOST_FAILURES]),
-        _left_out(len(outcome.failures), _MOST_FAILURES, "errors"),
+        _left_out(len(outcome.failures), _MOST_FAILURES, "error"),
         _expectations(outcome, options),
         *(_charts(outcome, options) if drawn else ()),
         _reproduction(outcome, options),
@@ -152,7 +159,7 @@ def _expectations(outcome: Outcome, options: ReportOptions) -> str:
         (
             _table(outcome, missed, options),
             folded(
-                f"{len(held)} {'expectation' if len(held) == 1 else 'expectations'} held",
+                f"{counted(len(held), 'expectation')} held",
                 _table(outcome, held, options),
             ),
         )
@@ -164,7 +171,7 @@ def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options
         return ""
     rows = (_row(outcome, expected, options) for expected in expectations[:_MOST_ROWS])
     columns = ("", "Expectation", " Measured", " Limit", " Margin", " At")
-    left_out = _left_out(len(expectations), _MOST_ROWS, "expectations")
+    left_out = _left_out(len(expectations), _MOST_ROWS, "expectation")
     return table(columns, rows) + (f"\n\n{left_out}" if left_out else "")
 
 
@@ -214,4 +221,6 @@ def _ending_block(text: str) -> str:
 
 
 def _left_out(total: int, most: int, what: str) -> str:
-    return f"_{total - most} more {what} are left out here._" if total > most else ""
+    if total <= most:
+        return ""
+    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} left out here._"

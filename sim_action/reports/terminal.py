@@ -101,7 +101,7 @@ class _Printer:
     def group(self, group: Group) -> None:
         """One scenario, and an empty line; of its variations, those that did not pass."""
         if group.varies:
-            worst = f"; worst: {group.values(group.worst)}" if group.mood in ("failed", "error") else ""
+            worst = f"; worst: {group.worst_told}" if group.mood != "skipped" else ""
             self._heading(group.mood, group.name, f"  {group.location}", f"  {group.passed}{worst}")
             self._margin = "  "
             self._variations(group)

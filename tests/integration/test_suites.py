@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -235,3 +236,19 @@ def test_a_draw_out_of_bounds_is_an_error_of_that_variation(folder: Path) -> Non
     assert "(drawn from uniform: [-0.3, 0.9]; choose bounds that it allows)" in ran.stdout
     (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
     assert (suite.get("tests"), suite.get("errors")) == ("4", "1")
+
+
+def test_a_sweep_that_passes_says_how_near_it_came(folder: Path) -> None:
+    (folder / "push.sim.yml").write_text(
+        f"name: push\nvariations: {{commands.twist.0.linear: [0.3, 0.5]}}\n{SHARED}".replace(
+            "expect: [", "expect: [{max_speed: {linear: 1 m/s}}, "
+        )
+    )
+    ran = sim_action(folder, "run", "push.sim.yml")
+    assert ran.returncode == 0
+    assert re.search(r"push  push\.sim\.yml  2 of 2 passed; worst: \[linear=0\.5\], margin 0\.\d+ m/s \(", ran.stdout)
+    (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
+    properties = {each.get("name"): each.get("value") or "" for each in suite.iter("property")}
+    assert properties["worst"].startswith("[linear=0.5], margin 0.")
+    goals = {each["assertion"]: each["verdict"]["goal"] for each in outcomes(folder)[0]["expectations"]}
+    assert goals == {"max_speed": False, "travel": True}

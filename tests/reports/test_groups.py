@@ -76,3 +76,38 @@ def test_scenarios_with_failures_come_first_in_the_order_of_the_call() -> None:
         ]
     )
     assert [group.name for group in worst_first(found)] == ["f", "s", "p"]
+
+
+def held(margin: float, time: float | None = None, *, goal: bool = False, name: str = "travel") -> ExpectationOutcome:
+    verdict = Verdict(True, None, 2.0, margin, "m", time, "told", goal=goal)
+    return expected().model_copy(update={"verdict": verdict, "name": name})
+
+
+def test_of_those_that_passed_the_worst_came_nearest_to_its_limit() -> None:
+    far, near = (
+        outcome(f"a[x={x}]", held(5.0), held(margin, name="clearance"), status="passed")
+        for x, margin in ((1, 0.4), (2, 0.1))
+    )
+    (group,) = groups([far, near])
+    assert group.worst is near
+    assert group.worst_told == "[x=2], margin 0.1 m (clearance)"
+
+
+def test_a_goal_says_nothing_by_its_margin_but_by_its_time_where_there_is_nothing_else() -> None:
+    """It is met at its limit, whatever happens."""
+    goals = [outcome(f"a[x={time}]", held(1e-4 * time, time, goal=True), status="passed") for time in (1.0, 3.0, 2.0)]
+    (group,) = groups(goals)
+    assert group.worst_told == "[x=3.0], at 3.00 s (travel)"
+    throughout = outcome("a[x=4]", held(1e-9, 9.0, goal=True), held(0.5, 1.0, name="upright"), status="passed")
+    (group,) = groups([throughout, throughout.model_copy(update={"name": "a[x=5]"})])
+    assert group.worst_told == "[x=4], margin 0.5 m (upright)"
+
+
+def test_what_failed_tells_its_own_margin() -> None:
+    (group,) = groups([outcome("a[x=1]", held(0.1), expected(-0.2, 1.0)), outcome("a[x=2]", held(0.01))])
+    assert group.worst_told == "[x=1], margin -0.2 m (travel)"
+
+
+def test_without_a_margin_the_worst_is_but_named() -> None:
+    (group,) = groups([outcome("a[x=1]", expected()), outcome("a[x=2]", expected(passed=True), status="passed")])
+    assert group.worst_told == "[x=1]"
