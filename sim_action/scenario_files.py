@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -60,17 +61,29 @@ def read_file(path: Path, permissions: Permissions, seed: int | None = None) -> 
 
 def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterator[Source | Refused]:
     left = MOST_RUNS
+    taken: set[str] = set()
     for source in sources:
         if isinstance(source, Refused):
             yield source
             continue
         try:
             runs = expanded(source, seed, left)
+            _refuse_twins(source, runs, taken)
         except InvalidScenario as error:
             yield source.refused(error)
         else:
             left -= len(runs)
+            taken |= {run.name for run in runs}
             yield from runs
+
+
+def _refuse_twins(source: Source, runs: Iterable[Source], taken: AbstractSet[str]) -> None:
+    """Raises InvalidScenario: a name is what tells runs of a file apart, and what runs one of them again."""
+    for run in runs:
+        if run.name in taken:
+            which = "this scenario is" if run.group is None else f"a variation of '{run.group}' is"
+            message = f"{which} called '{run.name}', as is another run of this file; choose another name"
+            raise InvalidScenario([source.document.problem(("name",), message)])
 
 
 def read_only_scenario(path: Path, permissions: Permissions) -> Source:

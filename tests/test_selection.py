@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim_action.errors import InvalidScenario, UsageError
 from sim_action.location import Location, Problem
@@ -55,6 +57,24 @@ def meant(files: list[Scenarios], selection: Selection) -> list[str]:
 )
 def test_what_is_meant(asked: dict[str, tuple[str, ...]], found: list[str]) -> None:
     assert meant(FILES, Selection(**asked)) == found
+
+
+def test_a_name_with_wildcards_in_it_means_itself() -> None:
+    """Whatever is printed runs that again, and nothing else."""
+    odd = ["what?", "whats", "a*", "a*[x=1]", "a*[x=2]", "ab", "ab[x=1]", "[a]", "a", "br[x=1]", "br"]
+    files: list[Scenarios] = [tuple(source(name, group=name.partition("[x")[0]) for name in odd)]
+    for name in ("what?", "whats", "a*[x=1]", "ab[x=1]", "[a]", "br[x=1]", "a*[x=1] [mujoco]"):
+        assert names(files, only=(name,)) == [name.removesuffix(" [mujoco]")]
+        assert names(files, exclude=(name,)) == [other for other in odd if other != name.removesuffix(" [mujoco]")]
+    assert names(files, only=("a*",)) == ["a*", "a*[x=1]", "a*[x=2]"]
+    assert names(files, only=("what*",)) == ["what?", "whats"]
+
+
+@given(st.lists(st.text("ab*?[]=,", min_size=1, max_size=5), min_size=1, max_size=8, unique=True))
+def test_every_name_selects_exactly_itself(every: list[str]) -> None:
+    files: list[Scenarios] = [(source(name),) for name in every]
+    for name in every:
+        assert names(files, only=(name,)) == [name]
 
 
 def test_what_cannot_be_read_may_have_any_tag_and_no_other_name() -> None:

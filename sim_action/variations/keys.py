@@ -1,6 +1,6 @@
 """Dotted keys, such as `world.objects.wall.pose.x`: the way to a value, as problems of scenarios are told.
 
-A step into a list is the name of an entry, or its number from 0.
+A step into a list is the name of an entry, or its number from 0. A key or a name with dots in it is taken as a whole.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def resolved(data: object, written: str) -> KeyPath:
             step: str | int = ".".join(steps[:taken])
             data, steps = data.get(step), steps[taken:]
         elif isinstance(data, tuple):
-            step = _index(data, steps[0], path)
-            data, steps = data[step], steps[1:]
+            step, taken = _entry(data, steps, path)
+            data, steps = data[step], steps[taken:]
         elif data is None:
             step, steps = steps[0], steps[1:]
         else:
@@ -62,14 +62,20 @@ def _taken(data: dict[str, object], steps: Sequence[str]) -> int:
     return next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
 
 
-def _index(entries: tuple[object, ...], step: str, path: KeyPath) -> int:
+def _entry(entries: tuple[object, ...], steps: Sequence[str], path: KeyPath) -> tuple[int, int]:
+    """The index of an entry, and how many steps lead to it: its name may have dots in it, too."""
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
-    if step in names:
-        return names.index(step)
-    if step.isdecimal() and step.isascii() and int(step) < len(entries):
+    for size in range(len(steps), 0, -1):
+        if (name := ".".join(steps[:size])) in names:
+            return names.index(name), size
+    return _index(names, steps[0], path), 1
+
+
+def _index(names: Sequence[object], step: str, path: KeyPath) -> int:
+    if step.isdecimal() and step.isascii() and int(step) < len(names):
         return int(step)
     known = [name for name in names if isinstance(name, str)]
-    numbers = f"one of its {len(entries)} entries by number, from 0" if entries else "it is empty"
+    numbers = f"one of its {len(names)} entries by number, from 0" if names else "it is empty"
     hint = did_you_mean(step, known) if known else ""
     raise NoSuchKey(f"{_dotted(path)} is a list without '{step}'{hint}; {numbers}")
 

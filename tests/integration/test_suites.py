@@ -252,3 +252,16 @@ def test_a_sweep_that_passes_says_how_near_it_came(folder: Path) -> None:
     assert properties["worst"].startswith("[linear=0.5], margin 0.")
     goals = {each["assertion"]: each["verdict"]["goal"] for each in outcomes(folder)[0]["expectations"]}
     assert goals == {"max_speed": False, "travel": True}
+
+
+def test_a_name_is_run_again_as_it_was_printed(folder: Path) -> None:
+    (folder / "push.sim.yml").unlink()
+    (folder / "many.sim.yml").write_text(
+        "scenarios:\n  - {name: 'what?', variations: {robot.pose.x: [0, 1]}}\n  - {name: whats}\n"
+        f"  - {{name: 'w*'}}\n{SHARED}"
+    )
+    listed = [line.partition("\t")[0] for line in sim_action(folder, "run", "--list").stdout.splitlines()]
+    assert listed == ["what?[x=0]", "what?[x=1]", "whats", "w*"]
+    for name in listed:
+        again = sim_action(folder, "run", "--list", "--only", name).stdout
+        assert [line.partition("\t")[0] for line in again.splitlines()] == [name]

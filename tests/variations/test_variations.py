@@ -181,6 +181,18 @@ def test_a_name_in_a_list_leads_to_its_entry_wherever_that_stands() -> None:
 
 
 @pytest.mark.parametrize(
+    ("key", "box"),
+    [("world.objects.a.b.pose.x", 0), ("world.objects.a.pose.x", 1), ("world.objects.a.b.c.pose.x", 2)],
+)
+def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
+    objects = ", ".join(f"{{name: {name}, box: [1, 1, 1]}}" for name in ("a.b", "a", "a.b.c"))
+    (run,) = varied(f"world: {{objects: [{objects}]}}\nvariations: {{{key}: [7]}}\n")
+    assert isinstance(run.document.data, dict)
+    assert run.document.data["world"]["objects"][box]["pose"] == {"x": 7}
+    assert run.name == "push[x=7]"
+
+
+@pytest.mark.parametrize(
     ("variations", "problem"),
     [
         ("{world.objects.wal.pose.x: [1]}", "world.objects is a list without 'wal'; did you mean 'wall'?"),
@@ -388,3 +400,25 @@ def test_a_variation_that_cannot_be_keeps_its_name_on_its_own(tmp_path: Path) ->
     sources = [each for each in read_file(tmp_path / "s.sim.yml", Permissions()) if each.name == refused.name]
     (alone,) = load_all(sources, Permissions())
     assert alone == replace(refused, error=alone.error) if isinstance(alone, Refused) else False
+
+
+@pytest.mark.parametrize(
+    ("entries", "told"),
+    [
+        (
+            ("{name: br, variations: {robot.pose.x: [1, 2]}}", "{name: 'br[x=1]'}"),
+            "3:6: name: this scenario is called 'br[x=1]', as is another run of this file; choose another name",
+        ),
+        (
+            ("{name: 'br[x=2]'}", "{name: br, variations: {robot.pose.x: [1, 2]}}"),
+            "3:6: name: a variation of 'br' is called 'br[x=2]', as is another run of this file; choose another name",
+        ),
+    ],
+)
+def test_a_variation_has_its_name_alone(tmp_path: Path, entries: tuple[str, str], told: str) -> None:
+    shared = LEAST.partition("\n")[2]
+    (tmp_path / "s.sim.yml").write_text(f"scenarios:\n  - {entries[0]}\n  - {entries[1]}\n{shared}")
+    found = read_file(tmp_path / "s.sim.yml", Permissions())
+    (refused,) = [each for each in found if isinstance(each, Refused)]
+    assert refused is found[-1]
+    assert str(refused.problems[0]).endswith(told)
