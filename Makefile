@@ -61,8 +61,9 @@ lock: $(VENV)/.installed ## what the action installs
 	$(LOCK) --upgrade --extra mujoco --output-file requirements.lock
 	# The same versions and what reads ROS's logs, for whoever asks the action for it.
 	$(LOCK) --constraint requirements.lock --extra mujoco --extra rosbags --output-file requirements-rosbags.lock
-	# The same versions without what simulates, for the actions that only deal and join.
+	# The same versions without what simulates, for the actions that only deal, and join: reports read traces.
 	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
+	$(LOCK) --constraint requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-reports.lock
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 to 3.14, for which its engines have wheels; install python3.11 and its venv module"; exit 1; }

@@ -181,6 +181,24 @@ def test_the_lock_file_with_rosbags_has_the_same_versions_and_what_reads_logs_be
     assert "rosbags" in {line.partition("==")[0] for line in more - plain}
 
 
+@pytest.mark.parametrize(
+    ("name", "absent"),
+    [
+        ("requirements-core.lock", {"numpy", "pybullet", "mujoco-core"}),
+        ("requirements-reports.lock", {"pybullet", "mujoco-core"}),
+    ],
+)
+def test_the_actions_that_simulate_nothing_install_the_same_versions_without_engines(
+    name: str, absent: set[str]
+) -> None:
+    whole, part = (
+        set(re.findall(r"^([\w-]+==[\w.]+)", (ROOT / lock).read_text(encoding="utf-8"), re.MULTILINE))
+        for lock in ("requirements.lock", name)
+    )
+    assert whole - part == {line for line in whole if line.partition("==")[0] in absent}
+    assert part < whole
+
+
 def test_the_lock_file_of_the_checks_has_hashes_and_no_addresses() -> None:
     packages = json.loads((ROOT / ".ci/workflows/package-lock.json").read_text(encoding="utf-8"))["packages"]
     assert all("integrity" in package and "resolved" not in package for path, package in packages.items() if path)

@@ -229,12 +229,19 @@ def test_a_wrong_call_is_exit_code_2_in_one_line(tmp_path: Path, arguments: tupl
     assert called.stdout == ""
 
 
-@pytest.mark.parametrize("arguments", [("matrix", ".", "--shards", "2"), ("merge", "by-shard", "--output-dir")])
-def test_what_needs_no_engine_imports_none(workspace: Path, tmp_path: Path, arguments: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "absent"),
+    [
+        (("matrix", ".", "--shards", "2"), {"pybullet", "mujoco", "numpy"}),
+        (("merge", "by-shard", "--output-dir"), {"pybullet", "mujoco"}),
+    ],
+)
+def test_what_is_not_installed_for_an_action_is_not_imported(
+    workspace: Path, tmp_path: Path, arguments: tuple[str, ...], absent: set[str]
+) -> None:
     folder = [str(tmp_path / "out")] if arguments[0] == "merge" else []
     code = (
-        "import sys\nfrom sim_action.cli import call\n"
-        "call(sys.argv[1:])\nprint(sorted({'pybullet', 'numpy'} & set(sys.modules)))"
+        f"import sys\nfrom sim_action.cli import call\ncall(sys.argv[1:])\nprint(sorted({absent} & set(sys.modules)))"
     )
     ran = subprocess.run(
         [sys.executable, "-c", code, *arguments, *folder],
