@@ -10,23 +10,30 @@ import os
 import signal
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
 
 from pydantic import ValidationError
 
 from sim_action import units
+from sim_action.discovery import file_name
+from sim_action.hang import noted_place
 from sim_action.isolation.child import Child
+from sim_action.job import Job, out_of_memory
+from sim_action.location import Location
 from sim_action.native_output import split_output
 from sim_action.outcome import Failure, FailureKind, Outcome
 from sim_action.regular_files import open_regular
 from sim_action.scenario import LoadedScenario, Scenario
-from sim_action.worker import Job, out_of_memory
+from sim_action.workspace import PathError
+from sim_action.yaml_document import Document
 
 _MOST_OUTPUT: Final = 64_000
 _MOST_LAST_WORDS: Final = 2_000
 _MOST_LAST_LINES: Final = 20
 _MOST_OUTCOME: Final = 50_000_000
+_MOST_NOTED: Final = 1_000_000
 
 
 Limit = Literal["wall limit", "output limit"]
@@ -115,21 +122,43 @@ def _left_behind(child: Child) -> tuple[str, ...]:
 
 
 def _failure(child: Child, ending: Ending, output: str) -> Failure:
-    kind, title, cause = _cause(child, ending, output)
+    place = _stuck_at(child.job) if ending == "wall limit" else None
+    kind, title, cause = _cause(child, ending, output, place)
     message = "; ".join((cause, f"sim time had come to {child.sim_time:.2f} s", *_left_behind(child)))
-    return Failure(kind=kind, title=title, message=message, details=_last_words(output))
+    if place is None and ending == "wall limit":
+        place = _limiting_key(child.job.loaded.document)
+    return Failure(kind=kind, title=title, message=message, location=place, details=_last_words(output))
+
+
+def _stuck_at(job: Job) -> Location | None:
+    """The line of the user's code that was at work when the time was up."""
+    noted = _end_of(job.hang_file, _MOST_NOTED).decode("utf-8", errors="replace")
+    loaded = job.loaded
+    try:
+        files = [loaded.workspace.file(name) for name in loaded.scenario.python_files]
+    except PathError:  # a script may have done away with itself
+        return None
+    place = noted_place(noted, files)
+    if place is None or not (file := Path(place.file)).is_relative_to(Path.cwd()):
+        return place
+    return replace(place, file=file_name(file.relative_to(Path.cwd())))
+
+
+def _limiting_key(document: Document) -> Location:
+    stated = next((key for key in ("wall_limit", "time_limit") if (key,) in document.marks), "time_limit")
+    return document.location((stated,))
 
 
 def _last_words(output: str) -> str:
     return "\n".join(output[-_MOST_LAST_WORDS:].split("\n")[-_MOST_LAST_LINES:])
 
 
-def _cause(child: Child, ending: Ending, output: str) -> tuple[FailureKind, str, str]:
+def _cause(child: Child, ending: Ending, output: str, place: Location | None) -> tuple[FailureKind, str, str]:
     """Kind, title and message of an end without a verdict."""
     scenario = child.job.loaded.scenario
     if ending == "wall limit":
         limit = f"no verdict after {scenario.wall_seconds:g} s of wall time (wall_limit)"
-        return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child), 'too low a limit'))}"
+        return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child, place), 'too low a limit'))}"
     if ending == "output limit":
         printed = f"more than {units.display(scenario.output_bytes, 'B')} were printed"
         return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
@@ -140,13 +169,18 @@ def _cause(child: Child, ending: Ending, output: str) -> tuple[FailureKind, str,
     return _cause_of_signal(child, by, output)
 
 
-def _stuck(child: Child) -> Iterator[str]:
-    """What may hold a scenario up for ever."""
+def _stuck(child: Child, place: Location | None) -> Iterator[str]:
+    """What may hold a scenario up for ever; `place`: the line that is known to have been at work."""
     scenario = child.job.loaded.scenario
+    if place is not None:
+        yield f"{place} does not end"
+        return
     if scenario.robot.is_xacro and not child.sim_time:
         yield "xacro that does not end"
     if any(source.runs_user_code for source in scenario.commands):
         yield "a stuck controller"
+    if any(assertion.runs_user_code for assertion in scenario.assertions):
+        yield "a stuck assertion"
 
 
 def _cause_of_signal(child: Child, title: str, output: str) -> tuple[FailureKind, str, str]:

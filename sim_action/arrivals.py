@@ -14,9 +14,10 @@ from sim_action.start import DEPTH
 
 @dataclass(frozen=True, slots=True)
 class Arrivals:
-    """Names of bodies, by the step at which they appear."""
+    """Names of bodies, by the step at which they appear; and the place of each among the world's objects."""
 
     names: dict[int, tuple[str, ...]]
+    indices: dict[str, int]
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
@@ -26,7 +27,7 @@ class Arrivals:
             if body.appears is not None:
                 step = scenario.steps(body.appears)
                 names[step] = (*names.get(step, ()), body.name)
-        return cls(names)
+        return cls(names, {body.name: index for index, body in enumerate(scenario.world.objects)})
 
     def next(self, step: int, until: int) -> int:
         """The first step after `step` at which something appears, or `until` if that comes first."""
@@ -45,5 +46,6 @@ class Arrivals:
             body, inside, depth = max(blocked, key=lambda each: each[2])
             raise RunError(
                 f"body '{body}' appears at {step / rate:.4g} s, {units.display(depth, 'm')} deep in {inside}, and one "
-                "would throw the other away; let it appear at another place or time"
+                "would throw the other away; let it appear at another place or time",
+                keys=("world", "objects", self.indices[body], "appears"),
             )

@@ -107,12 +107,20 @@ class RecordingError(SimActionError):
 
 
 class RunError(SimActionError):
-    """A valid scenario ran into something that leaves it without a verdict."""
+    """A valid scenario ran into something that leaves it without a verdict.
+
+    Attributes:
+        location: where in the user's own code it was.
+        keys: those of the scenario that lead to what to change; None: nobody can tell.
+    """
 
     exit_code = ExitCode.FAILED
 
-    def __init__(self, message: str, location: Location | None = None) -> None:
+    def __init__(
+        self, message: str, location: Location | None = None, *, keys: tuple[str | int, ...] | None = None
+    ) -> None:
         self.location = location
+        self.keys = keys
         super().__init__(message)
 
 

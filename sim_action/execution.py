@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -15,11 +16,11 @@ from sim_action.backends import BACKENDS, chosen
 from sim_action.interruption import Interruption
 from sim_action.isolation import way_here
 from sim_action.isolation.child import Child
+from sim_action.job import Job
 from sim_action.native_output import muted
 from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.trace_files import replay_path, trace_paths
-from sim_action.worker import Job
 
 # The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
 _ENDING_WAIT: Final = 0.002
@@ -129,7 +130,8 @@ class _Scheduler:
     def _start(self) -> None:
         while self._waiting and len(self._running) < self._jobs:
             index, job = self._waiting.popleft()
-            self._running[index] = self._way.start(job)
+            deadline = time.monotonic() + job.loaded.scenario.wall_seconds
+            self._running[index] = self._way.start(replace(job, deadline=deadline))
 
     def _wait(self) -> None:
         nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()

@@ -198,6 +198,12 @@ class Scenario(FrozenModel):
         return self.robot.is_xacro or of_sources or any(assertion.runs_user_code for assertion in self.assertions)
 
     @property
+    def python_files(self) -> tuple[str, ...]:
+        """Paths of the user's code that runs in its process, from the scenario."""
+        named = [source.python_file for source in self.commands] + [leaf.python_file for leaf in self.assertions]
+        return tuple(dict.fromkeys(name for name in named if name is not None))
+
+    @property
     def assertions(self) -> tuple[Assertion, ...]:
         """All that look at the robot, also inside of others."""
         return tuple(leaf for expected in self.expect for leaf in expected.assertion.leaves())

@@ -115,7 +115,8 @@ class Watchdog:
         first = int(np.argmax(over))
         worst = (max(group, key=lambda watch: float(watch.excess[first])) for group in groups if group)
         fault = next(watch.fault(first) for watch in worst if watch.excess[first] >= 1)
-        unstable = SimulationUnstable(f"simulation unstable {self._when(float(trace.time[first]))}, {fault}")
+        message = f"simulation unstable {self._when(float(trace.time[first]))}, {fault}"
+        unstable = SimulationUnstable(message, keys=("robot", "model"))
         return trace.first(first) if first else trace.rows(slice(0)), unstable
 
     def _joints(self, trace: Trace) -> Iterator[_Watch]:

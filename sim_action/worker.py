@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -28,6 +28,8 @@ from sim_action.errors import (
     SimulationUnstable,
 )
 from sim_action.footage import Footage
+from sim_action.hang import note_before
+from sim_action.job import Job, out_of_memory
 from sim_action.loading import build_scene, checked
 from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line
@@ -49,53 +51,6 @@ _PROGRESS_PERIOD: Final = 0.1
 _RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One scenario to run, and where its traces, its replay and its words go.
-
-    Attributes:
-        trace: where the trace is written.
-        results: the folder that outcomes name the trace from.
-        folder: the child's own, for `outcome.json` and `output.txt`.
-        memory_is_limited: whether the child is held to the scenario's `memory_limit`.
-        replay: where the replay is written; None: nobody asks for it.
-    """
-
-    loaded: LoadedScenario
-    trace: Path
-    results: Path
-    folder: Path
-    memory_is_limited: bool = True
-    replay: Path | None = None
-
-    @property
-    def trace_name(self) -> str:
-        """How outcomes name the trace, on every system."""
-        return self.named(self.trace)
-
-    def named(self, path: Path) -> str:
-        """How outcomes name a file of the run, on every system."""
-        return Path(os.path.relpath(path, self.results)).as_posix()
-
-    @property
-    def outcome_file(self) -> Path:
-        """Where the child writes its outcome."""
-        return self.folder / "outcome.json"
-
-    @property
-    def output_file(self) -> Path:
-        """Where everything goes that the child prints."""
-        return self.folder / "output.txt"
-
-    @property
-    def printed(self) -> int:
-        """How many bytes that has come to."""
-        try:
-            return self.output_file.lstat().st_size
-        except OSError:
-            return 0
-
-
 def received_job() -> Job:
     """The job that comes on standard input, in an interpreter that has done nothing else."""
     job: Job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
@@ -115,6 +70,8 @@ def run_job(job: Job, progress_descriptor: int) -> None:
     # A script may go to another folder.
     started, here = time.perf_counter(), Path.cwd()
     _clear(job)
+    if job.deadline is not None and job.loaded.scenario.python_files:
+        note_before(job.deadline, job.hang_file)
     outcome = _outcome(job, _Progress(progress_descriptor), here)
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
     job.outcome_file.write_text(outcome.model_dump_json(), encoding="utf-8")
@@ -133,14 +90,6 @@ def leave() -> NoReturn:
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(0)
-
-
-def out_of_memory(job: Job) -> str:
-    """What to say of a scenario that has come to its limit of memory."""
-    scenario = job.loaded.scenario
-    if not job.memory_is_limited:
-        return "it needs more memory than there is on this machine"
-    return f"it needs more than the {scenario.memory_bytes / 2**30:.4g} GiB of memory that it may take (memory_limit)"
 
 
 class _Progress:
@@ -169,7 +118,7 @@ def _outcome(job: Job, progress: _Progress, here: Path) -> Outcome:
     except InvalidScenario as error:
         return _invalid(job, error)
     except (RunError, ModelError) as error:
-        if isinstance(error, ScriptError):
+        if isinstance(error, RunError):
             error.location = _place_of(error, job.loaded, here)
         if isinstance(error.__context__, MemoryError):
             return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
@@ -277,12 +226,14 @@ def _path_of_source(document: Document, index: int) -> KeyPath:
     return listed if listed in document.marks else ("commands",)
 
 
-def _place_of(error: ScriptError, loaded: LoadedScenario, here: Path) -> Location | None:
-    """Where in the user's file it was, seen from a folder if it is below; else the source's line in the scenario."""
+def _place_of(error: RunError, loaded: LoadedScenario, here: Path) -> Location | None:
+    """Where in the user's file it was, seen from a folder if it is below; else the line in the scenario to change."""
     if (place := error.location) is not None:
         file = Path(place.file)
         return replace(place, file=file_name(file.relative_to(here))) if file.is_relative_to(here) else place
-    if error.source is None:
+    if error.keys is not None:
+        return loaded.document.location(error.keys)
+    if not isinstance(error, ScriptError) or error.source is None:
         return None
     key = next(key for key in COMMANDS if key in type(loaded.scenario.commands[error.source]).model_fields)
     return loaded.document.location((*_path_of_source(loaded.document, error.source), key))

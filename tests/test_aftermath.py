@@ -9,8 +9,8 @@ import pytest
 
 from sim_action.aftermath import outcome_of
 from sim_action.isolation.child import Child
+from sim_action.job import Job
 from sim_action.loading import load_scenario
-from sim_action.worker import Job
 
 SCENARIO = "name: n\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
 

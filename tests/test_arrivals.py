@@ -83,8 +83,11 @@ def test_what_was_there_before_is_not_told(arrivals: Arrivals) -> None:
 
 def test_the_deepest_is_told(arrivals: Arrivals) -> None:
     links = (Overlap("base", "second", 0.01), Overlap("wheel", "second", 0.02), Overlap("arm", "ever", 1.0))
-    with pytest.raises(RunError, match=r"'second' appears at 0.5042 s, 0.02 m deep in the robot's link 'wheel'"):
+    with pytest.raises(
+        RunError, match=r"'second' appears at 0.5042 s, 0.02 m deep in the robot's link 'wheel'"
+    ) as told:
         refuse(arrivals, 121, Inside(links))
+    assert told.value.keys == ("world", "objects", 1, "appears")
 
 
 @pytest.mark.parametrize("clash", [Clash("ever", "third", 0.03), Clash("third", "ever", 0.03)])

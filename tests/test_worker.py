@@ -18,7 +18,8 @@ COUNT: Final = """
 import os, sys
 from pathlib import Path
 from sim_action.loading import load_scenario
-from sim_action.worker import Job, run_job, turn_to
+from sim_action.job import Job
+from sim_action.worker import run_job, turn_to
 
 opened = 0
 def count(event, arguments):

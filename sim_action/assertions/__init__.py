@@ -139,6 +139,11 @@ class Assertion(FrozenModel):
         return ()
 
     @property
+    def python_file(self) -> str | None:
+        """Path of the user's code that runs beside the robot, from the scenario."""
+        return None
+
+    @property
     def reads_file(self) -> bool:
         """Whether it names a file of the user's, which takes time to read."""
         return False

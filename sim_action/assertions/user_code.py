@@ -65,6 +65,11 @@ class UserAssertion(Assertion):
         return self.path.rpartition(":")[0]
 
     @property
+    def python_file(self) -> str:
+        """See Assertion.python_file."""
+        return self.file
+
+    @property
     def class_name(self) -> str:
         """The class in that file."""
         return self.path.rpartition(":")[2]

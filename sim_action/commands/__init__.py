@@ -72,6 +72,11 @@ class CommandSource(FrozenModel):
         """What of the user's it runs: sources that run the same draw random numbers of their own."""
         return ""
 
+    @property
+    def python_file(self) -> str | None:
+        """Path of the user's code that runs in the process of the scenario, from the scenario."""
+        return None
+
     def problems(self, workspace: Workspace) -> SpecProblems:
         """What is wrong with the files it names; nothing of the user's is run."""
         yield from ()

@@ -70,6 +70,11 @@ class ScriptCommands(CommandSource):
         """See CommandSource.code."""
         return f"script {self.script}"
 
+    @property
+    def python_file(self) -> str:
+        """See CommandSource.python_file."""
+        return self.script
+
     def problems(self, workspace: Workspace) -> SpecProblems:
         """A file that is not there, is no Python, or has no such controller. Reads it; does not run it."""
         if self.function is not None and self.class_name is not None:

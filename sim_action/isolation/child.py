@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Final, Self
 
-from sim_action.worker import Job
+from sim_action.job import Job
 
 # What a user's script has no business to see (the names that GitHub documents for runners).
 _SECRET_NAMES: Final = frozenset(

@@ -21,7 +21,8 @@ from typing import Final, NoReturn, Self
 from sim_action.isolation import limits
 from sim_action.isolation.child import Child, environment
 from sim_action.isolation.process_table import processes
-from sim_action.worker import Job, run_job, turn_to
+from sim_action.job import Job
+from sim_action.worker import run_job, turn_to
 
 assert sys.platform == "linux"
 

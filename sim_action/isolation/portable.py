@@ -24,7 +24,7 @@ from contextlib import suppress
 from typing import Final, Self
 
 from sim_action.isolation.child import Child, environment
-from sim_action.worker import Job
+from sim_action.job import Job
 
 # A process that the script left behind may hold the pipe, in s.
 _LAST_WORDS: Final = 1.0

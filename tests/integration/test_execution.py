@@ -19,6 +19,7 @@ from sim_action.isolation.child import Child
 from sim_action.isolation.linux import LinuxChild
 from sim_action.isolation.portable import PortableChild
 from sim_action.loading import load_scenario
+from sim_action.location import Location
 from sim_action.outcome import Outcome
 from sim_action.trace_storage import load_trace
 
@@ -122,6 +123,69 @@ def test_where_no_controller_runs_none_is_stuck(tmp_path: Path, run: Run) -> Non
     (failure,) = outcome.failures
     assert failure.kind == "wall limit"
     assert "after 2 s of wall time (wall_limit): xacro that does not end or too low a limit;" in failure.message
+
+
+WITHOUT_VERDICT: Mapping[str, tuple[str, str, str]] = {
+    "unstable": ("physics: {max_speed: 1 cm/s}", "unstable", "model: turtlebot3_burger"),
+    "appears": (
+        "world: {objects: [{name: ball, sphere: {radius: 0.1}, pose: {x: 0.05}, appears: 0.1 s}]}",
+        "engine",
+        "appears: 0.1 s",
+    ),
+    "wall limit": ("wall_limit: 1 ms", "wall limit", "wall_limit: 1 ms"),
+    "of its base": ("x-none", "wall limit", "wall_limit: 1 ms"),
+}
+
+
+@pytest.mark.parametrize("cause", WITHOUT_VERDICT)
+def test_an_end_without_a_verdict_points_at_the_key_to_change(tmp_path: Path, run: Run, cause: str) -> None:
+    keys, kind, key = WITHOUT_VERDICT[cause]
+    path = scenario(tmp_path, "s")
+    text = path.read_text().replace("wall_limit: 60 s", keys)
+    if cause == "of its base":
+        # What is stated in a file that it extends is mended there.
+        (tmp_path / "base.sim.yml").write_text("wall_limit: 1 ms\n")
+        text = text.replace("x-none", "extends: base.sim.yml")
+    path.write_text(text)
+    (outcome,) = run([path], tmp_path)
+    (failure,) = outcome.failures
+    assert failure.kind == kind
+    assert failure.location is not None
+    assert failure.location.column is not None
+    assert failure.location.line is not None
+    line = Path(failure.location.file).read_text().splitlines()[failure.location.line - 1]
+    assert line[failure.location.column - 1 :].startswith(key)
+
+
+HANGS = """import time
+
+class Level:
+    kind = "invariant"
+
+    def judge(self, trace):
+        return wait()
+
+def wait():
+    time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("asked", ["assertion: level.py:Level", "not: {assertion: 'level.py:Level'}"])
+def test_an_assertion_that_does_not_end_is_told_with_its_line(tmp_path: Path, run: Run, asked: str) -> None:
+    (tmp_path / "level.py").write_text(HANGS)
+    path = scenario(tmp_path, "s", wall_limit=5)
+    path.write_text(path.read_text().replace("no_collision", f"{{{asked}}}"))
+    (outcome,) = run([path], tmp_path)
+    (failure,) = outcome.failures
+    assert failure.kind == "wall limit"
+    assert failure.location == Location(str(tmp_path / "level.py"), 10)
+    assert "level.py:10 does not end or too low a limit" in failure.message
+
+
+def test_a_controller_that_does_not_end_is_told_with_its_line(tmp_path: Path, run: Run) -> None:
+    (outcome,) = run([script(tmp_path, "hang", "while True: pass", wall_limit=5)], tmp_path)
+    (failure,) = outcome.failures
+    assert failure.location == Location(str(tmp_path / "hang.py"), 4)
 
 
 FORGED = """\

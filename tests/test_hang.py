@@ -1,0 +1,59 @@
+"""Where a process is when its time is up: noted by itself, found among the user's own files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from sim_action.hang import note_before, noted_place
+from sim_action.location import Location
+
+ROOT = Path(__file__).parents[1]
+
+# Notes, waits in native code in a thread, and for ever in another function.
+STUCK = """\
+import sys, threading, time
+from pathlib import Path
+from sim_action.hang import note_before
+
+def inner():
+    while not Path(sys.argv[1]).read_text():
+        pass
+
+note_before(time.monotonic() + 0.3, Path(sys.argv[1]))
+threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
+inner()
+"""
+
+
+def test_a_process_notes_where_it_is(tmp_path: Path) -> None:
+    program = tmp_path / "st\u00fcck \U0001f916.py"
+    program.write_text(STUCK)
+    subprocess.run([sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=60)
+    place = noted_place((tmp_path / "noted").read_text(), [tmp_path / "other.py", program])
+    assert place is not None
+    assert place.file == str(program)
+    assert place.line in (6, 7)
+
+
+def test_the_innermost_line_of_the_users_files_counts() -> None:
+    text = """\
+Timeout (0:00:01)!
+Thread 0x0001 (most recent call first):
+  File "/usr/lib/python3/select.py", line 9 in poll
+  File "/w/helper.py", line 3 in wait
+  File "/w/level.py", line 7 in step
+  File "/w/level.py", line 70 in judge
+"""
+    assert noted_place(text, [Path("/w/level.py")]) == Location("/w/level.py", 7)
+    assert noted_place(text, [Path("/w/helper.py"), Path("/w/level.py")]) == Location("/w/helper.py", 3)
+    assert noted_place(text, [Path("/w/other.py")]) is None
+    assert noted_place("", [Path("/w/level.py")]) is None
+    assert noted_place('  File "/w/level.py", line ' + "9" * 5000, [Path("/w/level.py")]) is None
+
+
+def test_of_what_is_late_nothing_is_noted(tmp_path: Path) -> None:
+    note_before(time.monotonic() - 1, tmp_path / "noted")
+    assert not (tmp_path / "noted").exists()
