@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.stay_within import StayWithin
+from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.panel import End, Panel
 from sim_action.scenario import Expectation, Scenario
@@ -173,6 +174,11 @@ def test_a_goal_that_something_else_cut_short_says_so() -> None:
     assert undecided.message == "travelled 6 m of 100 m in 6.0 s, when the run was over"
     assert broken.message == "travelled 6 m at 6.00 s, more than 5 m"
     assert (undecided.cut_off, broken.cut_off) == (True, False)
+
+
+def test_that_the_run_was_over_is_told_once() -> None:
+    panel, _ = seen_by(scenario(expectation(Stl(formula="eventually travel > 99 m")), BREAKS), ride())
+    assert [verdict.message.count("the run was over") for verdict in panel.verdicts()] == [1, 0]
 
 
 def test_a_goal_that_the_time_limit_cut_short_is_itself_to_blame() -> None:

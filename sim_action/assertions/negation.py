@@ -58,7 +58,8 @@ class Negation(Combined):
     @property
     def title(self) -> str:
         """See Assertion.title."""
-        return short(f"not {self.part.inner_title}")
+        part = self.part
+        return short(f"not ({part.title})" if isinstance(part, Negation) else f"not {part.inner_title}")
 
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
@@ -67,7 +68,9 @@ class Negation(Combined):
         return tuple(signal.contrary() for signal in super().signals(scene, start, trace, after, before))
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+        """See Assertion.monitor; the contrary of a contrary is told in the words of what that is of."""
+        if isinstance(self.part, Negation):
+            return self.part.part.monitor(scene, start)
         monitor = self.part.monitor(scene, start)
         return NegationMonitor(monitor, monitor.state)
 
@@ -108,10 +111,10 @@ class NegationMonitor:
         return replace(self, monitor=self.monitor.observe(trace), seen=self.seen or len(trace) > 0)
 
     def verdict(self) -> Verdict:
-        """That of the assertion, the other way round."""
+        """That of the assertion, the other way round: what it has found is the same, and right or wrong."""
         verdict = self.monitor.verdict()
         if not self.seen:
             return replace(verdict, passed=False, message="no moment to measure")
         margin = None if verdict.margin is None else 0.0 - verdict.margin
-        message = f"{'holds' if verdict.passed else 'does not hold'}: {verdict.message}"
+        message = f"{verdict.message}, which must not be so" if verdict.passed else verdict.message
         return replace(verdict, passed=not verdict.passed, margin=margin, message=message)

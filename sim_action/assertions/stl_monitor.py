@@ -174,8 +174,7 @@ class StlMonitor:
             return Verdict(passed, None, None, None, "", None, message)
         unit = self.units[decisive.comparison]
         measured, limit, message = _told(decisive, unit)
-        cut = "" if passed or self.state is State.BROKEN else ", and the run was over"
-        return Verdict(passed, measured, limit, value + 0.0, unit, decisive.time, f"{message}{cut}")
+        return Verdict(passed, measured, limit, value + 0.0, unit, decisive.time, message)
 
 
 def _told(decisive: Cause, unit: str) -> tuple[float, float, str]:

@@ -127,11 +127,19 @@ def test_of_several_units_the_time_decides_and_the_message_names_it() -> None:
 
 def test_the_contrary_has_the_other_margin() -> None:
     verdict = judged(no(NEARER), ride())
-    told = "holds: travelled 2 m in 2.00 s"
+    told = "travelled 2 m in 2.00 s, which must not be so"
     assert verdict == Verdict(False, 2.0, 2.0, 0.0, "m", 2.0, told)
     touched = judged(no(NoCollision()), ride(3.0))
     assert (touched.passed, touched.margin, touched.time) == (True, 1.0, 3.0)
-    assert touched.message.startswith("does not hold: base_footprint touched wall at 3.00 s")
+    assert touched.message == judged(NoCollision(), ride(3.0)).message
+
+
+def test_the_contrary_of_a_contrary_is_told_as_what_it_is_of() -> None:
+    for seen in (ride(), ride(3.0)):
+        assert judged(no(no(NoCollision())), seen) == judged(NoCollision(), seen)
+    assert judged(no(no(no(NEARER))), ride()) == judged(no(NEARER), ride())
+    assert no(no(NEARER)).title == "not (not travel at least 2 m)"
+    assert any_of(no(NEARER), FAR).title == "any_of: not travel at least 2 m; travel at least 3 m"
 
 
 def test_no_moment_is_no_pass() -> None:

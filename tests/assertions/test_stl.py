@@ -61,7 +61,7 @@ def test_an_invariant_that_is_broken() -> None:
 def test_a_goal_that_is_not_met_says_how_far_it_got() -> None:
     verdict = judged(stl("eventually (travel >= 3 m)"), FAST)
     assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin, verdict.time) == (False, 2.5, 3, -0.5, 4.0)
-    assert verdict.message == "travel >= 3 m decides: 2.5 m at 4.00 s, and the run was over"
+    assert verdict.message == "travel >= 3 m decides: 2.5 m at 4.00 s"
 
 
 def test_two_signals_are_measured_by_their_difference() -> None:
