@@ -35,6 +35,7 @@ from sim_action.temporal_logic.formula import (
     signals,
 )
 from sim_action.temporal_logic.signals import BASE_SIGNALS, NAMES
+from sim_action.temporal_logic.spelling import operator_like
 from sim_action.temporal_logic.tokens import FormulaError, Token, tokens, unit_names
 from sim_action.units import TIME
 
@@ -80,7 +81,7 @@ class _Parser:
     def formula(self) -> Formula:
         found = self._expression(_IMPLIES)
         if self._next.kind != "end":
-            self._refuse(self._next, f"expected an operator or the end, found {self._next}{self._unit_hint()}")
+            self._refuse(self._next, f"expected an operator or the end, found {self._next}{self._hint()}")
         return self._as_formula(found, self._tokens[0])
 
     @property
@@ -98,10 +99,15 @@ class _Parser:
 
     def _expect(self, text: str, why: str) -> None:
         if self._accept(text) is None:
-            self._refuse(self._next, f"expected '{text}' {why}, found {self._next}{self._unit_hint()}")
+            self._refuse(self._next, f"expected '{text}' {why}, found {self._next}{self._hint()}")
 
     def _refuse(self, token: Token, message: str) -> NoReturn:
         raise FormulaError(self._text, token.at, message)
+
+    def _hint(self) -> str:
+        """What a word is meant to be that stands where an operator would."""
+        meant = operator_like(self._next.text) if self._next.kind == "word" else None
+        return f"; did you mean '{meant}'?" if meant else self._unit_hint()
 
     def _unit_hint(self) -> str:
         is_unit = self._position and self._tokens[self._position - 1].kind == "number" and self._next.kind == "word"
@@ -264,6 +270,8 @@ class _Parser:
         if token.text in READINGS and not token.joint:
             self._refuse(token, f"name the joint: {token.text}(NAME)")
         if token.text not in READINGS and token.text not in BASE_SIGNALS:
+            if (meant := operator_like(token.text)) is not None:
+                self._refuse(token, f"unknown word '{token.text}'; did you mean '{meant}'?")
             self._refuse(token, f"unknown signal '{token.text}'{did_you_mean(token.text, NAMES)}")
         return Signal(token.text, token.joint, token.at)
 

@@ -9,6 +9,7 @@ from typing import Final, Literal
 
 from sim_action import units
 from sim_action.robot_model import READINGS
+from sim_action.temporal_logic.spelling import SIGNS
 
 MAX_CHARACTERS: Final = 2000
 
@@ -32,6 +33,7 @@ _TOKEN: Final = re.compile(
       (?P<number>(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+) (?:\s*+(?P<unit>{_UNIT})(?![\w/^]))?
     | (?P<reading>{"|".join(READINGS)}) \s*+ \( \s*+ (?P<joint>[^()<>]*+) \)
     | (?P<word>[^\W\d]\w*+)
+    | (?P<foreign>!(?!=)|{"|".join(re.escape(sign) for sign in SIGNS if sign != "!")})
     | (?P<symbol><=|>=|==|!=|[-+*/<>()\[\],=])
     | (?P<other>\S)
     )""",
@@ -110,6 +112,8 @@ def _token(text: str, match: re.Match[str]) -> Token:
         return Token("signal", match["reading"], match.start("reading"), joint=match["joint"].strip())
     assert kind is not None
     word, at = match[kind], match.start(kind)
+    if kind == "foreign":
+        raise FormulaError(text, at, f"{word!r} has no meaning in a formula; write '{SIGNS[word]}'")
     if kind == "other":
         raise FormulaError(text, at, f"{word!r} has no meaning in a formula")
     if kind == "word":
