@@ -55,6 +55,7 @@ def call(arguments: Sequence[str]) -> int:
     try:
         return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
     except click.ClickException as error:
+        _blame_variable(error)
         complain(error.format_message())
         if isinstance(error, click.UsageError) and error.ctx:
             click.echo(f"Try '{error.ctx.command_path} --help'.", err=True)
@@ -72,6 +73,14 @@ def call(arguments: Sequence[str]) -> int:
         sys.excepthook(*sys.exc_info())
         click.echo("sim-action: this is a fault of sim-action; please report it with the lines above", err=True)
         return ExitCode.INTERNAL
+
+
+def _blame_variable(error: click.ClickException) -> None:
+    """What came from a variable was typed as no option."""
+    if isinstance(error, click.BadParameter) and error.ctx is not None and error.param is not None:
+        source = error.ctx.get_parameter_source(error.param.name or "")
+        if source is click.core.ParameterSource.ENVIRONMENT:
+            error.param_hint = f"the variable {error.param.envvar}"
 
 
 @click.group(commands=SUBCOMMANDS, context_settings={"help_option_names": ["-h", "--help"]})

@@ -14,6 +14,7 @@ _NAMES_COMPARED: Final = 1_000
 _LONGEST_NAME: Final = 100
 _NAMES_LISTED: Final = 30
 _FEW: Final = 10
+_VOWELS: Final = frozenset("aeiou")
 
 
 def escaped_line(text: str) -> str:
@@ -35,7 +36,7 @@ def shown(value: object) -> str:
     if isinstance(value, dict):
         return "a map of keys"
     if isinstance(value, (tuple, list)):
-        return f"a list of {len(value)}"
+        return f"a list of {len(value)}" if value else "an empty list"
     text = str(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
@@ -43,6 +44,11 @@ def shown(value: object) -> str:
 def counted(count: int, noun: str) -> str:
     """Such as "1 variation", "2 variations"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def with_article(noun: str) -> str:
+    """Such as "an int", "a str"."""
+    return f"{'an' if noun[:1].lower() in _VOWELS else 'a'} {noun}"
 
 
 def did_you_mean(found: str, allowed: Iterable[str]) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Final, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from sim_action.bounds import bound_text, unit_of
 from sim_action.messages import did_you_mean, shown
@@ -13,6 +15,8 @@ from sim_action.messages import did_you_mean, shown
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
+# What stands in a list of YAML as it is.
+_PLAIN: Final = re.compile(r"[A-Za-z_][\w./*-]*")
 _BOUNDS = ("gt", "ge", "lt", "le")
 _EXPECTED = {
     "model_type": "a map of keys",
@@ -67,7 +71,8 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object) -> s
     if kind in _SENTENCES:
         return _SENTENCES[kind].format(found=shown(value), **_context(model, details))
     if kind in _EXPECTED:
-        return f"expected {_EXPECTED[kind]}, found {shown(value)}{_hint(kind, value)}"
+        hint = _hint(kind, value, _annotation_at(model, details["loc"]))
+        return f"expected {_EXPECTED[kind]}, found {shown(value)}{hint}"
     return details["msg"].removeprefix("Value error, ")
 
 
@@ -78,33 +83,48 @@ def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
     return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
 
 
-def _hint(kind: str, value: object) -> str:
+def _hint(kind: str, value: object, annotation: Any) -> str:
     if kind == "string_type" and isinstance(value, (bool, int, float)):
         return "; put it in quotes"
-    return "; begin each entry of a list with '- '" if kind == "tuple_type" and isinstance(value, dict) else ""
+    if kind != "tuple_type":
+        return ""
+    if isinstance(value, str) and _PLAIN.fullmatch(value) and _takes_any_number(annotation):
+        return f"; write [{value}]"
+    return "; begin each entry of a list with '- '" if isinstance(value, dict) else ""
+
+
+def _takes_any_number(annotation: Any) -> bool:
+    """Whether it is a list of no fixed length."""
+    return Ellipsis in get_args(annotation) or any(map(_takes_any_number, get_args(annotation)))
 
 
 def _unit_at(model: type[BaseModel], path: tuple[str | int, ...]) -> str:
-    at: Any = model
-    unit = ""
-    for step in path:
-        fields = {field.alias or name: field for name, field in _fields(at).items()}
-        if isinstance(step, str) and step in fields:
-            at = fields[step].annotation
-            unit = unit_of(at, fields[step].metadata)
-    return unit
+    last = list(_fields_along(model, path))[-1:]
+    return unit_of(last[0].annotation, last[0].metadata) if last else ""
+
+
+def _annotation_at(model: type[BaseModel], path: tuple[str | int, ...]) -> Any:
+    """The type of the last key that leads to a path."""
+    last = list(_fields_along(model, path))[-1:]
+    return last[0].annotation if last else model
 
 
 def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
     """The keys that are allowed at a path."""
+    return [field.alias or name for name, field in _fields(_annotation_at(model, path)).items()]
+
+
+def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterator[FieldInfo]:
+    """The fields of models that a path leads through."""
     at: Any = model
     for step in path:
-        names = {field.alias or name: field.annotation for name, field in _fields(at).items()}
-        at = names.get(step, at) if isinstance(step, str) else at
-    return [field.alias or name for name, field in _fields(at).items()]
+        fields = {field.alias or name: field for name, field in _fields(at).items()}
+        if isinstance(step, str) and step in fields:
+            at = fields[step].annotation
+            yield fields[step]
 
 
-def _fields(annotation: Any) -> dict[str, Any]:
+def _fields(annotation: Any) -> dict[str, FieldInfo]:
     """The fields of the first model in an annotation such as `tuple[Body, ...] | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return dict(annotation.model_fields)

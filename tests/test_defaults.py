@@ -172,3 +172,14 @@ def test_a_call_with_a_wrong_table_is_refused_with_its_place(folder: Path, capsy
     (folder / "pyproject.toml").write_text("[tool.sim-action]\njobs = 0\n")
     assert call(["run"]) == 2
     assert capsys.readouterr().err == "sim-action: pyproject.toml:2:1: jobs: must be at least 1, found 0\n"
+
+
+def test_what_a_variable_says_amiss_is_not_told_of_an_option(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SIM_ACTION_BACKEND", "gazebo")
+    assert call(["run"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("sim-action: Invalid value for the variable SIM_ACTION_BACKEND: 'gazebo' is not one of")
+    assert call(["run", "--backend", "gazebo"]) == 2
+    assert "Invalid value for '--backend': 'gazebo'" in capsys.readouterr().err

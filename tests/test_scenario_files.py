@@ -212,7 +212,7 @@ def test_what_is_wrong_with_one_leaves_the_others(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("scenarios", "problem"),
     [
-        ("[]", "1:1: scenarios: expected a list of maps, found a list of 0"),
+        ("[]", "1:1: scenarios: expected a list of maps, found an empty list"),
         ("{a: 1}", "1:1: scenarios: expected a list of maps, found a map of keys"),
         (f"[{'1, ' * (MAX_SCENARIOS + 1)}]", "1:1: scenarios: more than 1000 scenarios"),
     ],

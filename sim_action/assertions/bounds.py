@@ -29,7 +29,7 @@ class LengthBounds(Assertion):
     def _has_a_bound(self) -> Self:
         if self.at_least is None and self.at_most is None:
             raise ValueError("give 'at_least', 'at_most' or both")
-        check_order(self.at_least, self.at_most)
+        check_order(self.at_least, self.at_most, "m")
         return self
 
     @property
@@ -38,10 +38,20 @@ class LengthBounds(Assertion):
         return f"{self.key} {bounds_title(self.at_least, self.at_most, 'm')}"
 
 
-def check_order(at_least: float | None, at_most: float | None) -> None:
-    """Raises ValueError for bounds that nothing can satisfy."""
+def check_order(
+    at_least: float | None, at_most: float | None, unit: str, written: tuple[str, str] | None = None
+) -> None:
+    """Raises ValueError for bounds that nothing can satisfy; `written`: both, if the unit is not known."""
     if at_least is not None and at_most is not None and at_least > at_most:
-        raise ValueError(f"nothing is at least {at_least:g} and at most {at_most:g}; exchange the two?")
+        lower, upper = written or units.display_apart(at_least, at_most, unit)
+        raise ValueError(f"nothing is at least {lower} and at most {upper}; exchange the two?")
+
+
+def check_interval(name: str, lower: float, upper: float, unit: str) -> None:
+    """Raises ValueError for the bounds of an axis or the like between which there is nothing."""
+    if lower >= upper:
+        told = " is not below ".join(units.display_apart(lower, upper, unit))
+        raise ValueError(f"the bounds of '{name}' are the wrong way round: {told}")
 
 
 def bounds_title(at_least: float | None, at_most: float | None, unit: str) -> str:

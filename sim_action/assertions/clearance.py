@@ -40,7 +40,7 @@ class Clearance(Assertion):
     def _has_a_bound(self) -> Self:
         if self.at_least is None and self.at_most is None:
             raise ValueError("give 'at_least', 'at_most' or both")
-        check_order(self.at_least, self.at_most)
+        check_order(self.at_least, self.at_most, "m")
         return self
 
     @property

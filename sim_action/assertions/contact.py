@@ -42,7 +42,7 @@ class Touch(Assertion):
 
     @model_validator(mode="after")
     def _can_be(self) -> Self:
-        check_order(self.at_least, self.at_most)
+        check_order(self.at_least, self.at_most, "N")
         return self
 
     @property

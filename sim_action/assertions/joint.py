@@ -47,7 +47,7 @@ class JointReading(Assertion):
         if (self.near is None) != (self.tolerance is None):
             raise ValueError("'near' and 'tolerance' go together")
         at_least, at_most, _, tolerance = (self._magnitude(value) for value in self._asked().values())
-        check_order(at_least, at_most)
+        check_order(at_least, at_most, "", (as_written(self.at_least or 0.0), as_written(self.at_most or 0.0)))
         if tolerance is not None and tolerance <= 0:
             raise ValueError("'tolerance' must be greater than 0")
         return self

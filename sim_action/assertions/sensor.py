@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_order
+from sim_action.assertions.joint_choice import as_written
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
@@ -50,7 +51,8 @@ class SensorReading(Assertion):
     def _has_a_bound(self) -> Self:
         if self.at_least is None and self.at_most is None:
             raise ValueError("give 'at_least', 'at_most' or both")
-        check_order(self._magnitude(self.at_least), self._magnitude(self.at_most))
+        written = (as_written(self.at_least or 0.0), as_written(self.at_most or 0.0))
+        check_order(self._magnitude(self.at_least), self._magnitude(self.at_most), "", written)
         return self
 
     def _magnitude(self, written: float | str | None) -> float | None:
@@ -60,11 +62,7 @@ class SensorReading(Assertion):
     def title(self) -> str:
         """See Assertion.title."""
         bounds = (("at least", self.at_least), ("at most", self.at_most))
-        wanted = ", ".join(
-            f"{word} {value if isinstance(value, str) else f'{value:.4g}'}"
-            for word, value in bounds
-            if value is not None
-        )
+        wanted = ", ".join(f"{word} {as_written(value)}" for word, value in bounds if value is not None)
         return f"sensor {self.what} {'once ' if self.once else ''}{wanted}"
 
     @property

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
+from sim_action.assertions.bounds import check_interval
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
 from sim_action.marks import Mark, line, rectangle
 from sim_action.observation import Observation
@@ -35,8 +36,7 @@ class StayWithin(Assertion):
         if not self.intervals:
             raise ValueError("give at least one of 'x', 'y' and 'z'")
         for axis, (lower, upper) in self.intervals.items():
-            if lower >= upper:
-                raise ValueError(f"the bounds of '{axis}' are the wrong way round: {lower:g} is not below {upper:g}")
+            check_interval(axis, lower, upper, "m")
         return self
 
     @property

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from sim_action import units
 from sim_action.assertions import Monitor
 from sim_action.assertions.at_rest import AtRest
+from sim_action.assertions.bounds import check_interval
 from sim_action.channels import Channels, ClearanceWatch
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
@@ -30,9 +31,7 @@ class StopsBefore(AtRest):
 
     @model_validator(mode="after")
     def _is_a_gap(self) -> Self:
-        lower, upper = self.gap
-        if lower >= upper:
-            raise ValueError(f"the bounds of 'gap' are the wrong way round: {lower:g} is not below {upper:g}")
+        check_interval("gap", *self.gap, "m")
         return self
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 from sim_action.assertions import State
 from sim_action.errors import ScriptError
 from sim_action.location import Location
-from sim_action.messages import escaped_line, shown
+from sim_action.messages import escaped_line, shown, with_article
 from sim_action.python_files import run_file, script_error, told_at
 from sim_action.trace import Trace
 from sim_action.verdict import Verdict
@@ -67,7 +67,7 @@ class Judge:
 def _plain(answer: object) -> Verdict:
     """A verdict as reports take it: numpy's numbers are made Python's. Raises TypeError, which says what else it is."""
     if not isinstance(answer, Verdict):
-        raise TypeError(f"a {type(answer).__name__}; it returns a sim_action.Verdict")
+        raise TypeError(f"{with_article(type(answer).__name__)}; it returns a sim_action.Verdict")
     if not isinstance(answer.passed, bool | np.bool_):
         raise TypeError(f"a Verdict whose 'passed' is {answer.passed!r}; it is True or False")
     if not isinstance(answer.unit, str) or not isinstance(answer.message, str):

@@ -6,6 +6,7 @@ from typing import cast
 
 from sim_action.command import Answer, Command, JointTargets, is_finite
 from sim_action.geometry import Twist
+from sim_action.messages import with_article
 from sim_action.robot_model import RobotModel
 
 
@@ -17,7 +18,7 @@ def problem_with(answer: object, model: RobotModel) -> str | None:
         if sum(isinstance(part, kind) for part in answer) > 1:
             return f"more than one {kind.__name__} at once; one of each kind goes together: (Twist, JointTargets)"
     problems = (_problem_with_one(part, model) for part in answer)
-    return next((f"a {type(answer).__name__} with {problem}" for problem in problems if problem), None)
+    return next((f"{with_article(type(answer).__name__)} with {problem}" for problem in problems if problem), None)
 
 
 def as_answer(answer: object) -> Answer:
@@ -31,7 +32,7 @@ def _problem_with_one(answer: object, model: RobotModel) -> str | None:
     if answer is None:
         return None
     if not isinstance(answer, (Twist, JointTargets)):
-        return f"a {type(answer).__name__}; it may return a Twist, JointTargets, both as a tuple, or None"
+        return f"{with_article(type(answer).__name__)}; it may return a Twist, JointTargets, both as a tuple, or None"
     if isinstance(answer, Twist) and not _has_three_each(answer):
         return f"{answer!r}; a Twist has two vectors of 3 numbers: Twist.planar(linear, angular) makes one"
     if problem := _problem_with_numbers(answer):
@@ -53,7 +54,7 @@ def _text(command: Command) -> str:
     try:
         return repr(command)
     except Exception:  # noqa: BLE001 - as above; nor is there a text of a whole number of thousands of digits
-        return f"a {type(command).__name__}"
+        return with_article(type(command).__name__)
 
 
 def _problem_with_targets(targets: JointTargets, model: RobotModel) -> str | None:

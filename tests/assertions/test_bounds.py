@@ -18,7 +18,7 @@ both = pytest.mark.parametrize("kind", [Travel, PathLength])
     ("bounds", "message"),
     [
         ({}, "give 'at_least', 'at_most' or both"),
-        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 and at most 1; exchange the two?"),
+        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 m and at most 1 m; exchange the two?"),
         ({"at_least": 0}, "greater than 0"),
         ({"at_least": "-1 m"}, "greater than 0"),
         ({"at_most": "-1 m"}, "greater than or equal to 0"),

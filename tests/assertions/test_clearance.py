@@ -87,7 +87,7 @@ def test_it_reads_its_own_channel_alone() -> None:
     ("keys", "problem"),
     [
         ({}, "give 'at_least', 'at_most' or both"),
-        ({"at_least": 0.5, "at_most": 0.2}, "nothing is at least 0.5 and at most 0.2"),
+        ({"at_least": 0.5, "at_most": 0.2}, "nothing is at least 0.5 m and at most 0.2 m"),
         ({"at_least": 0}, "greater than 0"),
         ({"at_least": 0.5, "to": ()}, "at least 1 item"),
         ({"at_least": 0.5, "links": ()}, "at least 1 item"),

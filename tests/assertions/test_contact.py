@@ -157,7 +157,7 @@ def test_names_that_are_none_are_problems(keys: dict[str, Any], path: str, messa
     ("keys", "message"),
     [
         ({"at_least": 0}, "greater than 0"),
-        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 and at most 1"),
+        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 N and at most 1 N"),
         ({"for": 0}, "greater than 0"),
     ],
 )

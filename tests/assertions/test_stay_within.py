@@ -47,8 +47,8 @@ def test_without_a_moment_there_is_nothing_to_say() -> None:
     ("spec", "message"),
     [
         ({}, "give at least one of 'x', 'y' and 'z'"),
-        ({"x": (1, -1)}, "the bounds of 'x' are the wrong way round: 1 is not below -1"),
-        ({"x": (1, 1)}, "the bounds of 'x' are the wrong way round: 1 is not below 1"),
+        ({"x": (1, -1)}, "the bounds of 'x' are the wrong way round: 1 m is not below -1 m"),
+        ({"x": (1, 1)}, "the bounds of 'x' are the wrong way round: 1 m is not below 1 m"),
         ({"x": ("1 s", 2)}, "'s' is not a unit of length"),
         ({"x": (1,)}, "Field required"),
     ],

@@ -104,7 +104,7 @@ def test_a_stored_trace_has_fewer_moments_than_distances() -> None:
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"gap": (0.5, 0.25)}, "the bounds of 'gap' are the wrong way round: 0.5 is not below 0.25"),
+        ({"gap": (0.5, 0.25)}, "the bounds of 'gap' are the wrong way round: 0.5 m is not below 0.25 m"),
         ({"gap": (-0.5, 0.25)}, "greater than or equal to 0"),
         ({"for": 0}, "greater than 0"),
     ],

@@ -404,7 +404,7 @@ def test_a_class_that_raises_or_answers_nonsense_is_told_by_its_name(tmp_path: P
         opened(tmp_path, text)(START)
     assert raised.value.location is not None
     assert raised.value.location.line == 2
-    with pytest.raises(ScriptError, match=r"Controller\.step\(\) returned a int"):
+    with pytest.raises(ScriptError, match=r"Controller\.step\(\) returned an int"):
         opened(tmp_path, text)(replace(START, time=1.0))
 
 
