@@ -34,6 +34,8 @@ from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
 from sim_action.schema import results_schema, scenario_schema, schema_text
 from sim_action.sensors import SENSORS
 from sim_action.sensors.mounting import Mounting
+from sim_action.trace import Trace
+from sim_action.verdict import Verdict
 from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, Placement, Robot, World
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -204,6 +206,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "appearing": lambda: examples("worlds", "dropped_body"),
     "disturbance-keys": lambda: table(KEYS, keys(Disturbance)) + "\n" + examples("worlds", "disturbance"),
     "controller-types": lambda: attributes(*CONTROLLER_TYPES),
+    "judge-types": lambda: attributes(Trace, Verdict),
     "readings": lambda: attributes(*READINGS),
     "reading-columns": _reading_columns,
     "drives": lambda: _entries(catalogue.drives(), "drive"),

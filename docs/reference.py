@@ -12,10 +12,12 @@ from pydantic import BaseModel
 
 from sim_action import catalogue
 from sim_action.registry import Table
+from sim_action.trace import Trace
 
 ROOT = Path(__file__).resolve().parent.parent
 LANGUAGES = {".yaml": "yaml", ".py": "python", ".js": "javascript", ".pl": "perl", ".csv": "csv"}
 KEYS = ("key", "takes", "default", "meaning")
+WORKS_OUT = (Trace,)
 LONGEST = 40  # lines of a file beside an example that are shown
 
 
@@ -88,7 +90,17 @@ def attributes(*types: type) -> str:
 def _type_section(each: type) -> str:
     text, _, listed = (inspect.getdoc(each) or "").partition("\nAttributes:\n")
     heads = re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {8}.*)*)", listed, re.MULTILINE)
-    rows = [(f"`{name}`", " ".join(meaning.split())) for name, meaning in heads]
+    rows = [(f"`{name}`", " ".join(meaning.split())) for name, meaning in (*heads, *_worked_out(each))]
     return f"#### `{each.__name__}`\n\n{text.rstrip()}\n" + (
         f"\n{table(('attribute', 'what it is'), rows)}" if rows else ""
     )
+
+
+def _worked_out(each: type) -> Iterator[tuple[str, str]]:
+    """What a type of arrays works out when it is asked: a name, or a call, and what it is."""
+    for name, member in vars(each).items():
+        asked = member.fget if isinstance(member, property) else getattr(member, "func", member)
+        if each in WORKS_OUT and inspect.isfunction(asked) and not name.startswith("_"):
+            parameters = list(inspect.signature(asked).parameters)[1:]
+            call = f"({', '.join(parameters)})" if asked is member else ""
+            yield f"{name}{call}", inspect.getdoc(asked) or ""

@@ -26,9 +26,9 @@ class UserAssertion(Assertion):
 
     It is made with the settings below `with`. Its one method `judge(self, trace)` is given a `sim_action.Trace`
     of every physics step so far, as numpy columns (`time`, `base_position_xyz`, `speed`, `tilt`,
-    `joint_position`, `contacts`, ...), and returns a `sim_action.Verdict(passed, measured, limit, margin, unit,
-    time, message)`, of which all but `passed` may be left out. It may be called for any length of the same run,
-    in any order: it must depend on the trace and the settings alone.
+    `joint_position`, `contacts`, ...) that cannot be written to. It returns a `sim_action.Verdict(passed,
+    measured, limit, margin, unit, time, message)`, of which all but `passed` may be left out. It may be called
+    for any length of the same run, in any order: it must depend on the trace and the settings alone.
 
     The class attribute `kind` says when it is asked. "end", which it is when left out: once, when the run is
     over. "invariant": every half second of sim time, too, and the run ends when it has not passed. "goal": as

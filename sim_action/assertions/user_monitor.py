@@ -12,6 +12,7 @@ from typing import Any, Final, Literal, Self, get_args
 import numpy as np
 
 from sim_action.assertions import State
+from sim_action.assertions.history import History
 from sim_action.errors import ScriptError
 from sim_action.location import Location
 from sim_action.messages import escaped_line, shown, with_article
@@ -94,23 +95,6 @@ def _is_finite(value: numbers.Real) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """A trace, and those that came before it: to add to it copies nothing."""
-
-    trace: Trace
-    earlier: Seen | None = None
-
-    def whole(self) -> Trace:
-        """All of it in one piece."""
-        pieces = [self.trace]
-        link = self.earlier
-        while link is not None:
-            pieces.append(link.trace)
-            link = link.earlier
-        return Trace.concatenate(pieces[::-1])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class UserMonitor:
     """Keeps every step, and asks the judge about all of them; what it has once said of a goal that came true stands.
 
@@ -119,7 +103,7 @@ class UserMonitor:
     """
 
     judge: Judge
-    seen: Seen | None = None
+    seen: History | None = None
     decided: Verdict | None = None
 
     @classmethod
@@ -143,7 +127,7 @@ class UserMonitor:
         """See Monitor.observe."""
         if self.decided is not None or not len(trace):
             return self
-        later = replace(self, seen=Seen(trace, self.seen))
+        later = replace(self, seen=History.of(trace) if self.seen is None else self.seen.followed_by(trace))
         if self.judge.kind == "end":
             return later
         verdict = later.verdict()

@@ -101,6 +101,13 @@ def test_its_kind_says_when_it_is_asked(tmp_path: Path, kind: str, expected: lis
     assert states(tmp_path, SLOW.format(kind=kind)) == expected
 
 
+def test_a_trace_is_not_changed_by_who_judges_it(tmp_path: Path) -> None:
+    error = refusal(tmp_path, judging("trace.time[0] = 1.0"))
+    assert str(error) == "Slow.judge() raised ValueError: assignment destination is read-only"
+    assert error.location is not None
+    assert error.location.line == 6
+
+
 def test_what_was_decided_stands(tmp_path: Path) -> None:
     """A goal that came true is not judged again, though it would not pass now."""
     fold = opened(tmp_path, SLOW.format(kind="goal"))
