@@ -189,12 +189,12 @@ class _Loader:
         self._problems.note_all((), scenario_checks.rule_problems(scenario))
         self._problems.note_all((), scenario_checks.name_problems(scenario))
         self._problems.note_all((), scenario_checks.engine_problems(scenario))
-        self._problems.note_all((), world_checks.motion_problems(scenario))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         self._problems.note_all((), scenario_checks.patch_problems(scenario))
         surroundings = read_surroundings(scenario.world, self._workspace, self._shapes)
         self.parts = surroundings.parts
         self._problems.note_all((), iter(surroundings.problems))
+        self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
         try:
             if (scenario.robot.is_xacro or scenario.robot.is_mjcf) and not self._evaluate:
                 self._check_text(scenario.robot)

@@ -3,39 +3,57 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
 from sim_action import units
 from sim_action.messages import did_you_mean
+from sim_action.parts import Part
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene, SpecProblems
-from sim_action.world import Body, Disturbance, Physics, Placement
+from sim_action.world import Body, Disturbance, Physics, Placement, placed
 from sim_action.world.timed_path import placements
 
 # Times that are advised are rounded up to it, in s.
 _ADVISED: Final = 0.001
 
 
-def motion_problems(scenario: Scenario) -> SpecProblems:
-    """Bodies that would move in no time, faster than engines can follow, or after the end."""
+def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> SpecProblems:
+    """Bodies that would move in no time, faster than engines can follow, or after the end.
+
+    `parts`: name of a body -> what it is made of, for those that are read.
+    """
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
         if body.appears is not None and body.appears >= limit:
             yield ("world", "objects", index, "appears"), f"must be earlier than time_limit ({limit:g} s)"
-        for below, message in _path_problems(body, scenario.physics, limit):
+        start = _start(body, parts.get(body.name))
+        for below, message in _path_problems(body, start, scenario.physics, limit):
             yield ("world", "objects", index, "path", *below), message
 
 
 def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
     """Disturbances after the end, of what is not there, or of what nothing moves."""
     for index, disturbance in enumerate(scene.world.disturbances):
-        for below, message in (*_time_problems(disturbance, time_limit), *_target_problems(disturbance, scene)):
+        found = (
+            *_time_problems(disturbance, time_limit),
+            *_target_problems(disturbance, scene),
+            *_speed_problems(disturbance, scene.physics),
+        )
+        for below, message in found:
             yield ("world", "disturbances", index, *below), message
 
 
-def _path_problems(body: Body, physics: Physics, limit: float) -> SpecProblems:
-    places = placements(body.pose, body.path)
+def _start(body: Body, read: Sequence[Part] | None) -> Placement:
+    """Where a path goes on from; what leaves z out stays as high as it stands on the ground."""
+    parts = body.parts() if not body.is_read else read
+    # What could not be read is told elsewhere.
+    return body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]}) if body.path and parts else body.pose
+
+
+def _path_problems(body: Body, pose: Placement, physics: Physics, limit: float) -> SpecProblems:
+    places = placements(pose, body.path)
     if body.path and body.path[0].at >= limit:
         yield (0, "at"), f"must be earlier than time_limit ({limit:g} s), or the body never moves"
     for index, ((before, start), (point, end)) in enumerate(pairwise(zip(body.path, places, strict=True)), start=1):
@@ -71,6 +89,14 @@ def _time_problems(disturbance: Disturbance, limit: float) -> SpecProblems:
         yield ("at",), f"must be earlier than time_limit ({limit:g} s)"
     elif disturbance.end > limit:
         yield ("for",), f"it acts until {disturbance.end:g} s, and the run is over at time_limit ({limit:g} s)"
+
+
+def _speed_problems(disturbance: Disturbance, physics: Physics) -> SpecProblems:
+    """A push after which the robot would be told to be unstable; of bodies, nobody is."""
+    speed = math.hypot(*disturbance.velocity or ())
+    if disturbance.body is None and speed > physics.max_speed:
+        found, bound = (units.display(value, "m/s") for value in (speed, physics.max_speed))
+        yield ("velocity",), f"a push of {found} is more than physics.max_speed, {bound}"
 
 
 def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:

@@ -27,11 +27,13 @@ def disturbed(keys: str) -> str:
 
 def test_what_can_be_is_let_through(tmp_path: Path) -> None:
     assert load(tmp_path, moving("{at: 0, x: 2}, {at: 1 s, x: 5}, {at: 20 s, x: 2}", ", loop: true"))
+    assert load(tmp_path, moving("{at: 0}, {at: 6 ms, z: 1}"))
     for keys in (
         "at: 9.9 s, for: 0.1 s, force: [1, 0, 0]",
         "at: 1, for: 9 s, link: wheel_left_link, torque: [1, 0, 0]",
         "at: 0, velocity: [1, 0, 0], link: base_footprint",
         "at: 3 s, velocity: [1, 0, 0], body: stone",
+        "at: 3 s, velocity: [200, 0, 0], body: stone",
     ):
         assert load(tmp_path, disturbed(keys)).scenario.world.disturbances
 
@@ -58,6 +60,14 @@ def test_what_can_be_is_let_through(tmp_path: Path) -> None:
             (
                 "world.objects.0.path.1: 3600 deg from 0 s on is 3.6e+05 deg/s, more than physics.max_turn_rate, "
                 "5.73e+04 deg/s; it takes 0.063 s at the least"
+            ),
+        ),
+        (
+            # It stands on the ground, with its middle at 0.5 m.
+            "{at: 0}, {at: 10 ms, z: 2}",
+            (
+                "world.objects.0.path.1: 1.5 m from 0 s on is 150 m/s, more than physics.max_speed, 100 m/s; "
+                "it takes 0.015 s at the least"
             ),
         ),
         (
@@ -107,6 +117,14 @@ def test_a_body_appears_before_the_end(tmp_path: Path) -> None:
         (
             "at: 1, for: 1, body: stone, force: [1, 0, 0]",
             "at: body 'stone' is not there before it appears, at 3 s",
+        ),
+        ("at: 1, velocity: [80, 80, 0]", "velocity: a push of 113.1 m/s is more than physics.max_speed, 100 m/s"),
+        ("at: 1, velocity: [0, 0, 1e5]", "velocity.2: must be at most 10,000 m/s, found 100000.0"),
+        ("at: 1, for: 1, force: [-1e11, 0, 0]", "force.0: must be at least -10,000,000,000 N, found -100000000000.0"),
+        ("at: 1, for: 1, torque: [0, 1e300, 0]", "torque.1: must be at most 10,000,000,000 N m, found 1e+300"),
+        (
+            "at: 1, for: 1, force: [1, 0, 0], point: [0, 0, 1000 km]",
+            "point.2: must be at most 100,000 m, found '1000 km'",
         ),
         (
             "at: 1, link: wheel_left_link, velocity: [1, 0, 0]",

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action import units
 from sim_action.quantities import (
     FrozenModel,
-    Metres,
     MetresPerSecond,
     Name,
     NonNegativeSeconds,
     PositiveSeconds,
     Quantity,
 )
+from sim_action.world.physics import FASTEST
+from sim_action.world.placement import Coordinate
 
-Newtons = Annotated[float, Quantity((units.FORCE,))]
-NewtonMetres = Annotated[float, Quantity((units.TORQUE,))]
+# In N and N m: a thousand times what the heaviest body weighs; more is a mistake that no engine's numbers hold.
+_STRONGEST: Final = 1e10
+
+Newtons = Annotated[float, Field(ge=-_STRONGEST, le=_STRONGEST), Quantity((units.FORCE,))]
+NewtonMetres = Annotated[float, Field(ge=-_STRONGEST, le=_STRONGEST), Quantity((units.TORQUE,))]
+PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-FASTEST, le=FASTEST)]
 
 
 class Disturbance(FrozenModel):
@@ -36,14 +41,14 @@ class Disturbance(FrozenModel):
         Field(description="x, y, z in the world frame, at the centre of mass if 'point' is left out"),
     ] = None
     point: Annotated[
-        tuple[Metres, Metres, Metres] | None,
+        tuple[Coordinate, Coordinate, Coordinate] | None,
         Field(description="where the force acts, in the frame of the link or body"),
     ] = None
     torque: Annotated[
         tuple[NewtonMetres, NewtonMetres, NewtonMetres] | None, Field(description="x, y, z in the world frame")
     ] = None
     velocity: Annotated[
-        tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] | None,
+        tuple[PushMetresPerSecond, PushMetresPerSecond, PushMetresPerSecond] | None,
         Field(description="x, y, z in the world frame, added to that of a body or of the robot as a whole"),
     ] = None
 

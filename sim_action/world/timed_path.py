@@ -57,13 +57,15 @@ def refuse_impossible_path(body: Body) -> None:
         raise ValueError("a path has two points at the least; where a body stays, 'pose' says where")
     if body.loop and _differ(placements(body.pose, body.path)):
         raise ValueError(
-            "a path with 'loop: true' ends where it begins; let its last point be at the pose of its first"
+            "a path with 'loop: true' ends where it begins; let its last point be at the pose of its first, with its z"
         )
 
 
 def _differ(places: Sequence[Placement]) -> bool:
     """Whether the last is not at the first; turned by whole turns, it is."""
     first, last = places[0], places[-1]
+    if (first.z is None) != (last.z is None):
+        return True
     ways = [last.x - first.x, last.y - first.y, (last.z or 0.0) - (first.z or 0.0)]
     turns = [last.roll - first.roll, last.pitch - first.pitch, last.yaw - first.yaw]
     return any(abs(way) > _SAME for way in (*ways, *(math.remainder(turn, 2 * math.pi) for turn in turns)))
