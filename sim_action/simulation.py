@@ -97,7 +97,7 @@ def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Itera
     if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
         drive = stated or recognise(scene.model)
     if drive is not None:
-        yield ("" if stated else "recognised: ") + drive.describe(scene.model)
+        yield ("" if stated else "recognised: ") + drive.describe(scene.model, scene.world.weight)
         if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
             yield BOLTED
 
@@ -114,7 +114,7 @@ class _Loop:
         self._placed = backend.observe(0, contacts=False)
         self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
-        self._motion = drive.open(scene.model, scenario.physics.rate) if drive else None
+        self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Arrivals.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0

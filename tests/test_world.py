@@ -137,6 +137,11 @@ def test_gravity_is_downwards_or_a_vector(written: object, xyz: tuple[float, ...
     assert World().gravity_xyz == (0, 0, -GRAVITY)
 
 
+def test_weight_is_that_of_the_world() -> None:
+    assert World().weight == GRAVITY
+    assert World.model_validate({"gravity": (0, 3, -4)}).weight == 5.0
+
+
 @pytest.mark.parametrize(
     ("written", "message"),
     [

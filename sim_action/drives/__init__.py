@@ -15,6 +15,7 @@ from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.wheel_motion import WheelMotion
+from sim_action.world import GRAVITY
 
 
 class DriveMotion(Protocol):
@@ -52,15 +53,15 @@ class Drive(FrozenModel):
         """What does not fit the model."""
 
     @abstractmethod
-    def open(self, model: RobotModel, rate: float) -> DriveMotion:
-        """The live half, for physics steps at `rate` Hz."""
+    def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> DriveMotion:
+        """The live half, for physics steps at `rate` Hz and a weight of mass times `gravity` m/s^2."""
 
     @abstractmethod
     def wheel_motion(self, model: RobotModel) -> WheelMotion:
         """How its wheels move the robot."""
 
     @abstractmethod
-    def describe(self, model: RobotModel) -> str:
+    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
         """One line for people, with every figure that was read from the model."""
 
     @abstractmethod

@@ -31,6 +31,7 @@ from sim_action.quantities import (
 )
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems
+from sim_action.world import GRAVITY
 
 # In m: steered wheels that are no further from the fixed axle steer nothing.
 _LEAST_WHEELBASE: Final = 1e-3
@@ -118,7 +119,7 @@ class AckermannDrive(Drive):
         elif any(abs(pin.ahead) < _LEAST_WHEELBASE for pin in self._kingpins(model)):
             yield ("steering",), "these joints are above the axle that is not steered; give 'wheelbase'"
 
-    def open(self, model: RobotModel, rate: float) -> AckermannMotion:
+    def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> AckermannMotion:
         """See Drive.open."""
         limit = self._limit(model)
         return AckermannMotion(
@@ -146,7 +147,7 @@ class AckermannDrive(Drive):
             acceleration=self.acceleration,
         )
 
-    def describe(self, model: RobotModel) -> str:
+    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
         """See Drive.describe."""
         pins, driven = self._kingpins(model), self._driven(model)
         track = f", track {abs(pins[0].left - pins[1].left):.4g} m" if len(pins) > 1 else ""

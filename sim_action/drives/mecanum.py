@@ -27,8 +27,8 @@ from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.world import GRAVITY
 
-# m/s^2. Rollers at 45 deg hold 1 / sqrt(2) of the weight that is on them, with a friction of 1.
-_HOLD: Final = GRAVITY / math.sqrt(2)
+# Of the weight that is on them, what rollers at 45 deg hold with a friction of 1.
+_HOLD: Final = 1 / math.sqrt(2)
 
 # Front left, rear left, front right, rear right.
 _CORNERS: Final = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
@@ -55,7 +55,9 @@ class MecanumDrive(Drive):
     ] = 1.0
     force: Annotated[
         PositiveNewtons | None,
-        Field(description="that pushes the base at the most; left out: what its weight lets rollers hold, 0.7 of it"),
+        Field(
+            description="that pushes the base at the most; left out: what rollers hold, 0.7 of its weight in this world"
+        ),
     ] = None
     heading: Heading = None
 
@@ -86,7 +88,7 @@ class MecanumDrive(Drive):
         if self._corners(model) != _CORNERS:
             yield (), "the wheels are not at the corners: left: [front, rear], right: [front, rear]; or give 'heading'"
 
-    def open(self, model: RobotModel, rate: float) -> MecanumMotion:
+    def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> MecanumMotion:
         """See Drive.open."""
         x, y, _ = centre_of_mass(model)
         lowest = min(found.position_xyz[2] - radius for found, radius in self._tyres(model))
@@ -96,7 +98,7 @@ class MecanumDrive(Drive):
             heading=self._forward(model),
             most_change=self.acceleration / rate,
             speeds=WheelSpeeds(model, (*self.left, *self.right)),
-            force=self._force(model),
+            force=self._force(model, gravity),
             point_xyz=point,
         )
 
@@ -104,7 +106,7 @@ class MecanumDrive(Drive):
         """See Drive.wheel_motion."""
         return MecanumWays(self._rollers(model), self._forward(model))
 
-    def describe(self, model: RobotModel) -> str:
+    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
         """See Drive.describe."""
         front_left, rear_left, front_right, _ = self._placed(model)
         wheelbase, separation = front_left.ahead - rear_left.ahead, front_left.left - front_right.left
@@ -113,7 +115,8 @@ class MecanumDrive(Drive):
             f"mecanum drive, kinematic: left {', '.join(self.left)}; right {', '.join(self.right)}; "
             f"{radius_text([radius for _, radius in self._tyres(model)])}, wheelbase {wheelbase:.4g} m, "
             f"separation {separation:.4g} m, acceleration {self.acceleration:.4g} m/s^2, wheels without friction, "
-            f"pushed by up to {units.display(self._force(model), 'N')}{assumed}{heading_text(self._forward(model))}"
+            f"pushed by up to {units.display(self._force(model, gravity), 'N')}{assumed}"
+            f"{heading_text(self._forward(model))}"
         )
         stated = corners_by_plugin(model)
         return remarked(figures, stated.remarks if stated and self == self._of(stated) else ())
@@ -164,5 +167,5 @@ class MecanumDrive(Drive):
         ahead, left = fmean(each.ahead for each in placed), fmean(each.left for each in placed)
         return [(1 if each.ahead > ahead else -1, 1 if each.left > left else -1) for each in placed]
 
-    def _force(self, model: RobotModel) -> float:
-        return self.force or _HOLD * model.mass
+    def _force(self, model: RobotModel, gravity: float) -> float:
+        return self.force or _HOLD * model.mass * gravity

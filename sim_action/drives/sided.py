@@ -23,6 +23,7 @@ from sim_action.mobility import Mobility
 from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems
+from sim_action.world import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
 
@@ -86,7 +87,7 @@ class SidedDrive(Drive):
                 yield (), f"the model does not tell the radius of the wheel at '{found.joint}'; give 'radius'"
                 return
 
-    def open(self, model: RobotModel, rate: float) -> SidedMotion:
+    def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> SidedMotion:
         """See Drive.open."""
         gears = self._gears(model)
         return SidedMotion(
@@ -117,7 +118,7 @@ class SidedDrive(Drive):
             turn_acceleration=2 * self.acceleration / self._effective_separation(model),
         )
 
-    def describe(self, model: RobotModel) -> str:
+    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
         """See Drive.describe."""
         sides = f"left {', '.join(self.left)}; right {', '.join(self.right)}"
         separation = f"separation {self.separation_in(model):.4g} m{self.slip_text(model)}"

@@ -5,6 +5,7 @@ The fields are the keys of a scenario file; the docstrings and descriptions are 
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Final
 
 from pydantic import Field
@@ -64,3 +65,8 @@ class World(FrozenModel):
     def gravity_xyz(self) -> Vector3:
         """In m/s^2, world frame."""
         return self.gravity if isinstance(self.gravity, tuple) else (0.0, 0.0, -self.gravity)
+
+    @property
+    def weight(self) -> float:
+        """Of 1 kg, in N."""
+        return math.hypot(*self.gravity_xyz)

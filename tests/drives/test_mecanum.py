@@ -71,6 +71,13 @@ def test_the_base_is_pushed_where_wheels_touch_the_ground_below_its_mass() -> No
     assert push.max_torque == pytest.approx(push.max_force * math.hypot(AHEAD, LEFT))
 
 
+def test_rollers_hold_what_the_robot_weighs_where_it_is() -> None:
+    told = DRIVE.open(CART, 240.0, 1.62).targets(Twist.planar(1.0), 1)[0].base
+    assert told is not None
+    assert told.max_force == pytest.approx(CART.mass * 1.62 / math.sqrt(2))
+    assert f"pushed by up to {CART.mass * 1.62 / math.sqrt(2):.4g} N (0.7 of its weight)" in DRIVE.describe(CART, 1.62)
+
+
 def test_a_robot_that_faces_its_y_is_pushed_along_it() -> None:
     axis: Vector3 = (1.0, 0.0, 0.0)
     places = {"a": (-0.3, 0.2), "b": (-0.3, -0.2), "c": (0.3, 0.2), "d": (0.3, -0.2)}
