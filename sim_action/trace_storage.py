@@ -13,6 +13,7 @@ from sim_action.body_record import BodyRecord
 from sim_action.channels import ClearanceWatch
 from sim_action.clearance_record import ClearanceRecord
 from sim_action.observation import Contact
+from sim_action.regular_files import open_regular
 from sim_action.sensor_record import SensorRecord
 from sim_action.trace import COLUMNS, Trace
 from sim_action.whole_files import whole_file
@@ -43,7 +44,7 @@ def save_trace(trace: Trace, path: Path) -> None:
 def load_trace(path: Path) -> Trace:
     """Reads what `save_trace` wrote. Raises TraceError; never unpickles."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        with open_regular(path, follow_link=True) as file, np.load(file, allow_pickle=False) as stored:
             _refuse_too_large(stored)
             names = tuple(stored["joint_names"].tolist())
             columns = {name: stored[name] for name in COLUMNS}

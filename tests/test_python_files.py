@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import sys
 from collections.abc import Iterator, Mapping
@@ -36,6 +37,13 @@ def test_names_are_those_outside_of_functions_and_classes(tmp_path: Path) -> Non
 def test_what_is_no_python(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ScriptProblem, match=message):
         names(tmp_path, text)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such files")
+def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.py")
+    with pytest.raises(OSError, match="it is no regular file"):
+        read_script(tmp_path / "a.py")
 
 
 @pytest.mark.usefixtures("modules")

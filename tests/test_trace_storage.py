@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import pickle
+import sys
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -156,3 +158,10 @@ def test_readings_are_stored_whatever_the_sensors_name(tmp_path: Path) -> None:
     assert loaded.sensors["../eye"].columns["rgb"].dtype == np.uint8
     save_trace(SEEN, tmp_path / "t.npz")
     assert load_trace(tmp_path / "t.npz").sensors == {}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such files")
+def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "trace.npz")
+    with pytest.raises(TraceError, match="it is no regular file"):
+        load_trace(tmp_path / "trace.npz")

@@ -16,6 +16,7 @@ from sim_action.errors import RecordingError, RunError
 from sim_action.messages import did_you_mean, escaped_line
 from sim_action.recordings import Moment
 from sim_action.recordings.ros_messages import TYPES, MessageError, command_of
+from sim_action.regular_files import open_regular
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -88,7 +89,7 @@ def files_of(folder: Path, name: str) -> Iterator[str]:
 def _information(metadata: Path) -> dict[str, Any]:
     import yaml
 
-    with metadata.open("rb") as file:
+    with open_regular(metadata, follow_link=True) as file:
         text = file.read(_MOST_METADATA + 1)
     if len(text) > _MOST_METADATA:
         raise RecordingError(f"its {METADATA} has more than {_MOST_METADATA // 1_000_000} MB")
