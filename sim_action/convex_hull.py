@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sim_action.geometry import Vector3
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -101,3 +105,23 @@ def along(points: FloatArray, direction: FloatArray) -> FloatArray:
     """Sums of products, not a product of matrices: the same on every machine."""
     length: FloatArray = points[..., 0] * direction[0] + points[..., 1] * direction[1] + points[..., 2] * direction[2]
     return length
+
+
+def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
+    """The points (N, 3) that reach furthest in one of some directions, in their order.
+
+    It is as if the body were as long as it is wide, lest all directions see the ends of what is long.
+    """
+    extents = np.ptp(points, axis=0)
+    even = points / np.where(extents > 0, extents, 1.0)
+    kept: FloatArray = points[sorted({int(along(even, np.array(direction)).argmax()) for direction in directions})]
+    return kept
+
+
+def spread_directions(count: int) -> Iterator[Vector3]:
+    """Unit vectors that are spread evenly over the sphere, along a spiral."""
+    golden_angle = math.pi * (3 - math.sqrt(5))
+    for nth in range(count):
+        height = 1 - (2 * nth + 1) / count
+        radius = math.sqrt(1 - height * height)
+        yield (radius * math.cos(golden_angle * nth), radius * math.sin(golden_angle * nth), height)

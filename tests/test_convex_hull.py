@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.convex_hull import face_normals, hull_faces, mass_properties
+from sim_action.convex_hull import face_normals, furthest, hull_faces, mass_properties, spread_directions
 
 BOX = np.array([(x, y, z) for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 0.5)])
 
@@ -39,3 +39,18 @@ def test_no_point_is_before_a_face(seed: int) -> None:
 
 def test_what_is_flat_has_no_faces() -> None:
     assert hull_faces(np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]) - [0.5, 0.5, 0]) is None
+
+
+def test_directions_are_spread_evenly() -> None:
+    found = np.array(list(spread_directions(200)))
+    assert np.sqrt((found**2).sum(axis=1)) == pytest.approx(1.0)
+    assert found.mean(axis=0) == pytest.approx([0.0] * 3, abs=0.01)
+    nearest = np.sort(found @ found.T, axis=1)[:, -2]
+    assert np.arccos(nearest.clip(-1, 1)).min() > 0.5 * np.sqrt(4 * np.pi / 200)
+
+
+def test_the_outermost_points_of_what_is_long_are_those_of_all_sides() -> None:
+    corners = BOX * [100.0, 1.0, 1.0]
+    inside = corners.mean(axis=0) + np.linspace(-0.2, 0.2, 30)[:, None] * [100.0, 1.0, 0.5]
+    found = furthest(np.concatenate((inside, corners)), spread_directions(64))
+    assert found.tolist() == corners.tolist()

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.convex_hull import along, face_normals
+from sim_action.convex_hull import along, face_normals, furthest, spread_directions
 from sim_action.geometry import Vector3
 from sim_action.hull_file import hull_points
 from sim_action.rendering.rays import FloatArray
@@ -50,10 +50,4 @@ def outermost(points: FloatArray) -> FloatArray:
     """Of points (N, 3) about their middle, those that reach furthest; all of them, if they are few."""
     if len(points) <= _MOST_POINTS:
         return points
-    extents = np.ptp(points, axis=0)
-    even = points / np.where(extents > 0, extents, 1.0)
-    heights = 1 - (2 * np.arange(_MOST_POINTS) + 1) / _MOST_POINTS
-    turns = np.pi * (3 - np.sqrt(5)) * np.arange(_MOST_POINTS)
-    around = np.sqrt(1 - heights**2)
-    directions = np.column_stack((around * np.cos(turns), around * np.sin(turns), heights))
-    return points[sorted({int(along(even, direction).argmax()) for direction in directions})]
+    return furthest(points, spread_directions(_MOST_POINTS))

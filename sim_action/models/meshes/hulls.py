@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
@@ -20,6 +19,8 @@ MAX_HULLS: Final = 256
 
 MAX_HULL_POINTS: Final = 1000
 """Of a hull. The engine keeps as many as it is given: it loads slowly with more, and every contact looks at each."""
+
+_AXES: Final[tuple[Vector3, ...]] = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 # What is thinner than the engine's margin cannot be drawn in by it: so much of it stays.
 _THINNEST: Final = 0.1
@@ -92,32 +93,13 @@ def _shape(mesh: Mesh, parts: tuple[NDArray[np.int64], ...]) -> Literal["convex"
 def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The points that reach furthest in one of many directions; all of them, if they are not too many.
 
-    The hull of those left lies within 0.3 % of the body's extent of the hull of all.
+    The hull of those left lies within 0.3 % of the body's extent of the hull of all; a box keeps its size.
     """
-    import numpy as np
+    from sim_action.convex_hull import furthest, spread_directions
 
     if len(points) <= MAX_HULL_POINTS:
         return points
-    # As if the body were as long as it is wide, lest all directions see the ends of what is long.
-    extents = np.ptp(points, axis=0)
-    x, y, z = (points / np.where(extents > 0, extents, 1.0)).T
-    # Sums of products, not a product of matrices: the same on every machine.
-    reached = {int(np.argmax(a * x + b * y + c * z)) for a, b, c in _directions()}
-    kept: NDArray[np.float64] = points[sorted(reached)]
-    return kept
-
-
-def _directions() -> Iterator[Vector3]:
-    """Spread evenly over the sphere along a spiral, and along the axes: a box keeps its size."""
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            yield (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2))
-    count = MAX_HULL_POINTS - 6
-    golden_angle = math.pi * (3 - math.sqrt(5))
-    for nth in range(count):
-        height = 1 - (2 * nth + 1) / count
-        radius = math.sqrt(1 - height * height)
-        yield (radius * math.cos(golden_angle * nth), radius * math.sin(golden_angle * nth), height)
+    return furthest(points, (*_AXES, *spread_directions(MAX_HULL_POINTS - len(_AXES))))
 
 
 def _drawn_in(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
