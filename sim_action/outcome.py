@@ -11,7 +11,7 @@ from sim_action.errors import ExitCode, Fault, InvalidScenario, UsageError
 from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line
 from sim_action.quantities import FrozenModel
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 from sim_action.scenario import Severity
 from sim_action.sharding import Shard
 from sim_action.source import Refused, Varied
@@ -249,9 +249,7 @@ class Results(FrozenModel):
     def read(cls, path: Path) -> Results:
         """Reads a `results.json`, which may be a stranger's. Raises UsageError."""
         try:
-            with open_regular(path, follow_link=True) as file:
-                data = file.read(_MOST_BYTES + 1)
-            if len(data) <= _MOST_BYTES:
+            if (data := read_at_most(path, _MOST_BYTES)) is not None:
                 return cls.model_validate_json(data)
             reason = f"it is larger than {_MOST_BYTES / 1e6:g} MB"
         except OSError as error:

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from sim_action.errors import ScriptError
 from sim_action.location import Location
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 
 ANYTHING: Final = "*"
 """Among the names that a script binds: it imports all names of another module."""
@@ -64,9 +64,7 @@ class Script:
 
 def read_script(path: Path) -> Script:
     """Raises OSError, ScriptProblem."""
-    with open_regular(path, follow_link=True) as file:
-        source = file.read(_MOST_BYTES + 1)
-    if len(source) > _MOST_BYTES:
+    if (source := read_at_most(path, _MOST_BYTES)) is None:
         raise ScriptProblem(f": a script of more than {_MOST_BYTES // 1000} kB is not read")
     found = _parsed(source)
     if isinstance(found, str):

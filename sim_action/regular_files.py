@@ -9,6 +9,13 @@ from pathlib import Path
 from typing import BinaryIO
 
 
+def read_at_most(path: Path, most: int) -> bytes | None:
+    """What is in a file, also behind a link; None: more than so many bytes. Raises OSError as `open_regular` does."""
+    with open_regular(path, follow_link=True) as file:
+        data = file.read(most + 1)
+    return data if len(data) <= most else None
+
+
 def open_regular(path: Path, *, follow_link: bool) -> BinaryIO:
     """Opens a file to read from; raises OSError, also for what is no file, or a link that is not to be followed."""
     # Windows knows the first of these alone.

@@ -22,7 +22,7 @@ from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line, nearest, shown
 from sim_action.permissions import Permissions
 from sim_action.quantities import is_plain_name
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 from sim_action.source import Refused, Source
 from sim_action.variations import MOST_RUNS, expanded
 from sim_action.workspace import PathError, Workspace
@@ -218,11 +218,10 @@ def _read(path: Path, name: str | None = None) -> Document:
 def _text(path: Path, name: str) -> str:
     where = Location(name)
     try:
-        with open_regular(path, follow_link=True) as file:
-            data = file.read(MAX_BYTES + 1)
+        data = read_at_most(path, MAX_BYTES)
     except OSError as error:
         raise InvalidScenario([Problem(where, f"cannot be read: {error.strerror}")]) from None
-    if len(data) > MAX_BYTES:
+    if data is None:
         message = f"a scenario of more than {MAX_BYTES // 1000} kB is not read; is this the right file?"
         raise InvalidScenario([Problem(where, message)])
     try:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import open_regular, read_at_most
 
 
 def test_a_file_is_read(tmp_path: Path) -> None:
@@ -33,3 +33,10 @@ def test_pipes_devices_and_folders_are_no_files_and_hold_nobody_up(tmp_path: Pat
             open_regular(path, follow_link=True)
     still_open = {Path(os.path.realpath(entry)) for entry in Path("/proc/self/fd").iterdir()}
     assert still_open.isdisjoint(path.resolve() for path in paths)
+
+
+@pytest.mark.parametrize(("most", "found"), [(2, None), (3, b"abc"), (4, b"abc")])
+def test_no_more_is_read_than_is_asked_for(tmp_path: Path, most: int, found: bytes | None) -> None:
+    (tmp_path / "file").write_bytes(b"abc")
+    (tmp_path / "link").symlink_to("file")
+    assert read_at_most(tmp_path / "link", most) == found

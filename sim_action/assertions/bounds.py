@@ -27,15 +27,22 @@ class LengthBounds(Assertion):
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> Self:
-        if self.at_least is None and self.at_most is None:
-            raise ValueError("give 'at_least', 'at_most' or both")
-        check_order(self.at_least, self.at_most, "m")
+        check_bounds(self.at_least, self.at_most, "m")
         return self
 
     @property
     def title(self) -> str:
         """See Assertion.title."""
         return f"{self.key} {bounds_title(self.at_least, self.at_most, 'm')}"
+
+
+def check_bounds(
+    at_least: float | None, at_most: float | None, unit: str, written: tuple[str, str] | None = None
+) -> None:
+    """Raises ValueError for no bounds at all, and as `check_order` does."""
+    if at_least is None and at_most is None:
+        raise ValueError("give 'at_least', 'at_most' or both")
+    check_order(at_least, at_most, unit, written)
 
 
 def check_order(

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import bounds_title, check_order
+from sim_action.assertions.bounds import bounds_title, check_bounds
 from sim_action.channels import Channels, ClearanceWatch
 from sim_action.messages import FirstFew, did_you_mean
 from sim_action.observation import Observation
@@ -38,9 +38,7 @@ class Clearance(Assertion):
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> Self:
-        if self.at_least is None and self.at_most is None:
-            raise ValueError("give 'at_least', 'at_most' or both")
-        check_order(self.at_least, self.at_most, "m")
+        check_bounds(self.at_least, self.at_most, "m")
         return self
 
     @property

@@ -18,7 +18,7 @@ from sim_action.marks import Circle, Mark, Polyline
 from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, Metres, PositiveMetres
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
@@ -125,9 +125,7 @@ class FollowPath(Assertion):
 
 def read_points(path: Path) -> list[Point]:
     """The points of a CSV file. Raises OSError, ValueError and csv.Error with what is wrong with it."""
-    with open_regular(path, follow_link=True) as file:
-        data = file.read(_MOST_BYTES + 1)
-    if len(data) > _MOST_BYTES:
+    if (data := read_at_most(path, _MOST_BYTES)) is None:
         raise ValueError(f"a path of more than {_MOST_BYTES // 1_000_000} MB is not read")
     points = list(_rows(data.decode("utf-8-sig").splitlines()))
     if not 2 <= len(points) <= _MOST_POINTS:

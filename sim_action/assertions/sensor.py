@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from sim_action import units
 from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import check_order
+from sim_action.assertions.bounds import check_bounds
 from sim_action.assertions.joint_choice import as_written
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean
@@ -49,10 +49,8 @@ class SensorReading(Assertion):
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> Self:
-        if self.at_least is None and self.at_most is None:
-            raise ValueError("give 'at_least', 'at_most' or both")
         written = (as_written(self.at_least or 0.0), as_written(self.at_most or 0.0))
-        check_order(self._magnitude(self.at_least), self._magnitude(self.at_most), "", written)
+        check_bounds(self._magnitude(self.at_least), self._magnitude(self.at_most), "", written)
         return self
 
     def _magnitude(self, written: float | str | None) -> float | None:

@@ -15,7 +15,7 @@ from sim_action.errors import ModelError
 from sim_action.location import Location
 from sim_action.models.findings import finding, refuse_errors
 from sim_action.models.xml_errors import explained
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 from sim_action.robot_model import Finding
 
 MAX_BYTES: Final = 20_000_000
@@ -73,11 +73,10 @@ def shown_place(place: Location) -> Location:
 
 def _bytes(path: Path, where: Location) -> bytes:
     try:
-        with open_regular(path, follow_link=True) as file:
-            data = file.read(MAX_BYTES + 1)
+        data = read_at_most(path, MAX_BYTES)
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}", where) from None
-    if len(data) > MAX_BYTES:
+    if data is None:
         raise ModelError(f"a model of more than {MAX_BYTES // 1_000_000} MB is not read", where)
     return data
 

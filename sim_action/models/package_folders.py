@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 
 PACKAGE_FILE: Final = "package.xml"
 _MODEL_FILES: Final = frozenset({"model.config", "model.sdf"})
@@ -103,12 +103,10 @@ def _listed(folder: Path) -> tuple[frozenset[str], list[Path]]:
 def package_name(folder: Path) -> str:
     """What a package's package.xml calls it; the folder's name where that cannot be read."""
     try:
-        with open_regular(folder / PACKAGE_FILE, follow_link=True) as file:
-            data = file.read(_MAX_PACKAGE_BYTES + 1)
+        data = read_at_most(folder / PACKAGE_FILE, _MAX_PACKAGE_BYTES)
     except OSError:
         return folder.name
-    stated = _NameReader().read(data) if len(data) <= _MAX_PACKAGE_BYTES else ""
-    return stated or folder.name
+    return (data and _NameReader().read(data)) or folder.name
 
 
 def is_model(folder: Path) -> bool:

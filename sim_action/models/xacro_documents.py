@@ -13,7 +13,7 @@ from xml.parsers import expat
 
 from sim_action.location import Location
 from sim_action.models.xml_errors import explained
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 
 _MAX_BYTES: Final = 5_000_000
 _MAX_DEPTH: Final = 100
@@ -82,9 +82,7 @@ class XacroDocuments:
 
 def read_bytes(path: Path) -> bytes:
     """A file's content. Raises OSError, and XacroError if it is too large."""
-    with open_regular(path, follow_link=True) as file:
-        data = file.read(_MAX_BYTES + 1)
-    if len(data) > _MAX_BYTES:
+    if (data := read_at_most(path, _MAX_BYTES)) is None:
         raise XacroError(
             "bad-xacro", f"a file of more than {_MAX_BYTES // 1_000_000} MB is not read", Location(str(path))
         )

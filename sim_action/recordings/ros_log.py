@@ -16,7 +16,7 @@ from sim_action.errors import RecordingError, RunError
 from sim_action.messages import did_you_mean, escaped_line
 from sim_action.recordings import Moment
 from sim_action.recordings.ros_messages import TYPES, MessageError, command_of
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -89,9 +89,7 @@ def files_of(folder: Path, name: str) -> Iterator[str]:
 def _information(metadata: Path) -> dict[str, Any]:
     import yaml
 
-    with open_regular(metadata, follow_link=True) as file:
-        text = file.read(_MOST_METADATA + 1)
-    if len(text) > _MOST_METADATA:
+    if (text := read_at_most(metadata, _MOST_METADATA)) is None:
         raise RecordingError(f"its {METADATA} has more than {_MOST_METADATA // 1_000_000} MB")
     information = yaml.safe_load(text)["rosbag2_bagfile_information"]
     if not isinstance(information, dict):

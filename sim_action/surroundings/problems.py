@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 from sim_action.workspace import PathError, Workspace
 
 
@@ -19,11 +19,10 @@ class ShapeError(ValueError):
 def read_bytes(path: Path, name: str, most: int, key: str = "file") -> bytes:
     """The bytes of a file that the scenario calls `name`. Raises ShapeError."""
     try:
-        with open_regular(path, follow_link=True) as file:
-            data = file.read(most + 1)
+        data = read_at_most(path, most)
     except OSError as error:
         raise ShapeError(f"'{name}' cannot be read: {error.strerror}", key) from None
-    if len(data) > most:
+    if data is None:
         raise ShapeError(f"'{name}' has more than {most / 1e6:g} MB, which is all that is read", key)
     return data
 

@@ -19,7 +19,7 @@ from sim_action.models.meshes.hulls import MeshFacts, facts_of
 from sim_action.models.meshes.mesh import MAX_BYTES, MAX_TRIANGLES, Mesh, MeshError
 from sim_action.models.meshes.obj import read_obj
 from sim_action.models.meshes.stl import read_stl
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 
 __all__ = [
     "MAX_BYTES",
@@ -87,13 +87,12 @@ def _bytes(path: Path) -> bytes:
         message = f"'{path.suffix}' files are not read; convert it to one of .{', .'.join(READERS)}"
         raise MeshError("unknown-mesh-format", message)
     try:
-        with open_regular(path, follow_link=True) as file:
-            data = file.read(MAX_BYTES + 1)
+        data = read_at_most(path, MAX_BYTES)
     except FileNotFoundError:
         raise MeshError("missing-mesh", "is not there") from None
     except (OSError, ValueError) as error:  # a NUL in its name
         raise MeshError("broken-mesh", f"cannot be read: {error}") from None
-    if len(data) > MAX_BYTES:
+    if data is None:
         message = f"has more than {MAX_BYTES // 1_000_000} MB; a few thousand triangles are plenty to collide with"
         raise MeshError("too-large-mesh", message)
     return data
