@@ -19,7 +19,7 @@ from sim_action.errors import UsageError
 from sim_action.location import Location
 from sim_action.messages import escaped_line
 from sim_action.quantities import FrozenModel
-from sim_action.regular_files import open_regular
+from sim_action.regular_files import read_at_most
 from sim_action.spec_errors import spec_errors
 from sim_action.workspace import Workspace
 from sim_action.yaml_document import Document, KeyPath
@@ -28,6 +28,7 @@ FILE: Final = "pyproject.toml"
 TABLE: Final = ("tool", "sim-action")
 
 _MOST_BYTES: Final = 1_000_000
+_MOST_TOLD: Final = 100
 _HEADER: Final = re.compile(r"\s*\[\s*tool\s*\.\s*[\"']?sim-action[\"']?\s*\]")
 _KEY: Final = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
 # To read a key takes tomllib the square of its steps: with 20,000 of them a minute.
@@ -97,13 +98,14 @@ def _read(path: Path) -> Document | None:
     """None: it has no such table. Raises UsageError."""
     name = file_name(Path(os.path.relpath(path)))
     try:
-        with open_regular(path, follow_link=True) as file:
-            text = file.read(_MOST_BYTES).decode("utf-8", errors="replace")
+        if (data := read_at_most(path, _MOST_BYTES)) is None:
+            raise UsageError(f"{name} is not read: it has more than {_MOST_BYTES // 1_000_000} MB")
+        text = data.decode("utf-8", errors="replace")
         if TABLE[1] not in text:
             return None
         if _ENDLESS_KEY.search(text):
             raise UsageError(f"{name} is not read: it has a key of more than 100 steps")
-        data: Any = tomllib.loads(text)
+        table: Any = tomllib.loads(text)
     except OSError as error:
         raise UsageError(f"{name} cannot be read: {error.strerror}") from None
     except RecursionError:
@@ -111,8 +113,8 @@ def _read(path: Path) -> Document | None:
     except ValueError as error:  # what is no TOML, and whole numbers of more digits than Python reads
         raise UsageError(f"{name} is not valid TOML: {escaped_line(str(error))}") from None
     for step in TABLE:
-        data = data.get(step) if isinstance(data, dict) else None
-    return None if data is None else Document(name, data, dict(_marks(name, text)))
+        table = table.get(step) if isinstance(table, dict) else None
+    return None if table is None else Document(name, table, dict(_marks(name, text)))
 
 
 def _marks(name: str, text: str) -> Iterator[tuple[KeyPath, Location]]:
@@ -140,7 +142,9 @@ def _validated(document: Document, folder: Path) -> Defaults:
         problems = [document.problem((key,), message) for key, message in _out_of_bounds(defaults, folder)]
         if not problems:
             return defaults
-    raise UsageError("\n".join(str(problem) for problem in problems))
+    more = len(problems) - _MOST_TOLD
+    told = [*map(str, problems[:_MOST_TOLD]), *([f"{document.file}: and {more:,} more like these"] if more > 0 else [])]
+    raise UsageError("\n".join(told))
 
 
 def _out_of_bounds(defaults: Defaults, folder: Path) -> Iterator[tuple[str, str]]:

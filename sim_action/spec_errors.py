@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from sim_action.bounds import bound_text, unit_of
-from sim_action.messages import did_you_mean, shown
+from sim_action.messages import FirstFew, did_you_mean, shown
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -46,8 +46,9 @@ def spec_errors(
     model: type[BaseModel], data: object, error: ValidationError
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Each finding about `data`, with the path of the key that it is about."""
+    hinted = FirstFew()
     for details in error.errors(include_url=False):
-        yield details["loc"], _sentence(model, details, _written(data, details))
+        yield details["loc"], _sentence(model, details, _written(data, details), hinted)
 
 
 def _written(data: Any, details: ErrorDetails) -> object:
@@ -60,14 +61,15 @@ def _written(data: Any, details: ErrorDetails) -> object:
     return data
 
 
-def _sentence(model: type[BaseModel], details: ErrorDetails, value: object) -> str:
+def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hinted: FirstFew) -> str:
     kind = details["type"]
     key = details["loc"][-1] if details["loc"] else ""
     if kind == "missing":
         # A list of a fixed length reports its entries as pydantic's models report their keys.
         return f"the list ends before entry {key + 1}" if isinstance(key, int) else f"the key '{key}' is missing"
     if kind == "extra_forbidden":
-        return f"unknown key{did_you_mean(str(key), _keys_at(model, details['loc'][:-1]))}"
+        hint = did_you_mean(str(key), _keys_at(model, details["loc"][:-1])) if hinted.one_more() else ""
+        return f"unknown key{hint}"
     if kind in _SENTENCES:
         return _SENTENCES[kind].format(found=shown(value), **_context(model, details))
     if kind in _EXPECTED:

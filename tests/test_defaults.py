@@ -183,3 +183,16 @@ def test_what_a_variable_says_amiss_is_not_told_of_an_option(
     assert told.startswith("sim-action: Invalid value for the variable SIM_ACTION_BACKEND: 'gazebo' is not one of")
     assert call(["run", "--backend", "gazebo"]) == 2
     assert "Invalid value for '--backend': 'gazebo'" in capsys.readouterr().err
+
+
+def test_of_very_many_keys_that_are_unknown_few_are_told(folder: Path) -> None:
+    keys = [f"key{number} = 1" for number in range(5_000)]
+    found = told(folder, "\n".join(["bakcend = 'mujoco'", *keys]))
+    assert found[0].startswith("pyproject.toml:5:1: bakcend: unknown key; did you mean 'backend'?")
+    assert found[50] == "pyproject.toml:55:1: key49: unknown key"
+    assert found[-1] == "pyproject.toml: and 4,901 more like these"
+    assert len(found) == 101
+
+
+def test_a_file_that_is_too_large_is_not_read_in_part(folder: Path) -> None:
+    assert told(folder, "jobs = 1\n" + "#" * 1_000_000) == ["pyproject.toml is not read: it has more than 1 MB"]
