@@ -31,6 +31,7 @@ from sim_action.backends.mujoco.push import Pusher
 from sim_action.backends.mujoco.rays import Rays
 from sim_action.backends.mujoco.stage import MuJoCoStage
 from sim_action.backends.mujoco.states import States
+from sim_action.backends.mujoco.wording import in_users_words
 from sim_action.backends.timetable import Timetable
 from sim_action.channels import Channels
 from sim_action.command import JointTargets
@@ -66,8 +67,8 @@ class MuJoCoBackend:
         try:
             compiled = Compiled.of(scene)
         except _REFUSALS as error:
-            raise EngineError(f"the engine refused the world: {error}") from None
-        self._rate = scene.physics.rate
+            raise EngineError(f"the engine refused the world: {in_users_words(str(error), scene)}") from None
+        self._scene, self._rate = scene, scene.physics.rate
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene.model, compiled, self._rate)
         self._pusher = Pusher(compiled, self._rate)
@@ -96,7 +97,7 @@ class MuJoCoBackend:
         try:
             self._advance(first_step, targets)
         except mujoco.FatalError as error:
-            raise EngineError(f"the engine gave up: {error}") from None
+            raise EngineError(f"the engine gave up: {in_users_words(str(error), self._scene)}") from None
 
     def collect(self) -> Trace:
         """See Backend.collect."""

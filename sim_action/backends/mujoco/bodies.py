@@ -15,6 +15,7 @@ import numpy as np
 from sim_action.backends.mujoco.shapes import GEOM, add_geom
 from sim_action.backends.mujoco.touch import Skin
 from sim_action.backends.mujoco.triangles import behind
+from sim_action.backends.mujoco.wording import object_name
 from sim_action.geometry import Pose
 from sim_action.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 from sim_action.robot_model import Surface
@@ -27,11 +28,6 @@ MAX_TRIANGLES: Final = 4_000
 # m: how thick a heightfield is below its lowest sample, and how far apart its heights are at the least.
 _BASE: Final = 0.1
 _LEAST_RANGE: Final = 1e-9
-
-
-def object_name(body: Body) -> str:
-    """What a body of the world is called in the engine."""
-    return f"object/{body.name}"
 
 
 def add_ground(spec: Any, world: World) -> Iterator[Skin]:
@@ -47,7 +43,7 @@ def add_ground(spec: Any, world: World) -> Iterator[Skin]:
 
 def add_object(spec: Any, body: Body, parts: Sequence[Part]) -> Iterator[Skin]:
     """Adds a body at the origin; returns what can touch something. Raises ValueError for what the engine lacks."""
-    added = spec.worldbody.add_body(name=object_name(body))
+    added = spec.worldbody.add_body(name=object_name(body.name))
     if body.mass is not None:
         added.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
     triangles = sum(len(part.triangles) for part in parts if isinstance(part, SurfacePart))
@@ -57,7 +53,7 @@ def add_object(spec: Any, body: Body, parts: Sequence[Part]) -> Iterator[Skin]:
             f"so each is one, and at most {MAX_TRIANGLES:,} are simulated: simplify it, or say backend: pybullet"
         )
     for number, part in enumerate(parts):
-        for name in _add_part(spec, added, f"{object_name(body)}/{number}", part, body.mass or 0.0):
+        for name in _add_part(spec, added, f"{object_name(body.name)}/{number}", part, body.mass or 0.0):
             yield Skin(name, body.name, Surface(body.friction), moves=body.mass is not None)
 
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from sim_action.backends.mujoco.model import Compiled
-from sim_action.backends.mujoco.robot import engine_name
+from sim_action.backends.mujoco.wording import engine_name
 from sim_action.geometry import Pose, Twist
 
 

@@ -10,11 +10,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.backends.mujoco.bodies import add_ground, add_object, object_name
+from sim_action.backends.mujoco.bodies import add_ground, add_object
 from sim_action.backends.mujoco.native_robot import add_native_robot
-from sim_action.backends.mujoco.robot import add_robot, engine_name
+from sim_action.backends.mujoco.robot import add_robot
 from sim_action.backends.mujoco.shapes import lowest_geom, wxyz
 from sim_action.backends.mujoco.touch import FRICTION_RATIO, Skin, add_pairs, soften
+from sim_action.backends.mujoco.wording import engine_name, object_name
 from sim_action.geometry import Pose, Vector3
 from sim_action.scene import Scene
 from sim_action.world import placed
@@ -94,7 +95,7 @@ class Compiled:
             position[2] = -(lowest_geom(self.model, self.data, list(self.links)) or 0.0)
         for body in scene.world.objects:
             pose = placed(body, scene.parts_of(body))
-            self._put(self.model.body(object_name(body)).id, pose, free=body.mass is not None)
+            self._put(self.model.body(object_name(body.name)).id, pose, free=body.mass is not None)
         mujoco.mj_forward(self.model, self.data)
 
     def _put(self, body: int, pose: Pose, *, free: bool) -> Any:

@@ -6,8 +6,8 @@ from typing import Any
 
 import mujoco
 
-from sim_action.backends.mujoco.robot import engine_name
 from sim_action.backends.mujoco.touch import Skin
+from sim_action.backends.mujoco.wording import engine_name
 from sim_action.robot_model import WORLD, RobotModel, Surface
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from sim_action import geometry
 from sim_action.backends.mujoco.shapes import add_collision, wxyz
 from sim_action.backends.mujoco.touch import Skin
+from sim_action.backends.mujoco.wording import engine_name
 from sim_action.geometry import Pose
 from sim_action.robot_model import Joint, Mimic, RobotModel
 
@@ -25,11 +26,6 @@ _JOINT_TYPES: Final = {
 _FAR: Final = 1e16
 
 _AXES: Final[tuple[geometry.Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-def engine_name(name: str) -> str:
-    """What a link or a joint is called in the engine, where the world has names too."""
-    return f"robot/{name}"
 
 
 def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Skin]:

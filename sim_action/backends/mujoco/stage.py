@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.backends.mujoco.objects import Objects
-from sim_action.backends.mujoco.robot import engine_name
+from sim_action.backends.mujoco.wording import engine_name
 from sim_action.backends.stage import Target
 from sim_action.geometry import Pose, Twist, Vector3
 
