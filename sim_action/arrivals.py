@@ -7,9 +7,9 @@ from typing import Self
 
 from sim_action import units
 from sim_action.backends import Backend
+from sim_action.clash_checks import DEPTH
 from sim_action.errors import RunError
 from sim_action.scenario import Scenario
-from sim_action.start import DEPTH
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Final
 
-from sim_action import scenario_checks, world_checks
+from sim_action import clash_checks, scenario_checks, world_checks
 from sim_action.errors import Fault, InvalidScenario, ModelError, RefusedModel, UsageError
 from sim_action.models import check_text, load_model
 from sim_action.models.library import ModelLibrary
@@ -19,7 +19,7 @@ from sim_action.robot_model import RobotModel
 from sim_action.scenario import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario_files import read_only_scenario
 from sim_action.scenario_parts import PartReader
-from sim_action.scene import Scene
+from sim_action.scene import Scene, SpecProblems
 from sim_action.source import Refused, Source
 from sim_action.surroundings import ShapeLibrary, read_surroundings
 from sim_action.workspace import Workspace
@@ -27,37 +27,33 @@ from sim_action.workspace import Workspace
 _PERMISSIONS: Final = Permissions()
 
 
+@dataclass(frozen=True, slots=True)
+class Libraries:
+    """What scenarios of the same suite have read: models of robots, and shapes of bodies."""
+
+    models: ModelLibrary = field(default_factory=ModelLibrary)
+    shapes: ShapeLibrary = field(default_factory=ShapeLibrary)
+
+
 def load_scenario(
-    path: Path, permissions: Permissions = _PERMISSIONS, models: ModelLibrary | None = None, *, evaluate: bool = False
+    path: Path, permissions: Permissions = _PERMISSIONS, libraries: Libraries | None = None, *, evaluate: bool = False
 ) -> LoadedScenario:
     """Reads a file of one scenario, and checks everything that can be checked without running it.
 
     `path`: of the file; problems name it so. The rest is as of `checked`. Raises InvalidScenario with all problems.
     """
-    return checked(read_only_scenario(path, permissions), permissions, models, evaluate=evaluate)
+    return checked(read_only_scenario(path, permissions), permissions, libraries, evaluate=evaluate)
 
 
 def checked(
-    source: Source,
-    permissions: Permissions,
-    models: ModelLibrary | None = None,
-    shapes: ShapeLibrary | None = None,
-    *,
-    evaluate: bool = False,
+    source: Source, permissions: Permissions, libraries: Libraries | None = None, *, evaluate: bool = False
 ) -> LoadedScenario:
     """Checks everything that can be checked of a scenario without running it.
 
-    Args:
-        source: what is written.
-        permissions: what it may do.
-        models: those that scenarios of the same suite have read.
-        shapes: of bodies, those that they have read.
-        evaluate: whether models are read that may be read in a scenario's own process alone: xacro is code, and
-            native code reads MJCF.
-
-    Raises InvalidScenario with all problems.
+    `evaluate`: whether models are read that may be read in a scenario's own process alone: xacro is code, and native
+    code reads MJCF. Raises InvalidScenario with all problems.
     """
-    loader = _Loader(source, permissions, models or ModelLibrary(), shapes or ShapeLibrary(), evaluate=evaluate)
+    loader = _Loader(source, permissions, libraries or Libraries(), evaluate=evaluate)
     scenario = loader.load()
     if source.group is not None:
         scenario = scenario.model_copy(update={"name": source.name})
@@ -67,19 +63,18 @@ def checked(
 def load_all(
     sources: Iterable[Source | Refused],
     permissions: Permissions,
-    models: ModelLibrary | None = None,
-    shapes: ShapeLibrary | None = None,
+    libraries: Libraries | None = None,
 ) -> list[LoadedScenario | Refused]:
     """Each as it can be run, or with what is wrong with it; models and shapes that several name are read once.
 
     Variations of one scenario are one that is not valid, with what is wrong with any of them, unless only values are
     wrong that were drawn at random: then those variations alone are. A fault of ours is that scenario's alone.
-    `models`, `shapes`: those that are read already. Raises UsageError.
+    `libraries`: what is read already. Raises UsageError.
     """
-    models, shapes = models or ModelLibrary(), shapes or ShapeLibrary()
+    libraries = libraries or Libraries()
     found: list[LoadedScenario | Refused] = []
     for several in scenarios_of(sources):
-        scenarios = [_loaded_or_refused(source, permissions, models, shapes) for source in several]
+        scenarios = [_loaded_or_refused(source, permissions, libraries) for source in several]
         found += _together(several, scenarios)
     return found
 
@@ -126,12 +121,12 @@ def _as_one(refused: Sequence[Refused], number: int) -> Refused:
 
 
 def _loaded_or_refused(
-    source: Source | Refused, permissions: Permissions, models: ModelLibrary, shapes: ShapeLibrary
+    source: Source | Refused, permissions: Permissions, libraries: Libraries
 ) -> LoadedScenario | Refused:
     if isinstance(source, Refused):
         return source
     try:
-        return checked(source, permissions, models, shapes)
+        return checked(source, permissions, libraries)
     except InvalidScenario as error:
         return source.refused(error)
     except UsageError:
@@ -153,14 +148,11 @@ def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace, parts: M
 class _Loader:
     """One document while it becomes a scenario."""
 
-    def __init__(
-        self, source: Source, permissions: Permissions, models: ModelLibrary, shapes: ShapeLibrary, *, evaluate: bool
-    ) -> None:
+    def __init__(self, source: Source, permissions: Permissions, libraries: Libraries, *, evaluate: bool) -> None:
         self.model: RobotModel | None = None
         self.unchecked: tuple[str, ...] = ()
         self.parts: Mapping[str, tuple[Part, ...]] = {}
-        self._models = models
-        self._shapes = shapes
+        self._libraries = libraries
         self._evaluate = evaluate
         self._data = source.document.data
         self._workspace = source.workspace
@@ -179,37 +171,44 @@ class _Loader:
 
     def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
         """What a whole scenario must satisfy."""
-        parts = self._parts
-        self._problems.note_all((), scenario_checks.time_problems(scenario, parts.expect_paths))
-        self._problems.note_all((), scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths))
-        self._problems.note_all((), scenario_checks.trace_problems(scenario, parts.sensor_paths))
-        kinds = {mounted.name: mounted.sensor.key for mounted in scenario.sensors}
-        for path, expectation in zip(parts.expect_paths, scenario.expect, strict=True):
-            self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.sensor_problems(kinds))
-        self._problems.note_all((), scenario_checks.rule_problems(scenario))
-        self._problems.note_all((), scenario_checks.name_problems(scenario))
-        self._problems.note_all((), scenario_checks.engine_problems(scenario))
+        self._problems.note_all((), self._own_problems(scenario))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
-        self._problems.note_all((), scenario_checks.patch_problems(scenario))
-        surroundings = read_surroundings(scenario.world, self._workspace, self._shapes)
+        surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes)
         self.parts = surroundings.parts
         self._problems.note_all((), iter(surroundings.problems))
         self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
+        self._problems.note_all((), clash_checks.clash_problems(scenario.world))
+        self.model = self._read_model(scenario.robot)
+        if self.model is not None:
+            scene = _scene(scenario, self.model, self._workspace, self.parts)
+            self._check_scene(scene, scenario, states_drive=states_drive)
+
+    def _own_problems(self, scenario: Scenario) -> SpecProblems:
+        """Those that are seen without a look at any file."""
+        parts = self._parts
+        yield from scenario_checks.time_problems(scenario, parts.expect_paths)
+        yield from scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths)
+        yield from scenario_checks.trace_problems(scenario, parts.sensor_paths)
+        yield from scenario_checks.reading_problems(scenario, parts.expect_paths)
+        yield from scenario_checks.rule_problems(scenario)
+        yield from scenario_checks.name_problems(scenario)
+        yield from scenario_checks.engine_problems(scenario)
+        yield from scenario_checks.patch_problems(scenario)
+
+    def _read_model(self, robot: DrivenRobot) -> RobotModel | None:
+        """None: something is wrong with it, which is noted, or it may be read in the scenario's own process alone."""
         try:
-            if (scenario.robot.is_xacro or scenario.robot.is_mjcf) and not self._evaluate:
-                self._check_text(scenario.robot)
-                return
-            self.model = self._models.load(scenario.robot, self._workspace)
+            if (robot.is_xacro or robot.is_mjcf) and not self._evaluate:
+                self._check_text(robot)
+                return None
+            return self._libraries.models.load(robot, self._workspace)
         except RefusedModel as error:
             # They are mended in the model's own file.
             for problem in error.problems:
                 self._problems.note_elsewhere(problem)
-            return
         except ModelError as error:
             self._problems.note(("robot", "model"), str(error))
-            return
-        scene = _scene(scenario, self.model, self._workspace, self.parts)
-        self._check_scene(scene, scenario, states_drive=states_drive)
+        return None
 
     def _check_text(self, robot: DrivenRobot) -> None:
         """What can be said of a model that only the scenario's own process may read; the rest is checked there."""

@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 
 from sim_action.engine_choice import runs_of
 from sim_action.errors import Fault, InvalidScenario, UsageError
-from sim_action.loading import load_all, scenarios_of
-from sim_action.models.library import ModelLibrary
+from sim_action.loading import Libraries, load_all, scenarios_of
 from sim_action.permissions import Permissions
 from sim_action.scenario import LoadedScenario
 from sim_action.sharding import Shard
 from sim_action.source import Refused, Source
 from sim_action.suite import Suite
-from sim_action.surroundings import ShapeLibrary
 
 Plan = tuple[LoadedScenario, ...] | Refused
 """A scenario once for each engine that it runs on, or why it runs on none."""
@@ -67,7 +65,7 @@ class _Planner:
 
     def __init__(self, request: PlanRequest) -> None:
         self._request = request
-        self._models, self._shapes = ModelLibrary(), ShapeLibrary()
+        self._libraries = Libraries()
 
     def dealt(self, several: Sequence[Source | Refused]) -> list[Source | Plan]:
         """What is dealt one by one of the variations of a scenario, checked, or of one that has none."""
@@ -82,7 +80,7 @@ class _Planner:
         return self._plans([dealt]) if isinstance(dealt, Source) else [dealt]
 
     def _plans(self, sources: Iterable[Source | Refused]) -> Iterator[Plan]:
-        loaded = load_all(sources, self._request.permissions, self._models, self._shapes)
+        loaded = load_all(sources, self._request.permissions, self._libraries)
         return _once(map(self._plan, loaded))
 
     def _plan(self, scenario: LoadedScenario | Refused) -> Plan:

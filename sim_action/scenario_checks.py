@@ -69,6 +69,14 @@ def trace_problems(scenario: Scenario, sensor_paths: Sequence[KeyPath]) -> SpecP
             yield (*path, "trace"), f"{what}; of all sensors a trace keeps {_MOST_KEPT / 1e6:.0f} MB: smaller or fewer"
 
 
+def reading_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Assertions about sensors that there are not, or about what these do not tell."""
+    kinds = {mounted.name: mounted.sensor.key for mounted in scenario.sensors}
+    for path, expectation in zip(expect_paths, scenario.expect, strict=True):
+        for below, message in expectation.assertion.sensor_problems(kinds):
+            yield (*path, expectation.assertion.key, *below), message
+
+
 def engine_problems(scenario: Scenario) -> SpecProblems:
     """One engine that is named, and an agreement that takes all of them."""
     if scenario.agreement is not None and scenario.backend != "auto":

@@ -11,15 +11,13 @@ from collections.abc import Iterable
 from typing import Final
 
 from sim_action import geometry, units
+from sim_action.clash_checks import DEPTH, clash_problem
 from sim_action.errors import BadStart
 from sim_action.geometry import Pose
 from sim_action.observation import Clash, Overlap
 from sim_action.parts import GridPart, height_at
 from sim_action.scene import Scene, SpecProblems
 from sim_action.world import GROUND, placed
-
-DEPTH: Final = 0.005
-"""In m. What is no deeper was meant to touch, as fingers do, and is eased apart while the robot settles."""
 
 # In rad and m: what gives way by less has come to rest.
 _TILTED: Final = math.radians(2)
@@ -93,6 +91,4 @@ def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
     for body, other, depth in sorted(clashes, key=lambda clash: -clash.depth):
         if depth > DEPTH and body not in told:
             told.add(body)
-            inside = "the ground" if other == GROUND else f"'{other}'"
-            message = f"'{body}' begins {units.display(depth, 'm')} deep in {inside}, which would throw it out; move it"
-            yield ("world", "objects", indices[body], "pose"), message
+            yield clash_problem(indices[body], body, other, depth)

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from sim_action.clash_checks import DEPTH
 from sim_action.errors import BadStart
 from sim_action.geometry import Pose, quaternion_from_rpy
 from sim_action.observation import Clash, Overlap
 from sim_action.parts import GridPart
 from sim_action.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.scene import Scene
-from sim_action.start import DEPTH, moved_while_settling, refuse_bad_start
+from sim_action.start import moved_while_settling, refuse_bad_start
 from sim_action.world import GROUND, Body, Heightfield, Physics, Placement, Robot, World
 from tests.traces import HERE
 

@@ -92,8 +92,9 @@ def test_without_gravity_wheels_turn_and_nothing_moves(engine: str, tmp_path: Pa
 
 
 def test_a_body_that_begins_in_another_is_told_with_its_line(engine: str, tmp_path: Path) -> None:
-    wall = "{name: wall, box: [1, 1, 1], pose: {x: 3}}"
-    world = f"{{objects: [{wall}, {{name: ball, sphere: {{radius: 0.1}}, mass: 1, pose: {{x: 2.5, z: 0.5}}}}]}}"
+    # A wedge: what is none of boxes, balls and cylinders is not looked at before it runs.
+    wall = "{name: wall, ramp: {length: 1, width: 1, height: 1}, pose: {x: 3}}"
+    world = f"{{objects: [{wall}, {{name: ball, sphere: {{radius: 0.1}}, mass: 1, pose: {{x: 3.3, z: 0.5}}}}]}}"
     with pytest.raises(BadStart, match=r"'ball' begins .* deep in 'wall'") as caught:
         run(engine, tmp_path, world=world)
     assert caught.value.problems[0][0] == ("world", "objects", 1, "pose")
@@ -102,9 +103,10 @@ def test_a_body_that_begins_in_another_is_told_with_its_line(engine: str, tmp_pa
 
 
 def test_two_bodies_in_each_other_are_told_once(engine: str, tmp_path: Path) -> None:
-    ball = "sphere: {radius: 0.1}, mass: 1, pose: {x: 3, z: 1}"
+    # Their edges alone touch, beside the boxes and balls inside them.
+    can = "cylinder: {radius: 0.1, height: 0.1}, mass: 1, pose: {z: 1, x: "
     with pytest.raises(BadStart) as caught:
-        run(engine, tmp_path, world=f"{{objects: [{{name: a, {ball}}}, {{name: b, {ball}}}]}}")
+        run(engine, tmp_path, world=f"{{objects: [{{name: a, {can}3}}}}, {{name: b, {can}3.16}}}}]}}")
     assert len(caught.value.problems) == 1
 
 

@@ -29,7 +29,10 @@ def made() -> Scene:
         ("Error: volume of mesh object/h/0.3 is 0", "Error: volume of mesh 'h' is 0"),
         ("Error: bad\nElement name 'object/h f/2/0', id 4", "Error: bad Element name 'h f/2', id 4"),
         ("object/hut and 'object/h'", "'hut' and 'h'"),
-        ("body 'robot/base_footprint', joint robot/wheel_left_joint", "body 'base_footprint', joint 'wheel_left_joint'"),
+        (
+            "body 'robot/base_footprint', joint robot/wheel_left_joint",
+            "body 'base_footprint', joint 'wheel_left_joint'",
+        ),
         ("object/hall/0", "object/hall/0"),
         ("nothing of ours", "nothing of ours"),
     ],
