@@ -33,9 +33,10 @@ class Heightfield(FrozenModel):
     """Ground of many heights: samples on a grid, seen from above as on a map, with straight lines between them.
 
     Rows go from the highest y to the lowest, as those of an image do. Between four samples are two triangles, with the
-    fold from the lowest x and y to the highest. Its `pose` is that of the middle, at height 0; z left out, its lowest
-    sample is on the ground, as what lies deeper than the ground is under it. A robot that begins on it needs a z of its
-    own. At most 250,000 samples (500 x 500); it is fixed.
+    fold from the lowest x and y to the highest. Its `pose` is that of the middle, at height 0. With `z: 0`, heights are
+    those of the world, and what is below 0 is under the ground; z left out, all of it is raised or lowered until its
+    lowest sample is on the ground: of heights from -1 m to 2 m, the highest is then at 3 m. A robot that begins on it
+    needs a z of its own. At most 250,000 samples (500 x 500); it is fixed.
     """
 
     heights: Annotated[
