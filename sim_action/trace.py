@@ -148,33 +148,37 @@ class Trace:
     def first(self, count: int) -> Self:
         """The first moments, at least one, with the contacts up to the last of them."""
         end = self.time[count - 1]
-        return self._part(slice(count), -np.inf, end)
+        return self._part(slice(count), -np.inf, end, end)
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
         """Some of the moments, with all contacts, readings, clearances and bodies."""
         return replace(self, state=self.state[wanted])
 
     def between(self, start: float, end: float) -> Self:
-        """The moments, contacts, readings, clearances and bodies with start <= time <= end."""
+        """Moments, contacts, clearances and bodies with start <= time <= end, and readings with start <= time < end.
+
+        What is read at a moment is told with the next one: a run that was cut at `end` would not have it yet.
+        """
         if len(self) and not self._tells and start <= self.time[0] and self.time[-1] <= end:
             return self
+        told_until = end - 2 * TIME_EPSILON
         start, end = start - TIME_EPSILON, end + TIME_EPSILON
         first, last = np.searchsorted(self.time, (start, end))
-        return self._part(slice(int(first), int(last)), start, end)
+        return self._part(slice(int(first), int(last)), start, end, told_until)
 
     @property
     def _tells(self) -> bool:
         """Whether there is anything beside the state."""
         return bool(self.contacts or self.sensors or self.clearances or self.bodies)
 
-    def _part(self, wanted: slice, start: float, end: float) -> Self:
+    def _part(self, wanted: slice, start: float, end: float, told_until: float) -> Self:
         if not self._tells:
             return self.rows(wanted)
         return replace(
             self,
             state=self.state[wanted],
             contacts=tuple(contact for contact in self.contacts if start <= contact.time <= end),
-            sensors={name: record.between(start, end) for name, record in self.sensors.items()},
+            sensors={name: record.between(start, told_until) for name, record in self.sensors.items()},
             clearances={watch: record.between(start, end) for watch, record in self.clearances.items()},
             bodies={name: record.between(start, end) for name, record in self.bodies.items()},
         )

@@ -172,5 +172,7 @@ def test_readings_are_cut_and_joined_with_the_moments() -> None:
     seen = replace(SEEN, sensors={"a/b": RECORD})
     assert told(seen.first(2)) == [1.0, 2.0]
     assert told(seen.between(0.2, 0.3)) == [2.0]
-    assert told(Trace.concatenate((seen.between(0, 0.3), SEEN.rows(slice(0)), seen.between(0.31, 0.4)))) == [1, 2, 3]
+    assert told(Trace.concatenate((seen.between(0, 0.3), SEEN.rows(slice(0)), seen.between(0.31, 0.5)))) == [1, 2, 3]
+    # What is read at a moment is told with the next one.
+    assert told(seen.between(0.31, 0.4)) == []
     assert told(Trace.concatenate((SEEN.rows(slice(1)), seen))) == [1, 2, 3]

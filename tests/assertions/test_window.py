@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from sim_action.assertions import State
+from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
+from sim_action.channels import ClearanceWatch
+from sim_action.clearance_record import ClearanceRecord, Nearness
+from sim_action.sensor_record import SensorRecord
 from sim_action.trace import Trace
-from tests.traces import START, contact, monitor, scene, trace
+from tests.traces import START, contact, monitor, piece, scene, trace
 from tests.work import work_of
 
 FAR = Travel(at_least=2.0)
@@ -99,3 +106,49 @@ def test_a_window_adds_little_to_the_work_inside_of_it() -> None:
     around, moment = Window(inside), trace([1.0])
     around.observe(moment)
     assert work_of(lambda: around.observe(moment)) < 1.6 * work_of(lambda: inside.observe(moment))
+
+
+RATE = 240
+AT = 168 / RATE
+STEPS = [step / RATE for step in range(1, 241)]
+
+
+def seen_at(step: int) -> Trace:
+    """Something of each kind at one step: a way, a touch, a distance; and what a sensor has told at each step."""
+    time = step / RATE
+    way = [float(moment >= time) for moment in STEPS]
+    told = [float(n >= step) for n in range(RATE)]
+    readings = SensorRecord("contact", np.arange(RATE) / RATE, {"touching": np.array(told), "force": np.array(told)})
+    nearest = ClearanceRecord.of([Nearness(time, 0.1, "base_footprint", "wall")])
+    return replace(
+        trace(STEPS, x=way, contacts=[contact(time)]), sensors={"s": readings}, clearances={ClearanceWatch(): nearest}
+    )
+
+
+LOOKS = {
+    "state": Travel(at_most=0.5),
+    "contact": NoCollision(),
+    "clearance": Clearance(at_least=0.2),
+    "sensor": SensorReading(name="s", reading="touching", at_most=0.5),
+}
+
+
+def broken(look: str, step: int, cut: int, after: float = 0.0, before: float = math.inf) -> bool:
+    """Whether a window sees what happens at a step, in two blocks."""
+    opened = Window(monitor(LOOKS[look]), after, before)
+    seen = seen_at(step)
+    for start, end in ((0, cut), (cut, len(STEPS))):
+        opened = opened.observe(piece(seen, start, end))
+    return opened.state is State.BROKEN
+
+
+@pytest.mark.parametrize("cut", [120, 167, 168, 169])
+@pytest.mark.parametrize("look", LOOKS)
+def test_the_ends_of_a_window_are_the_same_however_the_run_is_cut(look: str, cut: int) -> None:
+    """Moments belong to a step; what a sensor tells at a step is known with the next one, so the last is out."""
+    is_reading = look == "sensor"
+    assert broken(look, 168 - is_reading, cut, before=AT)
+    assert not broken(look, 169 - is_reading, cut, before=AT)
+    assert broken(look, 168, cut, after=AT)
+    if not is_reading and look != "state":
+        assert not broken(look, 167, cut, after=AT)
