@@ -4,34 +4,69 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Any, Final, get_args, get_origin
 
+from pydantic import BaseModel
+
+from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS
+from sim_action.drives import DRIVES
 from sim_action.models import BUILT_IN
+from sim_action.quantities import NamesFile
+from sim_action.sensors import SENSORS
+from sim_action.world import Robot, World
 from sim_action.yaml_document import Document
 
 _ANY: Final = "*"
 _DEEP: Final = "**"
 
-FILE_KEYS: Final[tuple[tuple[str, ...], ...]] = (
-    ("robot", "model"),
-    ("robot", "packages", _ANY),
-    ("world", "objects", _ANY, _ANY, "file"),
-    ("world", "objects", _ANY, _ANY, "image"),
-    ("commands", "script"),
-    ("commands", _ANY, "script"),
-    ("commands", "replay"),
-    ("commands", _ANY, "replay"),
-    ("expect", _DEEP, "assertion"),
-    ("expect", _DEEP, "follow_path", "file"),
-    ("expect", _DEEP, "assertion", "class"),
-)
-"""Each way to a file name, `*` for every key or entry, `**` for any number of them. New keys of files belong here."""
+Pattern = tuple[str, ...]
+"""A way to a file name: `*` for every key or entry, `**` for any number of them."""
 
-WORD_KEYS: Final[tuple[tuple[str, ...], ...]] = (("commands", "process", _ANY), ("commands", _ANY, "process", _ANY))
-"""Each way to what may be the name of a file, and is one if there is such a file."""
+
+@cache
+def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
+    """Each way to a text that the specs annotate as NamesFile, as far as such patterns can say it."""
+    found = [
+        *_ways(Robot, if_there, ("robot",)),
+        *_ways(World, if_there, ("world",)),
+        *(way for key in DRIVES for way in _ways(DRIVES.load(key), if_there, ("robot", "drive", key))),
+        *(way for key in SENSORS for way in _ways(SENSORS.load(key), if_there, ("sensors", _ANY, key))),
+        *(way for key in COMMANDS for way in _ways(COMMANDS.load(key), if_there, ("commands",))),
+        *(way for key in COMMANDS for way in _ways(COMMANDS.load(key), if_there, ("commands", _ANY))),
+    ]
+    for key in ASSERTIONS:
+        spec = ASSERTIONS.load(key)
+        ways = list(_ways(spec, if_there, ("expect", _DEEP, key)))
+        # Its value may stand alone in the place of its keys.
+        found += [*(way[:-1] for way in ways if way[-1] == spec.bare_value), *ways]
+    return tuple(dict.fromkeys(found))
+
+
+def _ways(model: type[BaseModel], if_there: bool, to: Pattern) -> Iterator[Pattern]:
+    for name, field in model.model_fields.items():
+        yield from _ways_in(field.annotation, field.metadata, if_there, (*to, field.alias or name))
+
+
+def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Pattern) -> Iterator[Pattern]:
+    """Those in a type; what is said of a list or a map is said of its entries."""
+    told = [*metadata, *getattr(annotation, "__metadata__", ())]
+    if annotation is str and NamesFile(if_there) in told:
+        yield to
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield from _ways(annotation, if_there, to)
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        parts = parts[:1]
+    elif origin is dict:
+        parts = parts[1:]
+    inside = (*to, _ANY) if origin in (tuple, dict) else to
+    for part in parts:
+        yield from _ways_in(part, told, if_there, inside)
 
 
 def seen_from(folder: Path, document: Document, own: Path) -> Document:
@@ -43,9 +78,9 @@ def seen_from(folder: Path, document: Document, own: Path) -> Document:
         return Path(os.path.relpath(own / name, folder)).as_posix()
 
     def relocated(data: object) -> object:
-        for pattern in FILE_KEYS:
+        for pattern in file_keys():
             data = _changed(data, pattern, lambda name: moved(name) if _is_relative_file(name, own) else name)
-        for pattern in WORD_KEYS:
+        for pattern in file_keys(if_there=True):
             data = _changed(data, pattern[:-1], _words)
             data = _changed(data, pattern, lambda word: moved(word) if _is_there(word, own) else word)
         return data

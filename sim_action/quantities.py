@@ -69,6 +69,17 @@ class Written(Quantity):
         return value
 
 
+@dataclass(frozen=True, slots=True)
+class NamesFile:
+    """Annotates a text, or the entries of a list or map of it, as the name of a file, seen from the scenario.
+
+    Attributes:
+        if_there: whether it is one only if there is such a file, such as an argument of a program.
+    """
+
+    if_there: bool = False
+
+
 def is_plain_name(name: str) -> bool:
     """Whether nothing in it would act in tables, XML, workflow commands or file names."""
     return name.isprintable() and name == name.strip() and not any(part in name for part in _NOT_IN_NAMES)

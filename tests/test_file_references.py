@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
-from sim_action.file_references import FILE_KEYS, WORD_KEYS, seen_from
+from sim_action.file_references import file_keys, seen_from
 from sim_action.world import Robot
 from sim_action.yaml_document import Document
 
@@ -94,9 +94,28 @@ def test_nothing_changes_in_the_same_folder(tmp_path: Path) -> None:
     assert seen_from(tmp_path, document, tmp_path) is document
 
 
+def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
+    assert set(file_keys()) == {
+        ("robot", "model"),
+        ("robot", "packages", "*"),
+        ("world", "objects", "*", "mesh", "file"),
+        ("world", "objects", "*", "heightfield", "image"),
+        ("world", "objects", "*", "map", "file"),
+        ("commands", "script"),
+        ("commands", "*", "script"),
+        ("commands", "replay"),
+        ("commands", "*", "replay"),
+        ("expect", "**", "assertion"),
+        ("expect", "**", "follow_path", "file"),
+        ("expect", "**", "assertion", "class"),
+    }
+    assert file_keys(if_there=True) == (("commands", "process", "*"), ("commands", "*", "process", "*"))
+
+
 def test_each_key_whose_description_speaks_of_a_path_or_a_folder_is_known() -> None:
-    """A new key that names files is told of here: add it to FILE_KEYS."""
-    known = {"path"} | {pattern[-1] for pattern in FILE_KEYS} | {pattern[-2] for pattern in (*FILE_KEYS, *WORD_KEYS)}
+    """A new key that names files is told of here: annotate it with NamesFile."""
+    keys = (*file_keys(), *file_keys(if_there=True))
+    known = {"path"} | {pattern[-1] for pattern in keys} | {pattern[-2] for pattern in keys}
     models: list[type[BaseModel]] = [Robot, *(table.load(name) for table in (COMMANDS, ASSERTIONS) for name in table)]
     for model in models:
         for name, field in model.model_fields.items():

@@ -17,7 +17,7 @@ from sim_action.assertions.reference_path import Point, ReferencePath, smoothed
 from sim_action.marks import Circle, Mark, Polyline
 from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
-from sim_action.quantities import FrozenModel, Metres, PositiveMetres
+from sim_action.quantities import FrozenModel, Metres, NamesFile, PositiveMetres
 from sim_action.regular_files import read_at_most
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
@@ -59,7 +59,7 @@ class FollowPath(Assertion):
         Field(min_length=2, max_length=_MOST_POINTS, description="points, in the order in which they are passed"),
     ] = None
     file: Annotated[
-        str | None, Field(min_length=1, description="a CSV file instead, with the columns x and y, in m")
+        str | None, NamesFile(), Field(min_length=1, description="a CSV file instead, with the columns x and y, in m")
     ] = None
     smooth: Annotated[bool, Field(description="curves through the points instead of straight lines")] = False
     max_error: Annotated[PositiveMetres | None, Field(description="an invariant: of the distance at any step")] = None

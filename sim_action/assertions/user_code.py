@@ -13,6 +13,7 @@ from sim_action.channels import Channels
 from sim_action.messages import did_you_mean, shown
 from sim_action.observation import Observation
 from sim_action.python_files import ANYTHING, ScriptProblem, read_script
+from sim_action.quantities import NamesFile
 from sim_action.scene import Scene, SpecProblems
 from sim_action.signals import Signal
 from sim_action.workspace import PathError, Workspace
@@ -41,7 +42,9 @@ class UserAssertion(Assertion):
     runs_user_code: ClassVar[bool] = True
 
     path: Annotated[
-        str, Field(alias="class", pattern=r"^[^:].*:[^\W\d]\w*$", description="FILE.py:CLASS; may stand alone")
+        str,
+        NamesFile(),
+        Field(alias="class", pattern=r"^[^:].*:[^\W\d]\w*$", description="FILE.py:CLASS; may stand alone"),
     ]
     settings: Annotated[
         Mapping[str, Any], Field(alias="with", description="what the class is made with; numbers without units")

@@ -19,7 +19,7 @@ from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.errors import ScriptError
 from sim_action.observation import Observation
-from sim_action.quantities import PositiveSeconds
+from sim_action.quantities import NamesFile, PositiveSeconds
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
@@ -86,6 +86,7 @@ class ProcessCommands(CommandSource):
 
     process: Annotated[
         tuple[str, ...],
+        NamesFile(if_there=True),
         BeforeValidator(_words),
         WithJsonSchema({"type": ["array", "string"], "items": {"type": "string"}, "minItems": 1, "minLength": 1}),
         Field(

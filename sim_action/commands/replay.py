@@ -14,7 +14,7 @@ from sim_action.commands.replay_problems import is_csv, kind_problems, log_probl
 from sim_action.commands.saturation import Saturation
 from sim_action.errors import RecordingError
 from sim_action.messages import did_you_mean
-from sim_action.quantities import NonNegativeSeconds, PositiveSeconds
+from sim_action.quantities import NamesFile, NonNegativeSeconds, PositiveSeconds
 from sim_action.recordings import Moment, csv_log, ros_log
 from sim_action.recordings.csv_header import Header
 from sim_action.recordings.ros_types import TWISTS, MessageType
@@ -40,7 +40,9 @@ class ReplayCommands(CommandSource):
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """
 
-    replay: Annotated[str, Field(min_length=1, description="path of the log: .csv, .bag, .db3, .mcap, or a folder")]
+    replay: Annotated[
+        str, NamesFile(), Field(min_length=1, description="path of the log: .csv, .bag, .db3, .mcap, or a folder")
+    ]
     topic: Annotated[
         str | None, Field(min_length=1, description="of a log of ROS, and required there: which one is replayed")
     ] = None

@@ -23,6 +23,7 @@ from sim_action.errors import ScriptError
 from sim_action.location import Location
 from sim_action.observation import Observation
 from sim_action.python_files import ScriptProblem, read_script, run_file, script_error, told_at
+from sim_action.quantities import NamesFile
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
 
@@ -56,7 +57,7 @@ class ScriptCommands(CommandSource):
 
     runs_user_code: ClassVar[bool] = True
 
-    script: Annotated[str, Field(min_length=1, description="path of the Python file")]
+    script: Annotated[str, NamesFile(), Field(min_length=1, description="path of the Python file")]
     function: Annotated[
         str | None, Field(min_length=1, description="which function of the file is asked; left out: `control`")
     ] = None

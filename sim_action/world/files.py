@@ -6,14 +6,14 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.quantities import FrozenModel, Metres, PositiveRatio
+from sim_action.quantities import FrozenModel, Metres, NamesFile, PositiveRatio
 from sim_action.world.shapes import LARGEST, Size
 
 Factor = Annotated[PositiveRatio, Field(le=1e6)]
 Height = Annotated[Metres, Field(ge=-LARGEST, le=LARGEST)]
 _LEAST_SAMPLES: Final = 2
 
-File = Annotated[str, Field(min_length=1)]
+File = Annotated[str, NamesFile(), Field(min_length=1)]
 
 
 class MeshFile(FrozenModel):

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sim_action.quantities import FrozenModel, JointPosition
+from sim_action.quantities import FrozenModel, JointPosition, NamesFile
 from sim_action.world.placement import Placement
 
 
@@ -15,6 +15,7 @@ class Robot(FrozenModel):
 
     model: Annotated[
         str,
+        NamesFile(),
         Field(min_length=1, description="the name of a built-in model, or the path of a URDF, xacro, SDF or MJCF file"),
     ]
     base: Annotated[
@@ -25,7 +26,7 @@ class Robot(FrozenModel):
     args: Annotated[dict[str, str | bool | int | float], Field(description="arguments of a xacro file, by name")] = (
         Field(default_factory=dict)
     )
-    packages: Annotated[dict[str, str], Field(description="folders of ROS packages, by name")] = Field(
+    packages: Annotated[dict[str, str], NamesFile(), Field(description="folders of ROS packages, by name")] = Field(
         default_factory=dict
     )
     allow: Annotated[tuple[str, ...], Field(description="rules of the model's audit that need not hold")] = ()
