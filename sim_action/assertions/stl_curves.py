@@ -14,7 +14,7 @@ from sim_action.temporal_logic.robustness import values
 from sim_action.temporal_logic.samples import Samples
 
 # To fold a formula that is judged at the end takes as long at each moment as all that came before.
-_MOST_MOMENTS: Final = 200
+_MOST_MOMENTS: Final = 60
 
 
 class Asked(NamedTuple):

@@ -16,14 +16,18 @@ from sim_action.assertions.negation import Negation
 from sim_action.geometry import Pose, Twist
 from sim_action.loading import build_scene, load_scenario
 from sim_action.observation import JointState, Observation
+from sim_action.outcome import Results
 from sim_action.permissions import Permissions
+from sim_action.reports import ReportOptions
+from sim_action.reports.evidence import curve, replay_of
+from sim_action.reports.mermaid import chart
 from sim_action.scenario import Expectation
 from sim_action.scene import Scene
 from sim_action.signals import Signal
 from sim_action.simulation import simulate
 from sim_action.trace import FloatArray, Trace
 from sim_action.verdict import Verdict
-from tests.integration.test_examples import ROOT, in_failing_form
+from tests.integration.test_examples import ROOT, in_failing_form, sim_action
 
 
 @dataclass(frozen=True)
@@ -140,3 +144,41 @@ def test_a_curve_passes_its_limit_where_the_verdict_says_so(key: str, fails: boo
         if not verdict.cut_off:
             (check_formula if expected.assertion.key == "stl" else check)(curves, verdict)
     assert all(verdict.passed for verdict in run.verdicts) is not fails
+
+
+def test_the_replay_of_a_run_holds_the_curve_that_each_verdict_is_about(tmp_path: Path) -> None:
+    """Also of sensors that no trace keeps; the summary draws it."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    for key in SHOWN:
+        path = tmp_path / f"examples/assertions/{key}.sim.yml"
+        path.write_text(in_failing_form(path.read_text())[0])
+    files = [f"examples/assertions/{key}.sim.yml" for key in SHOWN]
+    assert sim_action(tmp_path, "run", *files).returncode == 1
+    folder = tmp_path / "sim-results"
+    results = Results.read(folder / "results.json")
+    options = ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=tmp_path)
+    assert len(results.outcomes) == len(SHOWN)
+    for outcome in results.outcomes:
+        replay = replay_of(outcome, options)
+        assert replay is not None
+        ((number, missed),) = [pair for pair in enumerate(outcome.expectations) if pair[1].failed]
+        found, verdict = curve(replay, number, missed.verdict), missed.verdict
+        assert found is not None
+        assert found.unit == verdict.unit
+        assert chart(found, verdict.time)
+        shown_curve = Shown(found, (False, False))
+        assert verdict.time is not None
+        assert shown_curve.at(verdict.time) == pytest.approx(verdict.measured, rel=1e-3, abs=shown_curve.rounding)
+
+
+SHOWN = (
+    "max_speed",
+    "upright",
+    "sensor",
+    "odometry_error",
+    "clearance",
+    "no_collision",
+    "settled",
+    "contact",
+    "energy",
+)
