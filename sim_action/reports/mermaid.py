@@ -24,6 +24,8 @@ _CURVE, _LIMIT = "#2f81f7", "#e5534b"
 _PADDING: Final = 0.08
 # Of the span of all values: a blow that is less than that is not seen anyway.
 _NOTICEABLE: Final = 0.02
+# In s, and in any unit.
+_SHORTEST, _LARGEST = 1e-6, 1e12
 # Of an axis, what nobody sees.
 _SLIVER: Final = 1e-4
 
@@ -35,7 +37,7 @@ def chart(signal: Signal, moment: float | None = None) -> str:
     """
     there = np.isfinite(signal.values)
     time, factor, unit = signal.time[there], *_shown_in(signal.unit)
-    if len(time) < 2 or not time[-1] > time[0]:
+    if len(time) < 2 or not time[-1] - time[0] > _SHORTEST or not _is_sane(time, signal.values[there]):
         return ""
     values = sampled(time, factor * signal.values[there], moment)
     limits = [factor * limit for limit in (signal.lower, signal.upper) if limit is not None]
@@ -53,6 +55,11 @@ def chart(signal: Signal, moment: float | None = None) -> str:
             "```",
         )
     )
+
+
+def _is_sane(*columns: FloatArray) -> bool:
+    """Whether all numbers are such as can be written; a file with others was not written by sim-action."""
+    return all(float(np.abs(column).max()) <= _LARGEST for column in columns)
 
 
 def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, most: int = _MOST_POINTS) -> list[float]:

@@ -145,3 +145,16 @@ def test_any_curve_is_drawn_within_its_axis(values: list[float], limit: float | 
     for line in lines(text):
         assert low <= min(line)
         assert max(line) <= high
+
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.lists(st.tuples(anything, anything), max_size=50), st.none() | anything)
+def test_nothing_that_a_file_may_hold_breaks_it(rows: list[tuple[float, float]], moment: float | None) -> None:
+    """Times rise, and nothing else is sure."""
+    rising = {time: value for time, value in sorted(rows, key=lambda row: row[0]) if math.isfinite(time)}
+    time, values = np.array(sorted(rising)), np.array([rising[at] for at in sorted(rising)])
+    text = chart(curve(time=time, values=values, upper=1.0), moment)
+    assert all(LINE.fullmatch(line) for line in text.split("\n") if text)
+    assert len(text) < 3_000
