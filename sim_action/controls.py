@@ -57,6 +57,7 @@ class Controls:
                 for index, (source, seen) in enumerate(zip(scenario.commands, scenes, strict=True))
             ]
             self._closing = closing.pop_all()
+        self._closed_loops = any(isinstance(source.controller, ClosedLoop) for source in self._sources)
 
     @property
     def are_watching(self) -> bool:
@@ -96,7 +97,7 @@ class Controls:
     def _ask(self, step: int, look: Look) -> JointTargets | None:
         """Takes the commands of this tick; returns the joint targets among them."""
         targets: JointTargets | None = None
-        look_once = lru_cache(maxsize=1)(look)
+        look_once = lru_cache(maxsize=1)(look) if self._closed_loops else look
         for source in self._sources:
             if step % source.period:
                 continue

@@ -159,12 +159,33 @@ class Trace:
 
         What is read at a moment is told with the next one: a run that was cut at `end` would not have it yet.
         """
-        if len(self) and not self._tells and start <= self.time[0] and self.time[-1] <= end:
-            return self
         told_until = end - 2 * TIME_EPSILON
+        is_whole = len(self) and start <= self._first and self._last <= (told_until if self.sensors else end)
+        if is_whole:
+            return self
         start, end = start - TIME_EPSILON, end + TIME_EPSILON
         first, last = np.searchsorted(self.time, (start, end))
         return self._part(slice(int(first), int(last)), start, end, told_until)
+
+    @cached_property
+    def _first(self) -> float:
+        """The time of what it tells first, in s: contacts and the like may be from between moments."""
+        told = (*(contact.time for contact in self.contacts), *(record.time[0] for record in self._records))
+        return float(min([self.time[0], *told]))
+
+    @cached_property
+    def _last(self) -> float:
+        """The same of what it tells last."""
+        told = (*(contact.time for contact in self.contacts), *(record.time[-1] for record in self._records))
+        return float(max([self.time[-1], *told]))
+
+    @property
+    def _records(self) -> list[SensorRecord | ClearanceRecord | BodyRecord]:
+        """Those that have any moment."""
+        records: list[SensorRecord | ClearanceRecord | BodyRecord] = []
+        for several in (self.sensors, self.clearances, self.bodies):
+            records += several.values()
+        return [record for record in records if len(record)]
 
     @property
     def _tells(self) -> bool:

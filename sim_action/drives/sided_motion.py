@@ -35,11 +35,12 @@ class SidedMotion:
         self._max_effort = {} if torque is None else dict.fromkeys((*left, *right), torque)
         self._left = self._right = 0.0
         self._was_planar = True
+        self._joints = frozenset((*left, *right))
 
     @property
     def joints(self) -> frozenset[str]:
         """See DriveMotion.joints."""
-        return frozenset((*self._left_gears, *self._right_gears))
+        return self._joints
 
     @property
     def notes(self) -> tuple[str, ...]:
