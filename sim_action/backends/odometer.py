@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from sim_action.robot_model import Joint, RobotModel
+import numpy as np
+
+from sim_action import geometry
+from sim_action.geometry import Vector3
+from sim_action.robot_model import Joint, RobotModel, Shape
+from sim_action.trace import FloatArray
 
 # What rounding makes of a bound, and how much further than its limits a slide may be pushed.
 _ROUNDING = 1 + 1e-9
 _BEYOND_LIMITS = 1.1
-_FAR = 1e9
 
 
 class PoseOdometer:
-    """Adds up how far any point of a rigid body can have come, in m.
+    """Bounds how far any point of a rigid body can have come, in m.
 
     A pose that changes by dp and by dq (of its unit quaternion) moves a point at a distance r by no more than
     |dp| + 2 r |dq|.
@@ -24,20 +28,25 @@ class PoseOdometer:
         """`radius`: m, how far its points are from its origin at most; inf if nobody knows."""
         self._diameter = 2 * radius
         self._last: Sequence[float] = ()
-        self.way = 0.0
 
     def advance(self, pose: Sequence[float]) -> float:
-        """Adds a step, which ends at a pose (7,): position and unit quaternion; returns what it adds."""
+        """How far a step has taken it that ends at a pose (7,): position and unit quaternion."""
         last, self._last = self._last or pose, pose
         turned = math.dist(pose[3:], last[3:])
         # Nothing times infinity is not a number.
-        moved = math.dist(pose[:3], last[:3]) + (self._diameter * turned if turned else 0.0)
-        self.way += moved * _ROUNDING
-        return moved
+        return (math.dist(pose[:3], last[:3]) + (self._diameter * turned if turned else 0.0)) * _ROUNDING
+
+    def advance_all(self, poses: FloatArray) -> FloatArray:
+        """(T,) m: the same of T steps, (T, 7)."""
+        change = np.diff(np.vstack((self._last or poses[0], poses)), axis=0) ** 2
+        self._last = tuple(poses[-1].tolist())
+        moved, turned = np.sqrt(change[:, :3].sum(axis=1)), np.sqrt(change[:, 3:].sum(axis=1))
+        told: FloatArray = (moved + _times(turned, self._diameter)) * _ROUNDING
+        return told
 
 
 class Odometer:
-    """Adds up how far any point of a robot can have come, in m.
+    """Bounds how far any point of a robot can have come, in m.
 
     Beside what the base does, a joint moves what is beyond it by no more than its angle times how far away that can be.
     """
@@ -48,21 +57,33 @@ class Odometer:
         self._base = PoseOdometer(extents[model.root])
         self._chains = _chains(model, extents)
         self._last: Sequence[float] = ()
-        self.way = 0.0
 
     def advance(self, pose: Sequence[float], joints: Sequence[float]) -> float:
-        """Adds a step, which ends at a pose (7,) of the base, and at joint positions (J,); returns what it adds."""
+        """How far a step has taken it that ends at a pose (7,) of the base, and at joint positions (J,)."""
         last, self._last = self._last or joints, joints
         moved = 0.0
         for chain in self._chains:
             swung = 0.0
             for joint, reach in chain:
-                swung += reach * abs(joints[joint] - last[joint])
+                turned = abs(joints[joint] - last[joint])
+                swung += reach * turned if turned else 0.0
             # Also where it is no number.
             moved = max(moved, swung)
-        moved = (moved + self._base.advance(pose)) * _ROUNDING
-        self.way += moved
-        return moved
+        return (moved + self._base.advance(pose)) * _ROUNDING
+
+    def advance_all(self, poses: FloatArray, joints: FloatArray) -> FloatArray:
+        """(T,) m: the same of T steps, (T, 7) and (T, J)."""
+        turned = np.abs(np.diff(np.vstack((self._last or joints[0], joints)), axis=0))
+        self._last = tuple(joints[-1].tolist())
+        moved = np.zeros(len(joints))
+        for chain in self._chains:
+            moved = np.maximum(moved, sum(_times(turned[:, joint], reach) for joint, reach in chain))
+        return (moved + self._base.advance_all(poses)) * _ROUNDING
+
+
+def _times(turned: FloatArray, reach: float) -> FloatArray:
+    """Nothing times infinity is nothing."""
+    return turned * reach if reach < math.inf else np.where(turned == 0.0, 0.0, math.inf)
 
 
 def _extents(model: RobotModel, radii: Mapping[str, float]) -> dict[str, float]:
@@ -93,6 +114,27 @@ def _stroke(joint: Joint) -> float:
     return _BEYOND_LIMITS * max(abs(joint.lower), abs(joint.upper))
 
 
+def _reach(model: RobotModel, joint: Joint, extent: float) -> float:
+    """By how many m a joint moves what is beyond it, per rad or m."""
+    if joint.type == "prismatic":
+        return 1.0
+    shapes = model.links_by_name[joint.child].collisions
+    if not shapes or any(other.parent == joint.child for other in model.joints):
+        return extent
+    return min(extent, max(_wobble(shape, joint.axis_xyz) for shape in shapes))
+
+
+def _wobble(shape: Shape, axis_xyz: Vector3) -> float:
+    """By how many m per rad a shape moves that turns about an axis: where it is round about it, it stays as it is."""
+    if shape.kind not in ("cylinder", "sphere"):
+        return math.inf
+    place, size = shape.pose.position_xyz, math.hypot(*shape.upper_xyz)
+    upright = geometry.rotate(shape.pose.orientation_xyzw, (0.0, 0.0, 1.0))
+    tilt = math.hypot(*geometry.cross(upright, axis_xyz)) if shape.kind == "cylinder" else 0.0
+    # An axis that changes by dz turns by no more than 2 |dz|.
+    return math.hypot(*geometry.cross(place, axis_xyz)) + 2 * tilt * size
+
+
 def _chains(model: RobotModel, extents: Mapping[str, float]) -> list[list[tuple[int, float]]]:
     """From the root to each leaf: which joints move it, and by how many m per rad or m."""
     numbers = {joint.name: number for number, joint in enumerate(model.moving_joints)}
@@ -100,9 +142,8 @@ def _chains(model: RobotModel, extents: Mapping[str, float]) -> list[list[tuple[
     inner = set()
     for name in _from_root(model):
         for joint in (joint for joint in model.joints if joint.parent == name):
-            reach = 1.0 if joint.type == "prismatic" else extents[joint.child]
-            # Nothing times infinity is not a number; 1e9 m is as far.
-            moves = [(numbers[joint.name], min(reach, _FAR))] if joint.name in numbers else []
+            reach = _reach(model, joint, extents[joint.child])
+            moves = [(numbers[joint.name], reach)] if joint.name in numbers else []
             chains[joint.child] = chains[name] + moves
             inner.add(name)
     return [chain for name, chain in chains.items() if chain and name not in inner]

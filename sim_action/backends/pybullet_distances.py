@@ -26,7 +26,7 @@ class Distances:
         self._links = {name: index for index, name in links.items()}
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
-        """See clearances.Near."""
+        """See foresight.Near."""
         found: dict[str, float] = {}
         points = (point for number in self._bodies[body] for point in self._points(number, links, within))
         for point in points:

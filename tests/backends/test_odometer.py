@@ -6,14 +6,15 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action import geometry
-from sim_action.backends.odometer import Odometer, PoseOdometer
+from sim_action.backends.odometer import Odometer, PoseOdometer, _wobble
 from sim_action.geometry import Pose, Vector3
-from sim_action.robot_model import Joint
+from sim_action.robot_model import Joint, Shape
 from tests.traces import WHEELS, burger
 
 angles = st.floats(-math.pi, math.pi)
@@ -43,23 +44,64 @@ def test_no_point_of_a_body_comes_farther(way: list[Pose], direction: Vector3, r
     places = [geometry.compose(pose, Pose(point)).position_xyz for pose in way]
     for (before, after), moved in zip(pairwise(places), added[1:], strict=True):
         assert math.dist(before, after) <= moved + 1e-9
-    assert odometer.way >= sum(added)
     assert added[0] == 0.0
+    assert PoseOdometer(radius).advance_all(np.array([numbers(pose) for pose in way])) == pytest.approx(added)
 
 
 def test_what_stays_where_it_is_goes_nowhere_however_large_it_may_be() -> None:
     odometer = PoseOdometer(math.inf)
     there = numbers(Pose((1.0, 2.0, 3.0)))
-    assert [odometer.advance(there), odometer.advance(there), odometer.way] == [0.0, 0.0, 0.0]
-    assert odometer.advance(numbers(Pose((1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0)))) == math.inf
+    assert [odometer.advance(there), odometer.advance(there)] == [0.0, 0.0]
+    turned = numbers(Pose((1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0)))
+    assert odometer.advance(turned) == math.inf
+    assert PoseOdometer(math.inf).advance_all(np.array([there, there, turned])).tolist() == [0.0, 0.0, math.inf]
 
 
-def test_a_wheel_that_turns_moves_its_rim_and_only_the_farthest_counts() -> None:
+def turned_wheels(shape: Shape | None) -> float:
+    """How far wheels come that have this shape and turn by 2 and by -3 rad; None: nobody knows their shapes."""
     model = burger()
-    odometer = Odometer(model, {joint.child: 0.033 for joint in model.joints if joint.name in WHEELS})
+    wheels = [joint.child for joint in model.joints if joint.name in WHEELS]
+    shapes = (shape,) if shape else ()
+    links = (replace(link, collisions=shapes) if link.name in wheels else link for link in model.links)
+    odometer = Odometer(replace(model, links=tuple(links)), dict.fromkeys(wheels, 0.033))
     still = numbers(Pose())
     odometer.advance(still, (0.0, 0.0))
-    assert math.isclose(odometer.advance(still, (2.0, -3.0)), 3.0 * 0.033, rel_tol=1e-6)
+    moved = odometer.advance(still, (2.0, -3.0))
+    assert odometer.advance_all(np.array([still]), np.array([(0.0, 0.0)])) == pytest.approx([moved])
+    return moved
+
+
+@pytest.mark.parametrize("shape", [None, Shape("box", Pose(), upper_xyz=(0.01, 0.01, 0.01))])
+def test_a_wheel_that_turns_moves_its_rim_and_only_the_farthest_counts(shape: Shape | None) -> None:
+    assert math.isclose(turned_wheels(shape), 3.0 * 0.033, rel_tol=1e-6)
+
+
+def test_a_wheel_that_is_round_about_its_axle_stays_where_it_is() -> None:
+    (axis,) = {joint.axis_xyz for joint in burger().joints if joint.name in WHEELS}
+    along = geometry.quaternion_from_rpy(-math.pi / 2, 0.0, 0.0) if axis[1] else geometry.IDENTITY
+    size = (0.033, 0.033, 0.01)
+    assert turned_wheels(Shape("cylinder", Pose(orientation_xyzw=along), 0.033, upper_xyz=size)) < 1e-9
+    assert turned_wheels(Shape("sphere", Pose(), 0.033, upper_xyz=(0.033,) * 3)) == 0.0
+
+
+@given(poses, st.tuples(angles, angles), directions, st.floats(0.01, 1), st.floats(0.01, 1))
+def test_no_point_of_a_wheel_that_wobbles_comes_farther_away(
+    mounted: Pose, turns: tuple[float, float], axis: Vector3, radius: float, half: float
+) -> None:
+    length = math.hypot(*axis)
+    unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+    bound = _wobble(Shape("cylinder", mounted, radius, upper_xyz=(radius, radius, half)), unit)
+
+    def turned(angle: float) -> Pose:
+        x, y, z = (part * math.sin(angle / 2) for part in unit)
+        return geometry.compose(Pose(orientation_xyzw=(x, y, z, math.cos(angle / 2))), mounted)
+
+    before, after = map(turned, turns)
+    # A point of its rim, and what is nearest to it of the rim of the other.
+    rim = geometry.compose(before, Pose((radius, 0.0, half))).position_xyz
+    x, y, z = geometry.compose(geometry.inverse(after), Pose(rim)).position_xyz
+    beyond = math.hypot(max(0.0, math.hypot(x, y) - radius), max(0.0, abs(z) - half))
+    assert beyond <= bound * abs(turns[1] - turns[0]) + 1e-9
 
 
 @pytest.mark.parametrize(("limits", "turned"), [((-0.5, 0.25), 0.55 * 2 * math.sqrt(2)), ((None, None), math.inf)])

@@ -209,6 +209,25 @@ def test_nor_does_what_moves_by_itself(engine: str, tmp_path: Path) -> None:
     assert [near.body for near in told(trace) if near.time >= 1.5] == ["late"]
 
 
+@pytest.mark.parametrize("openings", [(), (1.0, 2.503)])
+def test_to_look_back_at_many_steps_is_to_look_at_each(
+    openings: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    still = ("wall", "post", "far")
+    watches = [
+        ClearanceWatch(bodies=still),
+        ClearanceWatch(bodies=still, always=True),
+        ClearanceWatch(bodies=still, within=0.3, always=True),
+        ClearanceWatch(bodies=("wall",), links=("base_footprint",)),
+    ]
+    back = driven("mujoco", watches, openings)
+    monkeypatch.setattr(Clearances, "stand_still", False)
+    each = driven("mujoco", watches, openings)
+    for watch in watches:
+        assert told(back, watch)
+        assert told(back, watch) == told(each, watch)
+
+
 @on_every_engine
 def test_each_window_has_its_own_least(engine: str) -> None:
     openings = (0.0, 2.5, 5.0)

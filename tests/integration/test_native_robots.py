@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_action.channels import ClearanceWatch
 from sim_action.command import JointTargets
 from sim_action.loading import build_scene, load_scenario
 from sim_action.models import load_model
@@ -52,6 +53,19 @@ def test_a_rover_drives_as_far_as_its_wheels_turn_and_stops_at_a_wall(tmp_path: 
         (wheel, "wall") for wheel in ("left_wheel", "right_wheel", "chassis")
     }
     assert later.base_position_xyz[:, 0].max() < 2.95 - 0.2 + 0.01
+
+
+def test_how_near_a_rover_comes_is_seen_also_where_nobody_knows_how_far_a_turn_takes_it(tmp_path: Path) -> None:
+    wall = Body(name="wall", box=(0.1, 2, 1), pose=Placement(x=3))
+    rover = scene(tmp_path, ROVER, World(objects=(wall,)))
+    curve = JointTargets(velocity={"left": 5.0, "right": 4.5})
+    least, always = ClearanceWatch(), ClearanceWatch(always=True)
+    with running("mujoco", rover, clearances=[least, always]) as backend:
+        trace = advance(backend, 0, 480, curve)
+    every = trace.clearances[always]
+    assert len(every) == len(trace)
+    assert every.distance[-1] < every.distance[0] - 0.5
+    assert trace.clearances[least].distance[-1] == every.distance.min()
 
 
 def test_what_the_ground_carries_is_the_mass_of_the_file(tmp_path: Path) -> None:

@@ -80,14 +80,17 @@ class MuJoCoBackend:
         self._stage = MuJoCoStage(compiled, self._objects)
         self._timetable = Timetable.of(scene, self._stage)
         self._watches_contacts = channels.contacts and bool(scene.world.objects)
-        distances = Distances(compiled)
+        self._distances = distances = Distances(compiled)
         # In MuJoCo's own format, axes may be beside the frames of their links: nobody knows how far.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
         self._clearances = Clearances(channels, scene, radii, near=distances.near, body_at=self._objects.at)
         tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
         self._tracks = BodyTracks(tracked, self._rate, self._objects.looking_at(tracked))
+        # What stands still may be looked at afterwards, when all that moves has been put down.
+        self._looks_back = not self._clearances.is_idle and self._clearances.stand_still
+        self._looks_now = not self._clearances.is_idle and not self._looks_back
         # A live view of how often the engine has warned of what.
-        self._warned = compiled.data.warning.number
+        self._warned = memoryview(compiled.data.warning.number)
         self._touches: list[Contact] = []
         self._glance = Glance()
 
@@ -101,11 +104,13 @@ class MuJoCoBackend:
 
     def collect(self) -> Trace:
         """See Backend.collect."""
+        rows, states = self._states.take(), self._states
+        if self._looks_back:
+            steps, qpos, recall = rows[:, 0].astype(int).tolist(), states.robot_qpos(rows), self._distances.recall
+            self._clearances.look_back(steps, *states.places(rows), lambda row: recall(qpos[row]))
+        touches, self._touches = tuple(self._touches), []
         clearances, bodies = self._clearances.collect(), self._tracks.collect()
-        state, touches = self._states.collect(), tuple(self._touches)
-        trace = Trace(self._joint_names, state, touches, clearances=clearances, bodies=bodies)
-        self._touches = []
-        return trace
+        return Trace(self._joint_names, states.in_our_terms(rows), touches, clearances=clearances, bodies=bodies)
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Backend.observe."""
@@ -144,26 +149,28 @@ class MuJoCoBackend:
         self._glance.settle()
 
     def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        rows = self._states.expect(first_step + 1, len(targets))
-        for step, (row, wanted) in enumerate(zip(rows, targets, strict=True), start=first_step):
+        warned, states = self._warned, self._states
+        for step, wanted in enumerate(targets, start=first_step):
             if wanted is not None:
                 self._motors.apply(wanted)
                 if wanted.base is not None:
                     self._pusher.apply(wanted.base)
-            if self._warned[_BAD_ACCELERATION] or self._warned[_BAD_VELOCITY]:
+            if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
                 # There is nothing left to simulate, and what is left of the trace are no numbers.
+                states.lose(range(step + 1, first_step + len(targets) + 1))
                 return
             if not self._pusher.is_idle:
                 here = self.observe(step, contacts=False)
                 self._pusher.step(here.pose, here.twist)
             self._step(step)
-            self._states.keep(row)
-            if self._watches_contacts:
-                self._touches += self._contacts.of_step(float(row[0]) / self._rate, ground=False)
+            states.keep(step + 1)
+            if self._watches_contacts and self._contacts.may_matter():
+                self._touches += self._contacts.of_step((step + 1) / self._rate, ground=False)
             if not self._tracks.is_idle:
-                self._tracks.see(int(row[0]))
-            if not self._clearances.is_idle:
-                self._clearances.see(int(row[0]), *self._states.place(row))
+                self._tracks.see(step + 1)
+            if self._looks_now:
+                self._distances.look_at_present()
+                self._clearances.see(step + 1, *states.place(states.last()))
 
     def _step(self, step: int) -> None:
         if self._timetable is None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 import mujoco
 
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.observation import Clash, Contact, Overlap
 from sim_action.world import GROUND
+
+_REMEMBERED: Final = 256
 
 
 class Contacts:
@@ -19,18 +22,28 @@ class Contacts:
         self._links, self._bodies = compiled.links, compiled.bodies
         objects = {geom for geom, body in self._bodies.items() if body != GROUND}
         self._matters = objects.union(self._links)
+        # Geoms that touched at once, of which none mattered to the other.
+        self._harmless: set[bytes] = set()
+
+    def may_matter(self) -> bool:
+        """Whether anything may touch now beside the ground, which is asked at every step."""
+        if not self._data.ncon:
+            return False
+        # Wheels stand on the ground at most steps: which geoms touch is seldom new.
+        seen = self._data.contact.geom.tobytes()
+        if seen in self._harmless:
+            return False
+        matters = any(self._matters.issuperset(pair) for pair in self._data.contact.geom.tolist())
+        if not matters:
+            if len(self._harmless) == _REMEMBERED:
+                self._harmless.clear()
+            self._harmless.add(seen)
+        return matters
 
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
         """What touches now, with or without the ground."""
-        if not self._data.ncon:
-            return
-        contacts = self._data.contact
-        geoms = contacts.geom.tolist()
-        # Of a few contacts, this is quicker without arrays.
-        if not ground and not any((one in self._matters and other in self._matters) for one, other in geoms):
-            return
-        forces = self._data.efc_force
-        pairs = zip(geoms, contacts.efc_address.tolist(), contacts.pos.tolist(), strict=True)
+        contacts, forces = self._data.contact, self._data.efc_force
+        pairs = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), contacts.pos.tolist(), strict=True)
         for (one, other), row, (x, y, z) in pairs:
             link, body = (one, other) if one in self._links else (other, one)
             if link not in self._links or row < 0 or (not ground and self._bodies[body] == GROUND):

@@ -44,19 +44,20 @@ class Motors:
         self._gain = _SERVO_SHARE * rate
         self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
         self._mode = np.full(len(joints), _FREE)
+        self._rows_are_others = True
         # What `qfrc_applied` has of the joints, which costs more to read.
         self._applied = np.zeros(len(joints))
         self._target, self._ahead = np.zeros(len(joints)), np.zeros(len(joints))
         for number, joint in enumerate(joints):
             if joint.type != "continuous" and joint.mimic is None:
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
+        self._all_rows: _Numbers | None = None
         self._arrange()
         # Nothing has moved so far.
         self._exerted: tuple[_Numbers, _Numbers] = slice(0), slice(0)
 
     def apply(self, targets: JointTargets) -> None:
         """From now on, until told otherwise."""
-        before = self._mode.tolist()
         for mode, group in ((_VELOCITY, targets.velocity), (_POSITION, targets.position)):
             for name, target in group.items():
                 number = self._index[name]
@@ -68,7 +69,7 @@ class Motors:
             number = self._index[name]
             self._set(number, _FREE, 0.0, self._friction[number])
             self._data.qfrc_applied[self._dofs[number]] = self._applied[number] = effort
-        if targets.max_effort or before != self._mode.tolist():
+        if self._rows_are_others:
             self._arrange()
         else:
             self._aim()
@@ -87,25 +88,33 @@ class Motors:
             between()
         mujoco.mj_step2(self._model, self._data)
 
-    def efforts(self, into: FloatArray) -> None:
-        """What the motors exerted in the last step, (J,) in N m or N."""
+    def efforts(self) -> FloatArray:
+        """What the motors exerted in the last step, (J,) in N m or N; it lives until the next."""
         motors, rows = self._exerted
-        into[:] = self._applied
-        into[motors] = self._data.efc_force[rows]
+        if rows is self._all_rows:
+            told: FloatArray = self._data.efc_force[rows]
+            return told
+        efforts = self._applied.copy()
+        efforts[motors] = self._data.efc_force[rows]
+        return efforts
 
     def _set(self, number: int, mode: int, target: float, limit: float) -> None:
-        dof = self._dofs[number]
+        dof, limits = self._dofs[number], self._model.dof_frictionloss
+        self._rows_are_others |= mode != self._mode[number] or (limits[dof] > 0) != (limit > 0)
         self._mode[number], self._target[number] = mode, target
-        self._model.dof_frictionloss[dof] = limit
+        limits[dof] = limit
         self._data.qfrc_applied[dof] = self._applied[number] = 0.0
 
     def _arrange(self) -> None:
         """Finds the rows of the motors: after those of equalities, one for each joint that has any friction."""
+        self._rows_are_others = False
         has_row = self._model.dof_frictionloss > 0
         rows = np.cumsum(has_row) - 1 + int(self._data.ne)
         moving = (self._mode != _FREE) & has_row[self._dofs]
         self._motors = np.flatnonzero(moving)
         self._exerting = _in_a_row(self._motors), _in_a_row(rows[self._dofs[self._motors]])
+        # Where every joint has one, in their order, nothing has to be put together.
+        self._all_rows = self._exerting[1] if len(self._motors) == len(self._mode) else None
         self._servos = np.flatnonzero(self._mode[self._motors] == _POSITION)
         servo_joints = self._motors[self._servos]
         self._servo_qpos = self._qpos[servo_joints]
