@@ -27,6 +27,8 @@ RAW = ROOT / "bench/raw_loop.py"
 SUITE = 16
 VARIATIONS = 200
 BATCH = 10
+ASKED = 1.4
+"""Of watching, times a loop by hand."""
 
 SCENARIO = """\
 name: burger drives on {number}
@@ -224,11 +226,16 @@ def worlds() -> Iterator[Ratio]:
 
 def watching() -> Iterator[Ratio]:
     """Contacts and clearance, watched at every step of a robot that goes round among things."""
-    # As above: in MuJoCo, our loop is half as dear again as one by hand before anything is watched.
-    for engine, target in (("pybullet", 1.4), ("mujoco", 3.0)):
+    # 1.4 is what was asked for. In MuJoCo, a step of this robot takes a quarter of PyBullet's time: its loop is a third
+    # dearer than one by hand before anything is watched, and what Python adds to watch it weighs four times as much.
+    for engine, unwatched, watched in (("pybullet", 1.2, 1.4), ("mujoco", 1.4, 2.0)):
         cost = watching_cost(engine)
-        name = f"{engine}: contacts and clearance watched at every step, against a loop by hand"
-        yield Ratio(name, cost.watching, cost.by_hand, target)
+        asked = "" if watched <= ASKED else f" ({ASKED} asked for, out of reach where a step is so cheap)"
+        name = f"{engine}: contacts and clearance watched at every step, against a loop by hand{asked}"
+        yield Ratio(
+            f"{engine}: the same run, unwatched, against a loop by hand", cost.unwatched, cost.by_hand, unwatched
+        )
+        yield Ratio(name, cost.watching, cost.by_hand, watched)
 
 
 def side_by_side(folder: Path) -> Iterator[SideBySide]:

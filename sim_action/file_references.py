@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cache
@@ -122,6 +121,8 @@ def _is_relative_file(name: str, folder: Path) -> bool:
 def _words(text: str) -> object:
     """As the command takes text apart."""
     try:
+        import shlex
+
         return tuple(shlex.split(text))
     except ValueError:
         return text

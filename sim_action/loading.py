@@ -6,13 +6,12 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action import clash_checks, scenario_checks, world_checks
 from sim_action.errors import Fault, InvalidScenario, ModelError, RefusedModel, UsageError
 from sim_action.models import check_text, load_model
 from sim_action.models.library import ModelLibrary
-from sim_action.parts import Part
 from sim_action.permissions import Permissions
 from sim_action.problem_list import ProblemList
 from sim_action.robot_model import RobotModel
@@ -23,6 +22,9 @@ from sim_action.scene import Scene, SpecProblems
 from sim_action.source import Refused, Source
 from sim_action.surroundings import ShapeLibrary, read_surroundings
 from sim_action.workspace import Workspace
+
+if TYPE_CHECKING:
+    from sim_action.parts import Part
 
 _PERMISSIONS: Final = Permissions()
 

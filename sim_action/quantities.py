@@ -21,7 +21,8 @@ from sim_action.units import Dimension
 class FrozenModel(BaseModel):
     """What every part of a scenario is: immutable, strict about types, and closed to unknown keys."""
 
-    # A validator is built when it is first needed: most models are only parts of another.
+    # A validator is built when it is first needed: most models are only parts of another. So a part that is left out is
+    # made by model_construct(), which needs none.
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
 

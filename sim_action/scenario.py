@@ -15,8 +15,6 @@ from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
 from sim_action.marks import Mark
-from sim_action.observation import Observation
-from sim_action.parts import Part
 from sim_action.quantities import (
     FrozenModel,
     Name,
@@ -40,6 +38,8 @@ from sim_action.world import Physics, Robot, World
 from sim_action.yaml_document import Document
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
+    from sim_action.parts import Part
     from sim_action.trace import Trace
 
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
@@ -138,8 +138,8 @@ class Scenario(FrozenModel):
     tags: Annotated[tuple[Tag, ...], Field(description="words by which --tag and --exclude-tag find it")] = ()
     version: Annotated[Literal[1], Field(description="of the format")] = 1
     robot: DrivenRobot
-    world: World = World()
-    physics: Physics = Physics()
+    world: World = World.model_construct()
+    physics: Physics = Physics.model_construct()
     commands: Annotated[tuple[CommandSource, ...], Field(description="what drives the robot")] = ()
     sensors: Annotated[tuple[MountedSensor, ...], Field(description="what controllers see it by")] = ()
     expect: Annotated[tuple[Expectation, ...], Field(min_length=1, description="what must come true")]
@@ -169,7 +169,7 @@ class Scenario(FrozenModel):
     seed: Annotated[
         int, Field(ge=0, le=2**63 - 1, description="of everything that is drawn at random; the same seed, the same run")
     ] = 0
-    trace: TraceSettings = TraceSettings()
+    trace: TraceSettings = TraceSettings.model_construct()
 
     @property
     def wall_seconds(self) -> float:

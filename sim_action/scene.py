@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 from sim_action import units
 from sim_action.mobility import Mobility
-from sim_action.parts import Part
 from sim_action.robot_model import WORLD, RobotModel
 from sim_action.workspace import Workspace
 from sim_action.world import Body, Physics, Placement, Robot, World
 
 if TYPE_CHECKING:
     from numpy.random import Generator
+
+    from sim_action.parts import Part
 
 # Where in a scenario a problem is (the keys that lead there), and what it is.
 SpecProblem = tuple[tuple[str | int, ...], str]

@@ -53,6 +53,30 @@ def test_each_subcommand_gets_what_it_takes(folder: Path) -> None:
     assert stated(folder, table, "schema") == {}
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[tool.sim-action]\nseed = 3",
+        "[tool]\nsim-action.seed = 3",
+        "[ tool ] # ours\nsim-action = {seed = 3}",
+        "tool.sim-action.seed = 3",
+        "tool . 'sim-action' . seed = 3",
+        "tool = {sim-action = {seed = 3}}",
+        "[ 'tool' . \"sim-action\" ]\nseed = 3",
+        '["t\\u006fol".sim-action]\nseed = 3',
+        "[tool.ruff]\n[tool.sim-action]\nseed = 3",
+    ],
+)
+def test_the_table_may_be_written_in_any_way_that_toml_has(folder: Path, text: str) -> None:
+    (folder / "pyproject.toml").write_text(text)
+    assert default_map("run", folder) == {"run": {"seed": 3}}
+
+
+def test_a_file_that_has_but_the_name_is_not_read(folder: Path) -> None:
+    (folder / "pyproject.toml").write_text('[project]\nname = "sim-action"\n[tool.ruff]\nthis is no TOML')
+    assert default_map("run", folder) == {}
+
+
 def test_every_key_is_an_option_that_a_subcommand_has() -> None:
     named = {command.name: command for command in subcommands.SUBCOMMANDS}
     assert set(_OPTIONS) == set(subcommands.TAKE_DEFAULTS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -10,11 +10,13 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import bounds_title, check_bounds
 from sim_action.channels import Channels, ClearanceWatch
 from sim_action.messages import FirstFew, did_you_mean
-from sim_action.observation import Observation
 from sim_action.quantities import PositiveMetres
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.world import GROUND
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class Clearance(Assertion):

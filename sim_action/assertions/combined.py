@@ -13,14 +13,14 @@ from sim_action.assertions import Assertion, Monitor, State, is_decisive, is_fol
 from sim_action.assertions.fold import joined, joined_by_any
 from sim_action.channels import Channels
 from sim_action.marks import Mark
-from sim_action.observation import Observation
 from sim_action.scene import Scene, SpecProblems
 from sim_action.signals import Signal
-from sim_action.verdict import Verdict
 from sim_action.workspace import Workspace
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import Trace
+    from sim_action.verdict import Verdict
 
 _LONGEST_TITLE: Final = 100
 Place = tuple[str | int, ...]

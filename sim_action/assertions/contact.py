@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from fnmatch import fnmatchcase
-from typing import Annotated, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
@@ -13,10 +13,12 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_order
 from sim_action.channels import Channels, ClearanceWatch
 from sim_action.messages import did_you_mean
-from sim_action.observation import Contact, Observation
 from sim_action.quantities import PositiveNewtons, PositiveSeconds
 from sim_action.scene import Scene, SpecProblems
 from sim_action.world import GROUND
+
+if TYPE_CHECKING:
+    from sim_action.observation import Contact, Observation
 
 _PATTERN: Final = re.compile(r"[*?\[]")
 

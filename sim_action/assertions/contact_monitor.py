@@ -16,12 +16,12 @@ from sim_action.assertions.least_distance import least_so_far, nearest_of
 from sim_action.assertions.stepwise import forces, with_zeros
 from sim_action.assertions.stretch import Stretch
 from sim_action.clearance_record import Nearness
-from sim_action.observation import Contact
 from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.assertions.contact import Touch
+    from sim_action.observation import Contact
     from sim_action.trace import FloatArray, Trace
 
 # s: what is pushed along is out of touch for up to five steps at a time, in MuJoCo.

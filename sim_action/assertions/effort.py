@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -12,10 +12,12 @@ from sim_action.assertions.bounds import Bounds, SignalMonitor
 from sim_action.assertions.combined import short
 from sim_action.assertions.every import Every
 from sim_action.assertions.joint_choice import as_written, choice_problems, chosen, reading_of, unit_problem
-from sim_action.observation import Observation
 from sim_action.quantities import JointEffort
 from sim_action.robot_model import READINGS
 from sim_action.scene import Scene, SpecProblems
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class Effort(Assertion):

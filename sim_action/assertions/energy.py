@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -11,9 +11,11 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds
 from sim_action.assertions.combined import short
 from sim_action.assertions.joint_choice import choice_problems, chosen
-from sim_action.observation import Observation
 from sim_action.quantities import NonNegativeJoules
 from sim_action.scene import Scene, SpecProblems
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 Braking = Literal["free", "costs", "regained"]
 

@@ -10,11 +10,11 @@ import numpy as np
 from sim_action.assertions import State
 from sim_action.assertions.bounds import Bounds
 from sim_action.signals import Signal
-from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.assertions.energy import Braking
     from sim_action.trace import FloatArray, Trace
+    from sim_action.verdict import Verdict
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Self
 from sim_action.assertions import Monitor, State, is_drawn
 from sim_action.assertions.fold import joined
 from sim_action.signals import Signal
-from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.trace import Trace
+    from sim_action.verdict import Verdict
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -12,9 +12,11 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.nearest import Nearest
 from sim_action.geometry import Pose
 from sim_action.marks import Mark, goal, line
-from sim_action.observation import Observation
 from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class FinalPose(Assertion):

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
@@ -16,11 +16,13 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.reference_path import Point, ReferencePath, smoothed
 from sim_action.marks import Circle, Mark, Polyline
 from sim_action.messages import did_you_mean, shown
-from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, Metres, NamesFile, PositiveMetres
 from sim_action.regular_files import read_at_most
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 _MOST_POINTS: Final = 10_000
 _MOST_DRAWN: Final = 2_000

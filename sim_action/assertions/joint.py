@@ -14,15 +14,15 @@ from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
 from sim_action.assertions.joint_choice import as_written, reading_of
 from sim_action.assertions.nearest import Nearest
 from sim_action.messages import did_you_mean
-from sim_action.observation import Observation
 from sim_action.quantities import JointQuantity
 from sim_action.robot_model import READINGS, Reading
 from sim_action.scene import Scene, SpecProblems
 from sim_action.signals import Signal
-from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import FloatArray, Trace
+    from sim_action.verdict import Verdict
 
 
 class JointReading(Assertion):

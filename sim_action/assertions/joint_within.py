@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -13,10 +13,12 @@ from sim_action.assertions.combined import short
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
 from sim_action.assertions.joint_choice import as_written, chosen, name_problem, reading_of, unit_problem
 from sim_action.messages import FirstFew
-from sim_action.observation import Observation
 from sim_action.quantities import JointEffort, JointPosition, JointVelocity
 from sim_action.robot_model import READINGS, Reading
 from sim_action.scene import Scene, SpecProblems
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 Written = float | str
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -10,9 +10,11 @@ from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds, SignalMonitor
 from sim_action.assertions.every import Every
-from sim_action.observation import Observation
 from sim_action.quantities import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class MaxSpeed(Assertion):

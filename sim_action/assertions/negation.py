@@ -12,13 +12,13 @@ from pydantic import Field
 
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.combined import Combined, Place, begun, is_decided, short
-from sim_action.observation import Observation
 from sim_action.scene import Scene
 from sim_action.signals import Signal
-from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import Trace
+    from sim_action.verdict import Verdict
 
 
 class Negation(Combined):

@@ -10,13 +10,13 @@ from pydantic import Field
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.channels import Channels
 from sim_action.messages import FirstFew, did_you_mean
-from sim_action.observation import Contact, Observation
 from sim_action.scene import Scene, SpecProblems
 from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 from sim_action.world import GROUND
 
 if TYPE_CHECKING:
+    from sim_action.observation import Contact, Observation
     from sim_action.trace import Trace
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -11,9 +11,11 @@ from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean
-from sim_action.observation import Observation
 from sim_action.quantities import PositiveMetres, PositiveRadians, PositiveShare
 from sim_action.scene import Scene, SpecProblems
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class OdometryError(Assertion):

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Invariant, joined
-from sim_action.observation import Observation
 from sim_action.sensor_record import SensorRecord
 from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import FloatArray, Trace
 
 # In m: less of a way tells nothing of a drift.

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from sim_action.assertions import Monitor, State
 from sim_action.assertions.bounds import Bounds, LengthBounds
 from sim_action.geometry import Vector3
-from sim_action.observation import Observation
 from sim_action.scene import Scene
 from sim_action.signals import Signal
-from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import Trace
+    from sim_action.verdict import Verdict
 
 
 class PathLength(LengthBounds):

@@ -12,14 +12,14 @@ from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.nearest import Nearest
 from sim_action.marks import Mark, goal
-from sim_action.observation import Observation
 from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.scene import Scene
 from sim_action.signals import Signal
-from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import FloatArray, Trace
+    from sim_action.verdict import Verdict
 
 
 class Reach(Assertion):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -13,11 +13,13 @@ from sim_action.assertions.bounds import check_bounds
 from sim_action.assertions.joint_choice import as_written
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean
-from sim_action.observation import Observation
 from sim_action.quantities import SensorQuantity
 from sim_action.reading_columns import READING_COLUMNS, ReadingColumn
 from sim_action.scene import Scene, SpecProblems
 from sim_action.units import Dimension
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 Which = Literal["min", "max", "mean", "norm", "x", "y", "z", "w"]
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
 from sim_action import units
 from sim_action.assertions import Monitor
 from sim_action.assertions.at_rest import AtRest
-from sim_action.observation import Observation
 from sim_action.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class Settled(AtRest):

@@ -12,11 +12,11 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_interval
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
 from sim_action.marks import Mark, line, rectangle
-from sim_action.observation import Observation
 from sim_action.quantities import Metres
 from sim_action.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import FloatArray, Trace
 
 Range = tuple[Metres, Metres]

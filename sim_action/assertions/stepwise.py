@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_action.observation import Contact
 from sim_action.trace import FloatArray
+
+if TYPE_CHECKING:
+    from sim_action.observation import Contact
 
 
 def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
 from sim_action.messages import shown
-from sim_action.observation import Observation
 from sim_action.scene import Scene, SpecProblems
 from sim_action.temporal_logic import dimensions
 from sim_action.temporal_logic.formula import (
@@ -25,6 +24,9 @@ from sim_action.temporal_logic.formula import (
 )
 from sim_action.temporal_logic.parser import parse
 from sim_action.temporal_logic.tokens import place
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 _STEP_ROUNDING: Final = 1e-6
 _LONGEST_TITLE: Final = 100

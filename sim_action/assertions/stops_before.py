@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -12,9 +12,11 @@ from sim_action.assertions.at_rest import AtRest
 from sim_action.assertions.bounds import check_interval
 from sim_action.channels import Channels, ClearanceWatch
 from sim_action.messages import did_you_mean
-from sim_action.observation import Observation
 from sim_action.quantities import NonNegativeMetres
 from sim_action.scene import Scene, SpecProblems
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class StopsBefore(AtRest):

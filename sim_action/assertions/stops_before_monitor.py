@@ -13,12 +13,12 @@ from sim_action.assertions import State
 from sim_action.assertions.least_distance import distances, nearest_of
 from sim_action.assertions.stretch import Stretch
 from sim_action.clearance_record import Nearness
-from sim_action.observation import Contact
 from sim_action.signals import Signal
 from sim_action.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.assertions.stops_before import StopsBefore
+    from sim_action.observation import Contact
     from sim_action.trace import FloatArray, Trace
 
 

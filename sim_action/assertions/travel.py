@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from sim_action.assertions import Monitor
 from sim_action.assertions.bounds import Bounds, LengthBounds, SignalMonitor
 from sim_action.marks import Circle, Mark
-from sim_action.observation import Observation
 from sim_action.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 class Travel(LengthBounds):

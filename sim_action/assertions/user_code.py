@@ -11,7 +11,6 @@ from pydantic import Field, model_validator
 from sim_action.assertions import Assertion, Monitor
 from sim_action.channels import Channels
 from sim_action.messages import did_you_mean, shown
-from sim_action.observation import Observation
 from sim_action.python_files import ANYTHING, ScriptProblem, read_script
 from sim_action.quantities import NamesFile
 from sim_action.scene import Scene, SpecProblems
@@ -19,6 +18,7 @@ from sim_action.signals import Signal
 from sim_action.workspace import PathError, Workspace
 
 if TYPE_CHECKING:
+    from sim_action.observation import Observation
     from sim_action.trace import Trace
 
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
 
 from sim_action.command import Answer, JointTargets
-from sim_action.observation import Observation
 from sim_action.quantities import FrozenModel, PositiveHertz
 from sim_action.registry import Table
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import Workspace
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 
 def _nothing() -> None:

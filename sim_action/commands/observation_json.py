@@ -5,11 +5,13 @@ from __future__ import annotations
 import base64
 import math
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sim_action.commands.robot_description import JointDescription, RobotDescription
 from sim_action.geometry import Pose, Twist
-from sim_action.observation import Contact, Observation
+
+if TYPE_CHECKING:
+    from sim_action.observation import Contact, Observation
 
 Json = dict[str, Any]
 

@@ -6,12 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.commands.pure_pursuit import Leg, Point, braking_speed, curvature_to, seen_from, turns
 from sim_action.geometry import Twist
 from sim_action.mobility import Mobility
-from sim_action.observation import Observation
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 # In rad off its way: from here on a robot turns on the spot, if it can, until it is less than the other.
 _FAR_OFF: Final = math.radians(45)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from typing import Annotated, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
@@ -18,11 +18,13 @@ from sim_action.commands.program import program_of
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.errors import ScriptError
-from sim_action.observation import Observation
 from sim_action.quantities import NamesFile, PositiveSeconds
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 VERSION: Final = 1
 """Of the protocol."""

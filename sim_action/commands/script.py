@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, cast
 
 from pydantic import Field
 
@@ -21,11 +21,13 @@ from sim_action.commands.script_file import (
 )
 from sim_action.errors import ScriptError
 from sim_action.location import Location
-from sim_action.observation import Observation
 from sim_action.python_files import ScriptProblem, read_script, run_file, script_error, told_at
 from sim_action.quantities import NamesFile
 from sim_action.scene import Scene, SpecProblems
 from sim_action.workspace import PathError, Workspace
+
+if TYPE_CHECKING:
+    from sim_action.observation import Observation
 
 _WORD: Final = 2**32 - 1
 _WHO: Final = "the controller"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import ClassVar, Final, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
 
 from sim_action.command import JointTargets
 from sim_action.geometry import Twist
@@ -14,8 +14,10 @@ from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene, SpecProblems
-from sim_action.wheel_motion import WheelMotion
 from sim_action.world import GRAVITY
+
+if TYPE_CHECKING:
+    from sim_action.wheel_motion import WheelMotion
 
 
 class DriveMotion(Protocol):

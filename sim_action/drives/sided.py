@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from statistics import fmean
-from typing import Annotated, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
@@ -14,7 +13,6 @@ from sim_action.drives.heading import Rolling, along, axle_problems, heading_of,
 from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
 from sim_action.drives.plugins import StatedSides, sides_by_plugin
 from sim_action.drives.sided_motion import SidedMotion
-from sim_action.drives.sided_ways import SidedWays
 from sim_action.drives.wheel_problems import LEAST_LENGTH, joint_problems, length_problems
 from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, wheel
@@ -24,6 +22,9 @@ from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.robot_model import RobotModel
 from sim_action.scene import SpecProblems
 from sim_action.world import GRAVITY
+
+if TYPE_CHECKING:
+    from sim_action.drives.sided_ways import SidedWays
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
 
@@ -101,9 +102,11 @@ class SidedDrive(Drive):
 
     def wheel_motion(self, model: RobotModel) -> SidedWays:
         """See Drive.wheel_motion."""
+        from sim_action.drives.sided_ways import SidedWays
+
         heading = self.forward(model)
         left, right = self.sides(model)
-        ahead = fmean(placed.ahead for placed in (*left, *right))
+        ahead = _mean([placed.ahead for placed in (*left, *right)])
         middle = along(heading, ahead, (_mean_left(left) + _mean_left(right)) / 2)
         separation = self._effective_separation(model)
         return SidedWays(self._gears(model), self.left, self.right, separation, heading, middle)
@@ -113,7 +116,7 @@ class SidedDrive(Drive):
         left, right = self.sides(model)
         return Mobility(
             heading=self.forward(model),
-            ahead=-fmean(placed.ahead for placed in (*left, *right)),
+            ahead=-_mean([placed.ahead for placed in (*left, *right)]),
             acceleration=self.acceleration,
             turn_acceleration=2 * self.acceleration / self._effective_separation(model),
         )
@@ -176,4 +179,9 @@ class SidedDrive(Drive):
 
 
 def _mean_left(wheels: Sequence[Rolling]) -> float:
-    return fmean(placed.left for placed in wheels)
+    return _mean([placed.left for placed in wheels])
+
+
+def _mean(values: Sequence[float]) -> float:
+    # As statistics.fmean has it, which takes longer to import than a robot to be recognised.
+    return math.fsum(values) / len(values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from statistics import fmean
+from math import fsum
 
 from sim_action.drives.heading import along
 from sim_action.wheel_motion import PlanarWay
@@ -30,5 +30,5 @@ class SidedWays:
 
     def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
         """See WheelMotion.way."""
-        left, right = (fmean(rolled[name] for name in side) for side in (self.left, self.right))
+        left, right = (fsum(rolled[name] for name in side) / len(side) for side in (self.left, self.right))
         return PlanarWay(*along(self.heading, (left + right) / 2, 0.0), (right - left) / self.separation)

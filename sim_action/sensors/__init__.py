@@ -13,16 +13,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from sim_action.geometry import Pose
-from sim_action.observation import Observation
-from sim_action.probe import Probe
 from sim_action.quantities import FrozenModel
-from sim_action.readings import Reading
 from sim_action.registry import Table
 from sim_action.scene import Scene, SpecProblems
-from sim_action.wheel_motion import WheelMotion
 
 if TYPE_CHECKING:
     from numpy.random import Generator
+
+    from sim_action.observation import Observation
+    from sim_action.probe import Probe
+    from sim_action.readings import Reading
+    from sim_action.wheel_motion import WheelMotion
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Sight:
         return self.look()
 
 
-Measure = Callable[[Sight], Reading]
+Measure = Callable[[Sight], "Reading"]
 """The live half of a sensor: from the present to what the sensor says of it; may remember what was before."""
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.geometry import compose
-from sim_action.probe import Probe
 from sim_action.quantities import Metres, PositiveRadians
 from sim_action.readings import CameraImage
 from sim_action.sensors import Measure, Mount, Sensor, Sight
+
+if TYPE_CHECKING:
+    from sim_action.probe import Probe
 
 
 class Camera(Sensor):

@@ -33,7 +33,9 @@ class Mounting(FrozenModel):
 
     name: Annotated[Name | None, Field(description="how controllers find it; left out: its kind")] = None
     link: Annotated[str | None, Field(description="of the robot, that it sits on; left out: the base link")] = None
-    pose: Annotated[SensorPose, Field(description="of the sensor, in the frame of its link")] = SensorPose()
+    pose: Annotated[SensorPose, Field(description="of the sensor, in the frame of its link")] = (
+        SensorPose.model_construct()
+    )
     rate: Annotated[PositiveHertz, Field(description="at which it is read")] = 10.0
     trace: Annotated[bool, Field(description="whether the trace keeps what it tells")] = False
 

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from sim_action.parts import Part
 from sim_action.scene import SpecProblem
 from sim_action.surroundings.problems import ShapeError
 from sim_action.workspace import Workspace
 from sim_action.world import Body, World
+
+if TYPE_CHECKING:
+    from sim_action.parts import Part
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,7 +54,7 @@ class World(FrozenModel):
     """What surrounds the robot."""
 
     gravity: Gravity = GRAVITY
-    ground: Ground = Ground()
+    ground: Ground = Ground.model_construct()
     patches: Annotated[
         tuple[Patch, ...], Field(max_length=MAX_PATCHES, description="areas of the ground with a friction of their own")
     ] = ()

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 from pydantic import Field, model_validator
 
 from sim_action.geometry import Pose
-from sim_action.parts import BoxPart, CylinderPart, Part, SpherePart, lowest
 from sim_action.quantities import FrozenModel, Name, PositiveKilograms, PositiveSeconds
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.ground import Friction
@@ -17,6 +16,8 @@ from sim_action.world.timed_path import PathPoint, placements, refuse_impossible
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from sim_action.parts import Part
 
 SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map")
 
@@ -52,7 +53,7 @@ class Body(FrozenModel):
             description="of the middle of the box around it; of a mesh or a map of its own origin, of a heightfield "
             "of the middle at height 0"
         ),
-    ] = Placement()
+    ] = Placement.model_construct()
     mass: Annotated[Mass | None, Field(description="left out: it is fixed")] = None
     friction: Friction = 0.5
     color: Annotated[
@@ -99,6 +100,8 @@ class Body(FrozenModel):
 
     def parts(self) -> Sequence[Part]:
         """What it is made of; not for what is read."""
+        from sim_action.parts import BoxPart, CylinderPart, SpherePart
+
         if self.box is not None:
             return (BoxPart(self.box),)
         if self.cylinder is not None:
@@ -112,6 +115,8 @@ class Body(FrozenModel):
 
 def placed(body: Body, parts: Sequence[Part]) -> Pose:
     """Where a body of these parts begins, in the world frame; without a z, it stands on the ground."""
+    from sim_action.parts import lowest
+
     at = body.beginning
     z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z
     return Pose((at.x, at.y, z), at.orientation_xyzw)

@@ -22,7 +22,7 @@ class Robot(FrozenModel):
         Literal["free", "fixed"] | None,
         Field(description="fixed: bolted to the world; left out: free, but for a model whose root link is `world`"),
     ] = None
-    pose: Annotated[Placement, Field(description="of the base link")] = Placement()
+    pose: Annotated[Placement, Field(description="of the base link")] = Placement.model_construct()
     args: Annotated[dict[str, str | bool | int | float], Field(description="arguments of a xacro file, by name")] = (
         Field(default_factory=dict)
     )

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.geometry import Pose
-from sim_action.parts import BoxPart, HullPart
 from sim_action.quantities import FrozenModel, Metres, PositiveRadians
+
+if TYPE_CHECKING:
+    from sim_action.parts import BoxPart, HullPart
 
 SMALLEST: Final = 1e-4
 """m: what is smaller than a hair is wide, no engine can tell from nothing."""
@@ -67,6 +69,8 @@ class Ramp(FrozenModel):
 
     def parts(self) -> tuple[HullPart]:
         """About the middle of the box around it."""
+        from sim_action.parts import HullPart
+
         x, y, z = self.length / 2, self.width / 2, self.rise / 2
         corners = ((-x, -z), (x, -z), (x, z))
         return (HullPart(tuple((ahead, side, up) for side in (-y, y) for ahead, up in corners)),)
@@ -85,6 +89,8 @@ class Stairs(FrozenModel):
 
     def parts(self) -> tuple[BoxPart, ...]:
         """A column a step, about the middle of the box around all of them."""
+        from sim_action.parts import BoxPart
+
         length, height = self.steps * self.run, self.steps * self.rise
         return tuple(
             BoxPart(
