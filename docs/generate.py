@@ -22,7 +22,7 @@ from sim_action.catalogue import Entry, FieldEntry
 from sim_action.command import JointTargets
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
-from sim_action.defaults import Defaults
+from sim_action.default_options import Defaults
 from sim_action.drives import DRIVES
 from sim_action.errors import ExitCode
 from sim_action.geometry import Pose, Twist

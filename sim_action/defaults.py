@@ -9,19 +9,18 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePath
-from typing import Annotated, Any, Final, Literal
-
-from pydantic import Field, ValidationError
+from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.discovery import file_name
 from sim_action.errors import UsageError
 from sim_action.location import Location
 from sim_action.messages import escaped_line
-from sim_action.quantities import FrozenModel
 from sim_action.regular_files import read_at_most
-from sim_action.spec_errors import spec_errors
 from sim_action.workspace import Workspace
 from sim_action.yaml_document import Document, KeyPath
+
+if TYPE_CHECKING:
+    from sim_action.default_options import Defaults
 
 FILE: Final = "pyproject.toml"
 TABLE: Final = ("tool", "sim-action")
@@ -34,24 +33,6 @@ _MENTION: Final = re.compile(r"\btool\b\W*sim-action|\[\W*tool\W*\]|^\W*tool\W*=
 _KEY: Final = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
 # To read a key takes tomllib the square of its steps: with 20,000 of them a minute.
 _ENDLESS_KEY: Final = re.compile(r"(?:[\"']?[A-Za-z0-9_-]++[\"']?\s*+\.\s*+){100}")
-
-
-class Defaults(FrozenModel):
-    """What may stand in the table; its keys are options of the command line, and mean the same."""
-
-    paths: Annotated[tuple[str, ...] | None, Field(min_length=1, description="scenario files, folders or globs")] = None
-    backend: Annotated[Literal["pybullet", "mujoco", "all"] | None, Field(description="as --backend")] = None
-    seed: Annotated[int | None, Field(ge=0, le=2**63 - 1, description="as --seed")] = None
-    jobs: Annotated[int | None, Field(ge=1, le=256, description="as --jobs")] = None
-    fail_fast: Annotated[bool | None, Field(alias="fail-fast", description="as --fail-fast")] = None
-    output_dir: Annotated[str | None, Field(alias="output-dir", min_length=1, description="as --output-dir")] = None
-    junit: Annotated[str | None, Field(min_length=1, description="as --junit")] = None
-    junit_strict: Annotated[bool | None, Field(alias="junit-strict", description="as --junit-strict")] = None
-    report: Annotated[bool | None, Field(description="as --report")] = None
-    summary: Annotated[bool | None, Field(description="as --summary")] = None
-    annotations: Annotated[bool | None, Field(description="as --annotations")] = None
-    verbose: Annotated[bool | None, Field(description="as --verbose")] = None
-    quiet: Annotated[bool | None, Field(description="as --quiet")] = None
 
 
 _REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
@@ -134,6 +115,11 @@ def _marks(name: str, text: str) -> Iterator[tuple[KeyPath, Location]]:
 
 def _validated(document: Document, folder: Path) -> Defaults:
     """Raises UsageError."""
+    from pydantic import ValidationError
+
+    from sim_action.default_options import Defaults
+    from sim_action.spec_errors import spec_errors
+
     data = document.data
     if isinstance(data, dict):
         data = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}

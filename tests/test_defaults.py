@@ -12,7 +12,8 @@ import pytest
 
 from sim_action import subcommands
 from sim_action.cli import call
-from sim_action.defaults import _OPTIONS, Defaults, default_map
+from sim_action.default_options import Defaults
+from sim_action.defaults import _OPTIONS, default_map
 from sim_action.errors import UsageError
 from tests.scenarios import LEAST
 

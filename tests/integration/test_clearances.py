@@ -18,6 +18,7 @@ from sim_action.command import JointTargets
 from sim_action.scene import Scene
 from sim_action.trace import FloatArray, Trace
 from sim_action.world import Body, Cylinder, PathPoint, Placement, Robot, Sphere, World
+from sim_action.world.shapes import Ramp
 from tests import traces
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 from tests.mesh_files import stl
@@ -226,6 +227,22 @@ def test_to_look_back_at_many_steps_is_to_look_at_each(
     for watch in watches:
         assert told(back, watch)
         assert told(back, watch) == told(each, watch)
+
+
+@on_every_engine
+def test_nor_does_what_turns_of_which_nobody_knows_how_large_it_is(engine: str, tmp_path: Path) -> None:
+    there_and_back = (PathPoint(at=0.0, x=1.5), PathPoint(at=1.0, x=0.7, yaw=1.5), PathPoint(at=2.0, x=1.5, yaw=3.0))
+    slope = Ramp(length=0.5, width=0.5, height=0.2)
+    door = Body(name="door", ramp=slope, pose=Placement(z=0.5), path=there_and_back)
+    robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=0.5))
+    with running(
+        engine, scene_of(tmp_path, BALL, robot, World(objects=(door,))), clearances=[LEAST, ALWAYS]
+    ) as backend:
+        trace = advance(backend, 0, 600)
+    every = told(trace, ALWAYS)
+    assert len(every) == len(trace)
+    assert told(trace) == lows(every)
+    assert min(near.distance for near in every) < 0.3
 
 
 @on_every_engine
