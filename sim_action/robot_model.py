@@ -55,6 +55,31 @@ class Shape:
     hulls: str = ""
 
 
+Color = tuple[float, float, float]
+"""Red, green and blue, each 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Visual:
+    """What a link looks like, or a part of it; nothing touches it.
+
+    Attributes:
+        kind: "box", "cylinder", "sphere", "capsule", or "mesh".
+        pose: in the link's frame; of its middle, or of a mesh's own origin.
+        color: None where the model does not say.
+        size_xyz: m, of the box around it; of a mesh, nothing.
+        file: of a mesh, absolute; empty for what is none.
+        scale: m in a unit of that file, along each axis.
+    """
+
+    kind: str
+    pose: Pose
+    color: Color | None = None
+    size_xyz: Vector3 = ZERO
+    file: str = ""
+    scale: Vector3 = (1.0, 1.0, 1.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Surface:
     """How a link touches.
@@ -77,6 +102,7 @@ class Link:
     Attributes:
         mass: kg; None where the model does not say.
         centre_of_mass_xyz: m, in the link's frame.
+        visuals: what it looks like, where the model says so.
     """
 
     name: str
@@ -84,6 +110,7 @@ class Link:
     collisions: tuple[Shape, ...] = ()
     surface: Surface = Surface()
     centre_of_mass_xyz: Vector3 = ZERO
+    visuals: tuple[Visual, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,20 +29,29 @@ _ODD_SHAPES: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
-    """What came of a model's meshes; `boxes`: m, around each collision mesh, in its own frame, scale applied."""
+    """What came of a model's meshes.
+
+    Attributes:
+        boxes: m, around each collision mesh, in its own frame, scale applied.
+        visuals: where the file of each mesh is that is only looked at.
+    """
 
     findings: tuple[Finding, ...]
     boxes: Mapping[Element, Box]
+    visuals: Mapping[Element, Path]
 
 
 def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> Meshes:
     """Makes collision meshes files that were written here; `path`: of the model's file."""
     boxes: dict[Element, Box] = {}
-    findings = tuple(_resolve(document, path, packages, boxes))
-    return Meshes(findings, MappingProxyType(boxes))
+    visuals: dict[Element, Path] = {}
+    findings = tuple(_resolve(document, path, packages, boxes, visuals))
+    return Meshes(findings, MappingProxyType(boxes), MappingProxyType(visuals))
 
 
-def _resolve(document: ModelDocument, path: Path, packages: Packages, boxes: dict[Element, Box]) -> Iterator[Finding]:
+def _resolve(
+    document: ModelDocument, path: Path, packages: Packages, boxes: dict[Element, Box], visuals: dict[Element, Path]
+) -> Iterator[Finding]:
     told = set[str]()
     for shape in document.elements("link/collision", "link/visual"):
         mesh = shape.find("geometry/mesh")
@@ -62,6 +71,8 @@ def _resolve(document: ModelDocument, path: Path, packages: Packages, boxes: dic
             # On a body that moves, the engine would let it fall through the ground.
             shape.attrib.pop("concave", None)
             yield from _rewrite(document, mesh, found.path, boxes)
+        else:
+            visuals[mesh] = found.path
 
 
 def _rewrite(document: ModelDocument, mesh: Element, path: Path, boxes: dict[Element, Box]) -> Iterator[Finding]:
@@ -70,7 +81,7 @@ def _rewrite(document: ModelDocument, mesh: Element, path: Path, boxes: dict[Ele
 
     name, scale = mesh.attrib["filename"], vector(mesh, "scale", (1.0, 1.0, 1.0))
     try:
-        clean = clean_mesh(path, _cache_folder(), scale, _ENGINE_MARGIN)
+        clean = clean_mesh(path, cache_folder(), scale, _ENGINE_MARGIN)
     except MeshError as error:
         yield document.finding(error.rule, mesh, f"mesh '{name}': {error}")
         return
@@ -97,7 +108,7 @@ def _scale(stated: Vector3, factor: float) -> str:
     return f'scale="{" ".join(f"{part * factor:.6g}" for part in stated)}"'
 
 
-def _cache_folder() -> Path:
+def cache_folder() -> Path:
     """Where rewritten meshes are kept, by content, for all runs of this user (XDG Base Directory Specification)."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(home, "sim-action", "meshes")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 from xml.etree.ElementTree import Element
@@ -26,6 +27,7 @@ from sim_action.models.findings import refuse_errors
 from sim_action.models.packages import Packages
 from sim_action.models.references import resolve_meshes
 from sim_action.models.values import axis, child_of, limits, number, origin, parent_of, vector
+from sim_action.models.visuals import materials, visuals_of
 from sim_action.robot_model import Joint, JointType, Link, Mimic, RobotModel, Shape
 from sim_action.workspace import Workspace
 
@@ -49,7 +51,11 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     for mend in (drop_empty_root, hold_odd_joints, drop_odd_mimics):
         mend(document)
     plugins = gazebo.plugins(document)
-    links = tuple(_link(document, link, meshes.boxes) for link in document.elements("link"))
+    colors = materials(document)
+    links = tuple(
+        replace(_link(document, link, meshes.boxes), visuals=tuple(visuals_of(link, colors, meshes.visuals)))
+        for link in document.elements("link")
+    )
     findings += proportions(document, links)
     joints = tuple(map(_joint, document.elements("joint")))
     for mend in (drop_zero_masses, fill_in_inertia, mend_inertia):

@@ -28,8 +28,8 @@ class Budget:
     all: int
 
 
-ROBOT: Final = Budget(1_500, 12_000)
-WORLD: Final = Budget(5_000, 12_000)
+ROBOT: Final = Budget(1_200, 8_000)
+WORLD: Final = Budget(4_500, 8_000)
 
 
 def within(budget: Budget, surfaces: Sequence[Triangles]) -> list[Triangles]:
@@ -56,11 +56,7 @@ def mesh_data(surface: Triangles) -> MeshData | None:
     whole = without_idle(Triangles(grid.astype(np.float64), names.ravel()[surface.corners]))
     if not len(whole):
         return None
-    return MeshData(
-        scale=float(f"{step:.6g}"),
-        points=tuple(whole.points_xyz.astype(np.int64).ravel().tolist()),
-        triangles=tuple(whole.corners.ravel().tolist()),
-    )
+    return MeshData.encoded(whole.points_xyz.astype(np.int64), whole.corners, float(f"{step:.6g}"))
 
 
 def digest_of(mesh: MeshData) -> str:

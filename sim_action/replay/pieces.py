@@ -52,10 +52,11 @@ def of_robot_shape(shape: RobotShape, color: Colour) -> Iterator[Piece]:
         for points in hull_points(Path(shape.hulls)):
             yield from _hull(points, pose_numbers(shape.pose), color)
     elif shape.kind != "plane":
-        yield _plain(shape.kind, half, pose_numbers(middle), color)
+        yield plain_shape(shape.kind, half, pose_numbers(middle), color)
 
 
-def _plain(kind: str, half: Vector3, pose: PoseNumbers, color: Colour) -> Shape:
+def plain_shape(kind: str, half: Vector3, pose: PoseNumbers, color: Colour) -> Shape:
+    """A shape that has its frame in its middle, and reaches so far from it along its axes, in m."""
     x, y, z = numbers(half)
     if kind in {"sphere", "ellipsoid"}:
         return EllipsoidShape(kind="ellipsoid", half=(x, y, z), pose=pose, color=color)

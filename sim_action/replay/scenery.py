@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from sim_action.rendering.appearance import PALETTE, ROBOT
+from sim_action.rendering.appearance import PALETTE
 from sim_action.replay import meshes
+from sim_action.replay.link_pieces import LinkPieces
 from sim_action.replay.meshes import Budget, digest_of, mesh_data, within
 from sim_action.replay.models import MOST_LETTERS, BodyData, JointMotion, LinkData, PatchData, SceneData
-from sim_action.replay.pieces import MeshPiece, Piece, of_part, of_robot_shape, pose_numbers
+from sim_action.replay.pieces import MeshPiece, Piece, of_part, pose_numbers
 from sim_action.replay.shapes import MAX_SHAPES, MeshData, MeshShape, Shape
-from sim_action.robot_model import Joint, Link, RobotModel
+from sim_action.robot_model import Joint, RobotModel
 from sim_action.scene import Scene
 from sim_action.world import Body, placed
 
@@ -19,7 +20,8 @@ def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
     """All of it; `tracks`: names of the bodies that move, in the order of their columns. Raises OSError."""
     shelf: dict[str, MeshData] = {}
     links, looks = list(_links(scene.model)), scene.model.links_by_name
-    robot = _settled([list(_pieces_of(looks[name])) for name in link_order(scene.model)], meshes.ROBOT, shelf)
+    pieces = LinkPieces()
+    robot = _settled([pieces.of(looks[name]) for name in link_order(scene.model)], meshes.ROBOT, shelf)
     bodies = scene.world.objects
     world = _settled([list(_pieces(scene, number)) for number in range(len(bodies))], meshes.WORLD, shelf)
     return SceneData(
@@ -65,11 +67,6 @@ def _link(joint: Joint, parent: int, column: int | None) -> LinkData:
             type="prismatic" if joint.type == "prismatic" else "revolute", axis=joint.axis_xyz, column=column
         )
     return LinkData(name=joint.child[:MOST_LETTERS], parent=parent, origin=pose_numbers(joint.origin), joint=motion)
-
-
-def _pieces_of(link: Link) -> Iterator[Piece]:
-    for shape in link.collisions:
-        yield from of_robot_shape(shape, ROBOT)
 
 
 def _pieces(scene: Scene, number: int) -> Iterator[Piece]:

@@ -13,6 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.geometry import Vector3
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -31,6 +33,12 @@ class Triangles:
 
     def __len__(self) -> int:
         return len(self.corners)
+
+    def scaled(self, factors: Vector3) -> Triangles:
+        """Larger by a factor along each axis; an odd number of them below 0 mirrors it, and its outside stays."""
+        mirrors = math.prod(factors) < 0
+        corners = self.corners[:, ::-1] if mirrors else self.corners
+        return Triangles(self.points_xyz * np.array(factors), corners)
 
 
 def simplified(surface: Triangles, most: int) -> Triangles:

@@ -52,7 +52,7 @@ def at(*steps: str | int, value: Any) -> Change:
 
 
 SHAPE = {"kind": "box", "size": [1, 1, 1], "pose": [0, 0, 0, 0, 0, 0, 1], "color": [0, 0, 0]}
-MESH = {"scale": 1.0, "points": [0] * 9, "triangles": [0, 1, 2]}
+MESH = {"scale": 1.0, "points": [0] * 9, "triangles": [0, 1, 2]}  # three points, in differences
 SIGNAL = {"expectation": 0, "name": "a", "unit": "m", "values": {"scale": 1.0, "first": 0}}
 HOSTILE: dict[str, Change] = {
     "another version": at("version", value=2),
@@ -70,6 +70,7 @@ HOSTILE: dict[str, Change] = {
     "a track that is not there": at("scene", "bodies", 0, "track", value=0),
     "a mesh that is not there": at("scene", "links", 0, "shapes", value=[{**SHAPE, "kind": "mesh", "mesh": "0" * 16}]),
     "a triangle without a point": at("scene", "meshes", value={"0" * 16: {**MESH, "triangles": [0, 1, 3]}}),
+    "a triangle before the first point": at("scene", "meshes", value={"0" * 16: {**MESH, "triangles": [2, -3, 0]}}),
     "half a triangle": at("scene", "meshes", value={"0" * 16: {**MESH, "triangles": [0, 1, 2, 0]}}),
     "a mesh with a name of its own": at("scene", "meshes", value={"<script>": MESH}),
     "a column that is too short": at("frames", "base", 0, "deltas", value=[1]),

@@ -29,6 +29,7 @@ __all__ = [
     "MeshError",
     "MeshFacts",
     "clean_mesh",
+    "mesh_bytes",
     "parsed_mesh",
     "read_mesh",
 ]
@@ -43,12 +44,12 @@ _LFS_POINTER: Final = b"version https://git-lfs"
 
 def read_mesh(path: Path) -> MeshFacts:
     """What a mesh file holds. Raises MeshError."""
-    return facts_of(_format(path), _parsed(path, _bytes(path)))
+    return facts_of(_format(path), _parsed(path, mesh_bytes(path)))
 
 
 def parsed_mesh(path: Path) -> Mesh:
     """The triangles of a mesh file. Raises MeshError."""
-    return _parsed(path, _bytes(path))
+    return _parsed(path, mesh_bytes(path))
 
 
 def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margin: float = 0.0) -> CleanMesh:
@@ -62,7 +63,7 @@ def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margi
 
     Raises MeshError.
     """
-    data = _bytes(path)
+    data = mesh_bytes(path)
     cleaned = folder / clean_name(_format(path), data, scale, margin)
     known = known_mesh(cleaned, scale)
     if known is not None:
@@ -82,7 +83,8 @@ def _parsed(path: Path, data: bytes) -> Mesh:
     return READERS[_format(path)](data)
 
 
-def _bytes(path: Path) -> bytes:
+def mesh_bytes(path: Path) -> bytes:
+    """What is in a mesh file, as it is. Raises MeshError."""
     if _format(path) not in READERS:
         message = f"'{path.suffix}' files are not read; convert it to one of .{', .'.join(READERS)}"
         raise MeshError("unknown-mesh-format", message)

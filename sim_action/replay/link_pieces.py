@@ -1,0 +1,50 @@
+"""What a robot's links are drawn as: their visuals where all of them can be read, else what they collide with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from sim_action.geometry import Vector3
+from sim_action.rendering.appearance import ROBOT
+from sim_action.replay.meshes import ROBOT as BUDGET
+from sim_action.replay.pieces import MeshPiece, Piece, of_robot_shape, plain_shape, pose_numbers
+from sim_action.replay.simplification import Triangles
+from sim_action.replay.visual_meshes import VisualMeshes
+from sim_action.robot_model import Link, Visual
+
+
+class LinkPieces:
+    """The pieces of one robot's links, in which what comes from the same file is the same surface."""
+
+    def __init__(self) -> None:
+        self._meshes = VisualMeshes(BUDGET.each)
+        self._scaled: dict[tuple[str, Vector3], Triangles] = {}
+
+    def of(self, link: Link) -> list[Piece]:
+        """A link's. Raises OSError."""
+        found = [self._piece(visual) for visual in link.visuals]
+        seen = [piece for piece in found if piece is not None]
+        return seen if seen and len(seen) == len(found) else list(_touched(link)) or seen
+
+    def _piece(self, visual: Visual) -> Piece | None:
+        pose, color = pose_numbers(visual.pose), visual.color or ROBOT
+        if not visual.file:
+            x, y, z = visual.size_xyz
+            return plain_shape(visual.kind, (x / 2, y / 2, z / 2), pose, color)
+        surface = self._surface(visual)
+        return None if surface is None else MeshPiece(surface, pose, color)
+
+    def _surface(self, visual: Visual) -> Triangles | None:
+        key = visual.file, visual.scale
+        if key not in self._scaled:
+            own = self._meshes.surface(Path(visual.file))
+            if own is None:
+                return None
+            self._scaled[key] = own.scaled(visual.scale)
+        return self._scaled[key]
+
+
+def _touched(link: Link) -> Iterator[Piece]:
+    for shape in link.collisions:
+        yield from of_robot_shape(shape, ROBOT)

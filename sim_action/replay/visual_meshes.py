@@ -1,0 +1,72 @@
+"""Files of meshes that links are drawn with, as surfaces of few triangles; each content is looked at once."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from sim_action.models.meshes import MeshError, mesh_bytes, parsed_mesh
+from sim_action.models.references import cache_folder
+from sim_action.replay.simplification import Triangles, simplified
+from sim_action.whole_files import whole_file
+
+# Of what is written here: another number, and files of before are no longer found.
+_VERSION: Final = 1
+
+_MOST_BYTES: Final = 20_000_000
+"""Of a file: what is larger would take longer to read than most runs take."""
+
+
+class VisualMeshes:
+    """The surfaces of one robot's meshes; of the same file, one."""
+
+    def __init__(self, most: int) -> None:
+        """`most`: triangles of each."""
+        self._most = most
+        self._known: dict[Path, Triangles | None] = {}
+
+    def surface(self, path: Path) -> Triangles | None:
+        """What is in a file, in its own units; None if that cannot be read."""
+        if path not in self._known:
+            self._known[path] = self._read(path)
+        return self._known[path]
+
+    def _read(self, path: Path) -> Triangles | None:
+        try:
+            data = mesh_bytes(path)
+            if len(data) > _MOST_BYTES:
+                return None
+            cached = cache_folder() / self._name(path, data)
+            known = _stored(cached)
+            if known is None:
+                mesh = parsed_mesh(path)
+                known = simplified(Triangles(mesh.points_xyz, np.concatenate(mesh.parts)), self._most)
+                _store(known, cached)
+        except (MeshError, OSError):
+            return None
+        return known
+
+    def _name(self, path: Path, data: bytes) -> str:
+        digest = hashlib.sha256(json.dumps([_VERSION, "visual", path.suffix.lower(), self._most]).encode())
+        digest.update(data)
+        return f"{digest.hexdigest()}.npz"
+
+
+def _stored(path: Path) -> Triangles | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            points, corners = stored["points_xyz"].astype(np.float64), stored["corners"].astype(np.int64)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    return Triangles(points, corners)
+
+
+def _store(surface: Triangles, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as file:  # another process may be at the same mesh
+        np.savez(file, points_xyz=surface.points_xyz.astype(np.float32), corners=surface.corners.astype(np.int32))
