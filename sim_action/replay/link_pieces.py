@@ -11,18 +11,22 @@ from sim_action.replay.meshes import ROBOT as BUDGET
 from sim_action.replay.pieces import MeshPiece, Piece, of_robot_shape, plain_shape, pose_numbers
 from sim_action.replay.simplification import Triangles
 from sim_action.replay.visual_meshes import VisualMeshes
-from sim_action.robot_model import Link, Visual
+from sim_action.robot_model import Link, RobotModel, Visual
 
 
 class LinkPieces:
     """The pieces of one robot's links, in which what comes from the same file is the same surface."""
 
-    def __init__(self) -> None:
+    def __init__(self, model: RobotModel) -> None:
+        # A link without a visual is not to be seen, unless nobody has drawn any.
+        self._is_drawn = any(link.visuals for link in model.links)
         self._meshes = VisualMeshes(BUDGET.each)
         self._scaled: dict[tuple[str, Vector3], Triangles] = {}
 
     def of(self, link: Link) -> list[Piece]:
         """A link's. Raises OSError."""
+        if self._is_drawn and not link.visuals:
+            return []
         found = [self._piece(visual) for visual in link.visuals]
         seen = [piece for piece in found if piece is not None]
         return seen if seen and len(seen) == len(found) else list(_touched(link)) or seen

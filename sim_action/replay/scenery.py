@@ -20,7 +20,7 @@ def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
     """All of it; `tracks`: names of the bodies that move, in the order of their columns. Raises OSError."""
     shelf: dict[str, MeshData] = {}
     links, looks = list(_links(scene.model)), scene.model.links_by_name
-    pieces = LinkPieces()
+    pieces = LinkPieces(scene.model)
     robot = _settled([pieces.of(looks[name]) for name in link_order(scene.model)], meshes.ROBOT, shelf)
     bodies = scene.world.objects
     world = _settled([list(_pieces(scene, number)) for number in range(len(bodies))], meshes.WORLD, shelf)
