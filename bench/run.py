@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.engines import PACKAGES, SideBySide, engines
+from bench.filming import filming_costs
 from bench.lidar import lidar_cost
 from bench.script_cost import script_costs
 from bench.watching import watching_cost
@@ -238,6 +239,13 @@ def watching() -> Iterator[Ratio]:
         yield Ratio(name, cost.watching, cost.by_hand, watched)
 
 
+def filming() -> Iterator[Ratio]:
+    """What a replay adds to a run of 30 s, against PyBullet's run without it."""
+    for cost in filming_costs():
+        name = f"{cost.engine}: what a replay ({cost.size / 1000:.1f} kB) adds to the burger {cost.world}"
+        yield Ratio(f"{name}, against PyBullet's run", cost.added, cost.run, 0.25)
+
+
 def side_by_side(folder: Path) -> Iterator[SideBySide]:
     """Both engines."""
     suite = str(write_suite(folder / "both", 1))
@@ -252,7 +260,9 @@ def main() -> None:
         folder = Path(name)
         ratios = []
         single = (measure(folder) for measure in (whole_process, further_scenario, variations, parallel))
-        for ratio in itertools.chain(start_up(folder), models(), single, scripts(), lidars(), worlds(), watching()):
+        for ratio in itertools.chain(
+            start_up(folder), models(), single, scripts(), lidars(), worlds(), watching(), filming()
+        ):
             print(ratio, flush=True)
             ratios.append(ratio)
         print("\nboth engines, for orientation:")

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.time_rounding import TIME_EPSILON
 
+FRAME_RATE: Final = 30.0
+"""Hz: how often bodies are looked at, and a replay shows them."""
+
+
+def frame_stride(rate: float) -> int:
+    """Physics steps at `rate` Hz from one look to the next."""
+    return max(1, round(rate / FRAME_RATE))
+
 
 @dataclass(frozen=True, eq=False)
 class BodyRecord:
-    """The poses of one body in the world frame, at N moments.
+    """The poses of one body in the world frame, at N moments, 30 a second.
 
     Attributes:
         time: (N,) s, rising.

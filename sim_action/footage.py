@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
@@ -9,15 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.body_record import FRAME_RATE, frame_stride
 from sim_action.channels import Channels
 from sim_action.observation import Contact, Observation
 from sim_action.scenario import Scenario
 from sim_action.sensor_record import SensorRecord
 from sim_action.trace import Trace
 from sim_action.world import World
-
-FRAME_RATE: Final = 30.0
-"""Hz, of a replay."""
 
 # Of a run that lasts for hours: what is kept is still to fit into memory.
 _MOST_FRAMES: Final = 200_000
@@ -32,7 +31,8 @@ class Footage:
         self._contacts: list[Contact] = []
         self._rate = scenario.physics.rate
         self._stride = _stride(self._rate, scenario.trace_rate)
-        self._film_stride = _stride(self._rate, min(FRAME_RATE, _MOST_FRAMES / scenario.time_limit))
+        often = math.ceil(scenario.time_limit * FRAME_RATE / _MOST_FRAMES)
+        self._film_stride = often * frame_stride(self._rate)
         self._filmed = filmed
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
@@ -57,20 +57,16 @@ class Footage:
 
         `judged`: what sensors told that assertions read, whether or not the trace keeps them.
         """
-        bodies = seen.bodies
-        if bodies:
-            wanted = self._rows(seen, self._film_stride, is_last=is_last, is_first=len(self._kept) == 1)
-            bodies = {name: record.rows(wanted) for name, record in bodies.items()}
         wanted = self._rows(seen, self._stride, is_last=is_last)
         # What is looked at for the replay alone makes no trace larger.
         contacts = seen.contacts if self._judges_contacts else ()
-        self._kept.append(replace(seen, state=seen.state[wanted], contacts=contacts, bodies=bodies))
+        self._kept.append(replace(seen, state=seen.state[wanted], contacts=contacts))
         if self._filmed:
             self._contacts += seen.contacts
             wanted = self._rows(seen, self._film_stride, is_last=is_last)
             # Pictures are too large to be kept for a curve of them.
             sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}
-            film = Trace(seen.joint_names, seen.state[wanted], bodies=bodies, sensors=sensors)
+            film = Trace(seen.joint_names, seen.state[wanted], bodies=seen.bodies, sensors=sensors)
             self._film.append(replace(film, clearances=seen.clearances))
 
     def trace(self) -> Trace | None:
@@ -83,12 +79,11 @@ class Footage:
             return None
         return replace(Trace.concatenate(self._film), contacts=tuple(self._contacts))
 
-    def _rows(self, seen: Trace, stride: int, *, is_last: bool, is_first: bool = False) -> NDArray[np.intp]:
+    def _rows(self, seen: Trace, stride: int, *, is_last: bool) -> NDArray[np.intp]:
         """Those of every stride-th step, counted from t = 0."""
         first_step = round(seen.time[0] * self._rate)
         rows = np.arange(-first_step % stride, len(seen), stride)
-        ends = [0] * is_first + [len(seen) - 1] * is_last
-        return np.unique(np.concatenate((rows, np.array(ends, dtype=np.intp)))) if ends else rows
+        return np.union1d(rows, [len(seen) - 1]) if is_last else rows
 
 
 def _stride(rate: float, wanted: float) -> int:

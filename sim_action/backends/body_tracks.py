@@ -1,4 +1,4 @@
-"""Where bodies of the world are after each step, for those that a trace keeps."""
+"""Where bodies of the world are, 30 times a second, for those that a trace keeps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.body_record import BodyRecord
+from sim_action.body_record import BodyRecord, frame_stride
 
 _NUMBERS: Final = 7
 
@@ -21,6 +21,7 @@ class BodyTracks:
 
     def __init__(self, names: Sequence[str], rate: float, look: Look) -> None:
         self._names, self._rate, self._look = names, rate, look
+        self._stride = frame_stride(rate)
         self._steps: list[int] = []
         self._rows: list[Sequence[float] | NDArray[np.float64]] = []
 
@@ -30,8 +31,8 @@ class BodyTracks:
         return not self._names
 
     def see(self, step: int) -> None:
-        """Writes down the present, as that of a step; before t = 0, nobody looks."""
-        if step >= 0:
+        """Writes down the present, as that of a step, if it is time; and where everything begins."""
+        if step > 0 and (step % self._stride == 0 or step == 1):
             self._steps.append(step)
             self._rows.append(self._look())
 

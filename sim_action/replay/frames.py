@@ -53,10 +53,19 @@ def frames_of(trace: Trace, tracks: Sequence[Track], rate: float, sliding: Seque
 def _track(track: Track, time: FloatArray) -> PoseColumns:
     """A body at these moments; where it was not looked at, as just before, and until it appears, as then."""
     record = track.record
-    first = int(np.searchsorted(record.time, track.appears - TIME_EPSILON))
+    first = min(int(np.searchsorted(record.time, track.appears - TIME_EPSILON)), len(record) - 1)
     rows = np.searchsorted(record.time, time + TIME_EPSILON, side="right") - 1
-    rows = np.clip(rows, min(first, len(record) - 1), None)
-    return _pose_columns(record.position_xyz[rows], record.orientation_xyzw[rows])
+    rows = np.clip(rows, first, None)
+    position, orientation = record.position_xyz[rows], _steady(record.orientation_xyzw[rows])
+    since = time[-1] - record.time[-1]
+    if since > TIME_EPSILON and len(record) - first > 1:
+        # The very last moment comes between two looks: it goes on as it went.
+        ahead = since / (record.time[-1] - record.time[-2])
+        position[-1] += ahead * (record.position_xyz[-1] - record.position_xyz[-2])
+        before, last = _steady(record.orientation_xyzw[-2:])
+        turned = last + ahead * (last - before)
+        orientation[-1] = turned / np.linalg.norm(turned)
+    return _pose_columns(position, orientation)
 
 
 def _pose_columns(position_xyz: FloatArray, orientation_xyzw: FloatArray) -> PoseColumns:

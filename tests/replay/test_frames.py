@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sim_action.body_record import BodyRecord
+from sim_action.geometry import quaternion_from_rpy
 from sim_action.replay.columns import MAX_MOMENTS
 from sim_action.replay.frames import Track, frames_of, thinned
 from sim_action.replay.models import Frames
@@ -41,6 +42,14 @@ def test_a_body_is_where_it_was_last_looked_at_and_not_where_it_waits() -> None:
     (track,) = frames_of(trace([0.0, 1.5, 2.0]), [Track(record, appears=0.9)], RATE, [False, False]).tracks
     assert track[0].decoded(3) == pytest.approx([1.0, 1.0, 2.0])
     assert track[2].decoded(3) == pytest.approx([0.5, 0.5, 0.1])
+
+
+def test_the_very_last_moment_goes_on_as_it_went() -> None:
+    turned = np.array([quaternion_from_rpy(0.0, 0.0, yaw) for yaw in (0.0, 0.1, 0.2)])
+    record = BodyRecord(np.array([0.0, 0.1, 0.2]), np.outer([0.0, 1.0, 2.0], [1.0, 0.0, 0.0]), turned)
+    (track,) = frames_of(trace([0.0, 0.1, 0.2, 0.25]), [Track(record)], RATE, [False, False]).tracks
+    assert track[0].decoded(4) == pytest.approx([0.0, 1.0, 2.0, 2.5])
+    assert 2 * np.arcsin(track[5].decoded(4)) == pytest.approx([0.0, 0.1, 0.2, 0.25], abs=3e-4)
 
 
 def test_what_lasts_for_hours_is_thinned_and_keeps_its_ends() -> None:

@@ -1,0 +1,79 @@
+"""What a replay costs: a run that is filmed, with its replay written, and the same run without."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from sim_action.footage import Footage
+from sim_action.loading import build_scene, load_scenario
+from sim_action.replay.build import replay_of
+from sim_action.replay.storage import write
+from sim_action.scenario import LoadedScenario
+from sim_action.simulation import simulate
+
+ROUNDS: Final = 7
+
+WORLDS: Final = {
+    "on its own": "[]",
+    "beside a wall, two balls and a door": "[{name: wall, box: [0.1, 2, 0.5], pose: {x: -3}}, "
+    "{name: left, sphere: {radius: 10 cm}, mass: 1, pose: {y: 2}}, "
+    "{name: right, sphere: {radius: 10 cm}, mass: 1, pose: {y: -2}}, "
+    "{name: door, box: [0.1, 1, 1], pose: {x: -2}, path: [{at: 0, x: -2}, {at: 30, x: -4}]}]",
+}
+SCENARIO: Final = """\
+name: burger drives on
+robot: {{model: turtlebot3_burger}}
+world: {{objects: {objects}}}
+commands: {{rate: 10 Hz, twist: [{{linear: 1.0}}]}}
+expect: [{{travel: {{at_least: 1.5 m}}}}]
+duration: 30 s
+time_limit: 30 s
+backend: {engine}
+"""
+
+
+class FilmingCost(NamedTuple):
+    """Seconds that a replay adds to a run, and those of PyBullet's loop without it; bytes of the replay's file."""
+
+    engine: str
+    world: str
+    added: float
+    run: float
+    size: int
+
+
+def filming_costs() -> Iterator[FilmingCost]:
+    """The least of several rounds in which all take turns."""
+    for world, objects in WORLDS.items():
+        with tempfile.TemporaryDirectory() as name:
+            path, file, calls = Path(name, "a.sim.yml"), Path(name, "replay.json.gz"), []
+            for engine in ("pybullet", "mujoco"):
+                path.write_text(SCENARIO.format(objects=objects, engine=engine))
+                loaded = load_scenario(path)
+                calls += [_filmed(loaded, file), _plain(loaded)]
+            rounds = [[call() for call in calls] for _ in range(ROUNDS)]
+            filmed, plain, filmed_too, plain_too = map(min, zip(*rounds, strict=True))
+            size = file.stat().st_size
+            yield FilmingCost("pybullet", world, max(0.0, filmed - plain), plain, size)
+            yield FilmingCost("mujoco", world, max(0.0, filmed_too - plain_too), plain, size)
+
+
+def _filmed(loaded: LoadedScenario, file: Path) -> Callable[[], float]:
+    def call() -> float:
+        scene, footage = build_scene(loaded), Footage(loaded.scenario, filmed=True)
+        run = simulate(loaded.scenario, scene, lambda _: None, footage)
+        started = time.perf_counter()
+        film = footage.film()
+        assert film is not None
+        write(replay_of(scene, film), file)
+        return run.wall_time + time.perf_counter() - started
+
+    return call
+
+
+def _plain(loaded: LoadedScenario) -> Callable[[], float]:
+    return lambda: simulate(loaded.scenario, build_scene(loaded), lambda _: None).wall_time
