@@ -68,7 +68,7 @@ class Visual:
         pose: in the link's frame; of its middle, or of a mesh's own origin.
         color: None where the model does not say.
         size_xyz: m, of the box around it; of a mesh, nothing.
-        file: of a mesh, absolute; empty for what is none.
+        file: of a mesh, absolute; of one that is in MJCF text, its name there; empty for what is none.
         scale: m in a unit of that file, along each axis.
     """
 
@@ -133,6 +133,7 @@ class Joint:
         max_effort: N m (N); None without a limit.
         max_velocity: rad/s (m/s); None without a limit.
         mimic: the joint that it follows; None if it moves by itself.
+        anchor_xyz: m, a point that the axis goes through, in the child link's frame; URDF has it at the origin.
     """
 
     name: str
@@ -146,6 +147,7 @@ class Joint:
     max_effort: float | None = None
     max_velocity: float | None = None
     mimic: Mimic | None = None
+    anchor_xyz: Vector3 = ZERO
 
     def dimension(self, reading: Reading) -> Dimension:
         """What a reading of it is measured in: it slides or turns."""

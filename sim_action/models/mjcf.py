@@ -21,6 +21,8 @@ from sim_action.robot_model import RobotModel
 _MOST_INCLUDED: Final = 100
 # What a scenario has itself, or nobody sees.
 _OWN: Final = ("keys", "sensors", "actuators", "tuples", "pairs", "excludes")
+# What the engine has for a geom that states none.
+_NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)
 _TO_LOOK_AT: Final = ("lights", "cameras", "skins", "textures", "materials")
 
 
@@ -137,9 +139,17 @@ def _leave_out(spec: Any, path: Path) -> None:
     dropped += [*spec.worldbody.geoms, *spec.worldbody.sites]
     dropped += [body for body in spec.worldbody.bodies if body.mocap]
     for geom in spec.geoms:
-        geom.material = ""
+        _keep_colour(spec, geom)
     for element in dropped:
         spec.delete(element)
+
+
+def _keep_colour(spec: Any, geom: Any) -> None:
+    """Of its material, the colour stays, unless it has one of its own."""
+    material = next((material for material in spec.materials if material.name == geom.material), None)
+    if material is not None and tuple(geom.rgba) == _NO_COLOUR:
+        geom.rgba = material.rgba
+    geom.material = ""
 
 
 def _name_all(spec: Any) -> None:

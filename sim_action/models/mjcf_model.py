@@ -7,12 +7,19 @@ from pathlib import Path
 from typing import Any, Final
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from sim_action.geometry import Pose
-from sim_action.robot_model import WORLD, Joint, JointType, Link, Mimic, RobotModel, Shape, Surface
+from sim_action.robot_model import WORLD, Joint, JointType, Link, Mimic, RobotModel, Shape, Surface, Visual
 
 _SHAPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 """By mujoco.mjtGeom."""
+
+_ENDLESS: Final = ("plane", "hfield", "sdf")
+_LAST_SEEN: Final = 2
+# What the engine has for a geom that states none.
+_NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)
 
 
 def model_of_text(text: str, path: Path, limits: Mapping[str, float]) -> RobotModel:
@@ -33,7 +40,37 @@ def _link(model: Any, body: int) -> Link:
     friction = float(model.geom_friction[geoms[0], 0]) if geoms else 0.5
     shapes = tuple(_shape(model, geom) for geom in geoms)
     x, y, z = map(float, model.body_ipos[body])
-    return Link(model.body(body).name, float(model.body_mass[body]), shapes, Surface(friction), (x, y, z))
+    # As the engine's own viewer has it: what is in another group is not seen.
+    seen = [geom for geom in range(first, first + count) if model.geom_group[geom] <= _LAST_SEEN]
+    visuals = tuple(visual for visual in (_visual(model, geom) for geom in seen) if visual.kind not in _ENDLESS)
+    return Link(model.body(body).name, float(model.body_mass[body]), shapes, Surface(friction), (x, y, z), visuals)
+
+
+def _visual(model: Any, geom: int) -> Visual:
+    kind = _SHAPES[model.geom_type[geom]]
+    mesh = model.mesh(int(model.geom_dataid[geom])).name if kind == "mesh" else ""
+    stated = tuple(map(float, model.geom_rgba[geom]))
+    red, green, blue = stated[:3]
+    *_, along_x, along_y, along_z = map(float, model.geom_aabb[geom])
+    return Visual(
+        kind,
+        _pose(model.geom_pos[geom], model.geom_quat[geom]),
+        None if stated == _NO_COLOUR else (red, green, blue),
+        (2 * along_x, 2 * along_y, 2 * along_z),
+        mesh,
+    )
+
+
+def surfaces_of_text(text: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Name of a mesh -> its points (P, 3) in m, where the engine has them, and its triangles (T, 3)."""
+    model = mujoco.MjSpec.from_string(text).compile()
+    found = {}
+    for mesh in range(model.nmesh):
+        point, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
+        points = model.mesh_vert[point : point + model.mesh_vertnum[mesh]].astype(np.float64)
+        faces = model.mesh_face[face : face + model.mesh_facenum[mesh]].astype(np.int64)
+        found[model.mesh(mesh).name] = points, faces
+    return found
 
 
 def _shape(model: Any, geom: int) -> Shape:
@@ -62,6 +99,7 @@ def _joints(model: Any, body: int, limits: Mapping[str, float]) -> Iterator[Join
         turns = model.jnt_type[number] == kinds.mjJNT_HINGE
         kind: JointType = ("revolute" if limited else "continuous") if turns else "prismatic"
         x, y, z = map(float, model.jnt_axis[number])
+        ax, ay, az = map(float, model.jnt_pos[number])
         lower, upper = map(float, model.jnt_range[number]) if limited else (None, None)
         yield Joint(
             name=joint,
@@ -71,6 +109,7 @@ def _joints(model: Any, body: int, limits: Mapping[str, float]) -> Iterator[Join
             upper=upper,
             max_effort=limits.get(joint),
             mimic=mimics.get(joint),
+            anchor_xyz=(ax, ay, az),
             **hangs,
         )
 

@@ -8,7 +8,8 @@ from sim_action.replay.contacts import joined, strongest
 from sim_action.replay.frames import Track, frames_of, thinned
 from sim_action.replay.marks import MarkData
 from sim_action.replay.models import MOST_LETTERS, Replay, SignalData
-from sim_action.replay.scenery import link_order, scenery
+from sim_action.replay.scenery import scenery
+from sim_action.replay.skeleton import skeleton
 from sim_action.scene import Scene
 from sim_action.trace import Trace
 
@@ -30,7 +31,7 @@ def replay_of(
     Raises OSError if a mesh that the model was read with is no longer there.
     """
     moving = [body for body in scene.world.objects if body.name in film.bodies]
-    links = {name: number for number, name in enumerate(link_order(scene.model))}
+    _, links = skeleton(scene.model)
     bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
     contacts, left_out = strongest(joined(film.contacts), links, bodies)
     joints = scene.model.moving_joints

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from sim_action.geometry import Vector3
 from sim_action.rendering.appearance import ROBOT
@@ -20,7 +19,7 @@ class LinkPieces:
     def __init__(self, model: RobotModel) -> None:
         # A link without a visual is not to be seen, unless nobody has drawn any.
         self._is_drawn = any(link.visuals for link in model.links)
-        self._meshes = VisualMeshes(BUDGET.each)
+        self._meshes = VisualMeshes(model, BUDGET.each)
         self._scaled: dict[tuple[str, Vector3], Triangles] = {}
 
     def of(self, link: Link) -> list[Piece]:
@@ -42,7 +41,7 @@ class LinkPieces:
     def _surface(self, visual: Visual) -> Triangles | None:
         key = visual.file, visual.scale
         if key not in self._scaled:
-            own = self._meshes.surface(Path(visual.file))
+            own = self._meshes.surface(visual.file)
             if own is None:
                 return None
             self._scaled[key] = own.scaled(visual.scale)

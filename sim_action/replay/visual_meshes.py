@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +14,7 @@ import numpy as np
 from sim_action.models.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.models.references import cache_folder
 from sim_action.replay.simplification import Triangles, simplified
+from sim_action.robot_model import RobotModel
 from sim_action.whole_files import whole_file
 
 # Of what is written here: another number, and files of before are no longer found.
@@ -25,16 +27,24 @@ _MOST_BYTES: Final = 20_000_000
 class VisualMeshes:
     """The surfaces of one robot's meshes; of the same file, one."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, model: RobotModel, most: int) -> None:
         """`most`: triangles of each."""
-        self._most = most
-        self._known: dict[Path, Triangles | None] = {}
+        self._text, self._most = model.mjcf, most
+        self._known: dict[str, Triangles | None] = {}
 
-    def surface(self, path: Path) -> Triangles | None:
-        """What is in a file, in its own units; None if that cannot be read."""
-        if path not in self._known:
-            self._known[path] = self._read(path)
-        return self._known[path]
+    def surface(self, file: str) -> Triangles | None:
+        """What is in a file (see Visual), in its own units; None if that cannot be read."""
+        if self._text and not self._known:
+            self._known = dict(self._of_text())
+        if file not in self._known:
+            self._known[file] = None if self._text else self._read(Path(file))
+        return self._known[file]
+
+    def _of_text(self) -> Iterator[tuple[str, Triangles]]:
+        from sim_action.models.mjcf_model import surfaces_of_text
+
+        for name, (points, corners) in surfaces_of_text(self._text).items():
+            yield name, simplified(Triangles(points, corners), self._most)
 
     def _read(self, path: Path) -> Triangles | None:
         try:
