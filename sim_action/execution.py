@@ -60,7 +60,7 @@ def execute(
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
     if way.forks:
-        _warm_up(loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code)
+        _warm_up([loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code], replays=replays)
     # On Windows, what a script has left running may hold files in it.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
         paths = trace_paths([loaded.scenario.name for loaded in scenarios], folder)
@@ -83,9 +83,13 @@ def _subfolder(scratch: Path, index: int) -> Path:
     return folder
 
 
-def _warm_up(scenarios: Iterable[Scenario]) -> None:
-    """Imports the engines that they run on, and makes ready what outcomes are written with, once for all children."""
+def _warm_up(scenarios: Iterable[Scenario], *, replays: bool) -> None:
+    """Imports the engines that they run on, and makes ready what children write, once for all of them."""
     ExpectationOutcome.model_rebuild()
+    if replays:
+        from sim_action.replay import making
+
+        making.warm_up()
     with muted():
         for engine in {chosen(scenario.backend) for scenario in scenarios}:
             BACKENDS.load(engine)

@@ -36,14 +36,9 @@ from sim_action.messages import escaped_line
 from sim_action.native_output import redirect_output
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.permissions import Permissions
-from sim_action.replay import Replay
-from sim_action.replay.build import replay_of
-from sim_action.replay.curves import stored_marks, stored_signals
-from sim_action.replay.storage import write
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.scene import Scene
 from sim_action.simulation import SimulationRun, simulate
-from sim_action.trace import Trace
 from sim_action.trace_storage import save_trace
 from sim_action.yaml_document import Document, KeyPath
 
@@ -141,7 +136,7 @@ def _stored_run(job: Job, progress: _Progress) -> SimulationRun:
             run = _simulated(loaded, scene, footage, progress)
         except RunError:
             # What there is of it shows what went wrong.
-            with suppress(OSError):
+            with suppress(OSError, MemoryError):
                 _store_evidence(job, scene, footage)
             raise
         notes = _store_evidence(job, scene, footage)
@@ -155,21 +150,16 @@ def _store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]
         return ()
     job.trace.parent.mkdir(parents=True, exist_ok=True)
     save_trace(trace, job.trace)
-    if job.replay is None or film is None:
+    if job.replay is None or film is None or footage.start is None:
         return ()
     try:
-        write(_replay(job.loaded.scenario, scene, footage, film), job.replay)
+        # What is not asked for is not imported.
+        from sim_action.replay.making import make_replay
+
+        make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
     except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
         return (f"there is no replay of it: {escaped_line(str(error))}",)
     return ()
-
-
-def _replay(scenario: Scenario, scene: Scene, footage: Footage, film: Trace) -> Replay:
-    """Of what was filmed, with what expectations looked at."""
-    start = footage.start
-    assert start is not None, "it was filmed"
-    signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
-    return replay_of(scene, film, signals, marks)
 
 
 def _reserved() -> mmap.mmap:

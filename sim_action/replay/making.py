@@ -1,0 +1,33 @@
+"""A replay from all that a run has left, on disk; and what makes the first one as quick as those after it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from sim_action.observation import Observation
+from sim_action.replay import contacts, models, shapes
+from sim_action.replay.build import replay_of
+from sim_action.replay.curves import stored_marks, stored_signals
+from sim_action.replay.storage import write
+from sim_action.scenario import Scenario
+from sim_action.scene import Scene
+from sim_action.trace import Trace
+
+
+def make_replay(scenario: Scenario, scene: Scene, start: Observation, film: Trace, path: Path) -> None:
+    """Writes the replay of a run: `start` is the settled state at t = 0, `film` what was seen of it.
+
+    Raises OSError, and ValueError for what is no replay.
+    """
+    signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
+    write(replay_of(scene, film, signals, marks), path)
+
+
+def warm_up() -> None:
+    """Builds the validators of all models, once for all processes that are forked from this one."""
+    for module in (shapes, models, contacts):
+        for model in vars(module).values():
+            if isinstance(model, type) and issubclass(model, BaseModel):
+                model.model_rebuild()
