@@ -94,3 +94,37 @@ def test_stiffness_and_damping_of_contacts_are_handed_on(tmp_path: Path) -> None
         tmp_path, sdf(f'<link name="a">{INERTIAL}{SPHERE.replace("</collision>", contact + "</collision>")}</link>')
     )
     assert (model.links[0].surface.stiffness, model.links[0].surface.damping) == (1e5, 10)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"),
+    [
+        ("<box><size>1 2 3</size></box>", (1, 2, 3)),
+        ("<sphere><radius>2</radius></sphere>", (4, 4, 4)),
+        ("<cylinder><radius>2</radius><length>3</length></cylinder>", (4, 4, 3)),
+        ("<capsule><radius>2</radius><length>3</length></capsule>", (4, 4, 7)),
+    ],
+)
+def test_what_is_to_be_looked_at_is_read(shape: str, size: Vector3, tmp_path: Path) -> None:
+    material = "<material><ambient>0 0 0</ambient><diffuse>1 0.5 0 1</diffuse></material>"
+    visual = f'<visual name="v"><pose>1 0 0 0 0 0</pose><geometry>{shape}</geometry>{material}</visual>'
+    (read,) = load(tmp_path, sdf(link("a", visual))).links[0].visuals
+    assert (read.size_xyz, read.pose.position_xyz, read.color) == (size, (1, 0, 0), (1.0, 0.5, 0.0))
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    ["", "<box/>", "<box><size>1 2</size></box>", "<plane/>", "<sphere><radius>x</radius></sphere>", "<empty/>"],
+)
+def test_what_cannot_be_looked_at_is_passed_over(geometry: str, tmp_path: Path) -> None:
+    visual = f'<visual name="v"><geometry>{geometry}</geometry></visual><visual name="w"/>'
+    model = load(tmp_path, sdf(link("a", visual)))
+    assert (model.links[0].visuals, model.findings) == ((), ())
+
+
+@pytest.mark.parametrize("diffuse", ["", "1 2", "red green blue", "nan 0 0 1"])
+def test_a_colour_that_is_none_is_passed_over(diffuse: str, tmp_path: Path) -> None:
+    material = f"<material><diffuse>{diffuse}</diffuse></material>"
+    visual = f'<visual name="v"><geometry><box><size>1 2 3</size></box></geometry>{material}</visual>'
+    (read,) = load(tmp_path, sdf(link("a", visual))).links[0].visuals
+    assert read.color is None

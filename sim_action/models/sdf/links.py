@@ -8,10 +8,11 @@ from xml.etree.ElementTree import Element
 from sim_action import geometry
 from sim_action.geometry import Pose
 from sim_action.models.sdf.frames import Frames
+from sim_action.models.sdf.looks import looks_in, write_colour
 from sim_action.models.sdf.passed_over import tell_contact, tell_parts
 from sim_action.models.sdf.problems import Notes
 from sim_action.models.sdf.scopes import Entry
-from sim_action.models.sdf.shapes import shape_in, write_mesh, write_shape
+from sim_action.models.sdf.shapes import shape_in, write_shape
 from sim_action.models.sdf.values import number_of, numbers_of, says_yes
 from sim_action.models.sdf.writing import UrdfWriter, numbers
 
@@ -67,8 +68,8 @@ class LinkWriter:
 
     def _write_shape(self, link: Element, holder: Element, entry: Entry, frame: Pose) -> None:
         is_visual = holder.tag == "visual"
-        # Nothing is rendered: of what is to be looked at, only its files are missed.
-        shape = holder.find("geometry/mesh") if is_visual else shape_in(holder)
+        # Of what is only to be looked at, nothing but its files is missed.
+        shape = looks_in(holder) if is_visual else shape_in(holder)
         if shape is None:
             return
         if not is_visual and shape.find("submesh") is not None:
@@ -78,10 +79,9 @@ class LinkWriter:
         written = writer.add(link, holder.tag, holder)
         writer.add_origin(written, holder, self._placed(entry, holder, frame))
         geometry_of_shape = writer.add(written, "geometry", holder)
+        write_shape(writer, geometry_of_shape, shape, file)
         if is_visual:
-            write_mesh(writer, geometry_of_shape, shape, file)
-        else:
-            write_shape(writer, geometry_of_shape, shape, file)
+            write_colour(writer, written, holder)
 
     def _placed(self, entry: Entry, holder: Element, frame: Pose) -> Pose:
         """Where a part of a link is, in the frame of the URDF's link."""
