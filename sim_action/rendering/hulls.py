@@ -46,8 +46,8 @@ def hull_of(points: FloatArray, margin: float = 0.0) -> Polyhedron:
     return Polyhedron(normals, offsets, reach)
 
 
-def outermost(points: FloatArray) -> FloatArray:
+def outermost(points: FloatArray, most: int = _MOST_POINTS) -> FloatArray:
     """Of points (N, 3) about their middle, those that reach furthest; all of them, if they are few."""
-    if len(points) <= _MOST_POINTS:
+    if len(points) <= most:
         return points
-    return furthest(points, spread_directions(_MOST_POINTS))
+    return furthest(points, spread_directions(most))

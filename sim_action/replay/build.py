@@ -27,8 +27,6 @@ def replay_of(
         film: what was seen of it, 30 moments a second.
         signals: what expectations looked at.
         marks: where they did.
-
-    Raises OSError if a mesh that the model was read with is no longer there.
     """
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)

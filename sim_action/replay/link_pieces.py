@@ -23,12 +23,12 @@ class LinkPieces:
         self._scaled: dict[tuple[str, Vector3], Triangles] = {}
 
     def of(self, link: Link) -> list[Piece]:
-        """A link's. Raises OSError."""
+        """A link's."""
         if self._is_drawn and not link.visuals:
             return []
         found = [self._piece(visual) for visual in link.visuals]
         seen = [piece for piece in found if piece is not None]
-        return seen if seen and len(seen) == len(found) else list(_touched(link)) or seen
+        return seen if seen and len(seen) == len(found) else list(self._touched(link)) or seen
 
     def _piece(self, visual: Visual) -> Piece | None:
         pose, color = pose_numbers(visual.pose), visual.color or ROBOT
@@ -47,7 +47,6 @@ class LinkPieces:
             self._scaled[key] = own.scaled(visual.scale)
         return self._scaled[key]
 
-
-def _touched(link: Link) -> Iterator[Piece]:
-    for shape in link.collisions:
-        yield from of_robot_shape(shape, ROBOT)
+    def _touched(self, link: Link) -> Iterator[Piece]:
+        for shape in link.collisions:
+            yield from of_robot_shape(shape, ROBOT, self._meshes.hulls)

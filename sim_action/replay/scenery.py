@@ -9,7 +9,7 @@ from sim_action.replay import meshes
 from sim_action.replay.link_pieces import LinkPieces
 from sim_action.replay.meshes import Budget, digest_of, mesh_data, within
 from sim_action.replay.models import MOST_LETTERS, BodyData, PatchData, SceneData
-from sim_action.replay.pieces import MeshPiece, Piece, of_part, pose_numbers
+from sim_action.replay.pieces import MeshPiece, Piece, of_parts, pose_numbers
 from sim_action.replay.shapes import MAX_SHAPES, MeshData, MeshShape, Shape
 from sim_action.replay.skeleton import skeleton
 from sim_action.scene import Scene
@@ -17,7 +17,7 @@ from sim_action.world import Body, placed
 
 
 def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
-    """All of it; `tracks`: names of the bodies that move, in the order of their columns. Raises OSError."""
+    """All of it; `tracks`: names of the bodies that move, in the order of their columns."""
     shelf: dict[str, MeshData] = {}
     pieces, looks = LinkPieces(scene.model), scene.model.links_by_name
     links, numbers = skeleton(scene.model)
@@ -37,8 +37,7 @@ def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
 
 def _pieces(scene: Scene, number: int) -> Iterator[Piece]:
     body = scene.world.objects[number]
-    for part in scene.parts_of(body):
-        yield from of_part(part, body.color or PALETTE[number % len(PALETTE)])
+    yield from of_parts(scene.parts_of(body), body.color or PALETTE[number % len(PALETTE)])
 
 
 def _body(scene: Scene, body: Body, tracks: Sequence[str], shapes: tuple[Shape, ...]) -> BodyData:

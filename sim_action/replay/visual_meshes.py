@@ -11,8 +11,10 @@ from typing import Final
 
 import numpy as np
 
+from sim_action.hull_file import hull_points
 from sim_action.models.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.models.references import cache_folder
+from sim_action.replay.hulls import hull_surface
 from sim_action.replay.simplification import Triangles, simplified
 from sim_action.robot_model import RobotModel
 from sim_action.whole_files import whole_file
@@ -31,6 +33,7 @@ class VisualMeshes:
         """`most`: triangles of each."""
         self._text, self._most = model.mjcf, most
         self._known: dict[str, Triangles | None] = {}
+        self._known_hulls: dict[str, Triangles | None] = {}
 
     def surface(self, file: str) -> Triangles | None:
         """What is in a file (see Visual), in its own units; None if that cannot be read."""
@@ -39,6 +42,25 @@ class VisualMeshes:
         if file not in self._known:
             self._known[file] = None if self._text else self._read(Path(file))
         return self._known[file]
+
+    def hulls(self, file: str) -> Triangles | None:
+        """The hulls in a file that was written here (see Shape), whose name is that of its content."""
+        if file not in self._known_hulls:
+            self._known_hulls[file] = self._read_hulls(Path(file))
+        return self._known_hulls[file]
+
+    def _read_hulls(self, path: Path) -> Triangles | None:
+        cached = path.with_name(f"{path.stem}-{_VERSION}-{self._most}.npz")
+        if (known := _stored(cached)) is not None:
+            return known
+        try:
+            found = hull_surface(hull_points(path))
+            if found is not None:
+                found = simplified(found, self._most)
+                _store(found, cached)
+        except OSError:
+            return None
+        return found
 
     def _of_text(self) -> Iterator[tuple[str, Triangles]]:
         from sim_action.models.mjcf_model import surfaces_of_text

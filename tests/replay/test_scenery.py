@@ -181,3 +181,15 @@ def test_links_of_a_model_stand_after_their_parents() -> None:
     links = scenery(scene(), []).links
     assert isinstance(links[0], LinkData)
     assert all(link.parent is not None and link.parent < number for number, link in enumerate(links) if number)
+
+
+def test_meshes_that_collide_are_seen_as_their_hulls(tmp_path: Path) -> None:
+    seen(tmp_path)
+    touched = ROBOT.replace('<box size="1 1 1"/>', '<mesh filename="box.stl"/>').format(base="", hand="")
+    (tmp_path / "robot.urdf").write_text(touched)
+    for _ in range(2):  # found, and found again
+        found = scenery(build_scene(load(tmp_path, (tmp_path / "s.sim.yml").read_text())), [])
+        (shape,) = found.links[0].shapes
+        assert isinstance(shape, MeshShape)
+        # The engine puts a margin of 1 mm around.
+        assert extents(found.meshes[shape.mesh]) == pytest.approx([2 * half - 0.002 for half in HALF], abs=2e-3)
