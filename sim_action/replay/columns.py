@@ -81,7 +81,8 @@ def fine_scale(values: FloatArray) -> float:
 def _steps(values: FloatArray, there: NDArray[np.bool_], scale: float) -> NDArray[np.int64]:
     """In steps; in a gap, as before it."""
     if there.all():
-        return np.clip(np.rint(values / scale), -_FARTHEST, _FARTHEST).astype(np.int64)
+        most = _FARTHEST * scale
+        return np.rint(np.clip(values, -most, most) / scale).astype(np.int64)
     # The first gap stands as the first value does.
     first = int(np.argmax(there))
     rows = np.maximum.accumulate(np.where(there, np.arange(len(values)), first))

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -28,6 +29,14 @@ def test_what_is_not_finite_is_a_gap_and_nothing_else_is(values: FloatArray) -> 
     found = Column.model_validate_json(column.model_dump_json()).decoded(len(values))
 
     assert (np.isfinite(found) == np.isfinite(values)).all()
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 5e-324])
+def test_what_is_beyond_everything_is_a_number(value: float) -> None:
+    column = Column.encoded(np.array([0.0, value]), 1e-3)
+
+    assert Column.model_validate_json(column.model_dump_json()).fits(2)
+    assert np.isfinite(column.decoded(2)).all()
 
 
 def test_what_never_changes_has_no_deltas() -> None:
