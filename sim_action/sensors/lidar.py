@@ -73,7 +73,7 @@ class Lidar(Sensor):
         """See Sensor.open."""
         import numpy as np
 
-        first, increment = self._first_angle, self._increment
+        first, increment = self.first_angle, self.increment
         angles = first + increment * np.arange(self.rays)
         cosines, sines = np.cos(angles), np.sin(angles)
 
@@ -92,12 +92,14 @@ class Lidar(Sensor):
         return measure
 
     @property
-    def _increment(self) -> float:
+    def increment(self) -> float:
+        """Rad from one ray to the next."""
         is_circle = self.field_of_view >= _FULL_CIRCLE - _ROUNDING
         return self.field_of_view / max(1, self.rays if is_circle else self.rays - 1)
 
     @property
-    def _first_angle(self) -> float:
+    def first_angle(self) -> float:
+        """Rad, of the first ray from the x axis."""
         if self.angle_min is not None:
             return self.angle_min
         return -self.field_of_view / 2 if self.rays > 1 else 0.0

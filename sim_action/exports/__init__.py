@@ -1,0 +1,68 @@
+"""Recordings that a run leaves for other tools, one format a file: `run --record mcap`.
+
+They are made in the scenario's own process, of what was kept of the run, once it is over. What a format needs beside
+sim-action itself is asked for before anything runs. (Logs that scenarios replay are read by `recordings`.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, BinaryIO, ClassVar, Final, Protocol
+
+from sim_action.errors import UsageError
+from sim_action.messages import did_you_mean, escaped_line
+from sim_action.registry import Table
+
+if TYPE_CHECKING:
+    from sim_action.exports.recorded_run import RecordedRun
+
+
+class Export(Protocol):
+    """What the table's entries are.
+
+    Attributes:
+        extra: of sim-action, that installs what it needs; empty if it needs nothing more.
+        packages: names of the modules that it needs.
+    """
+
+    extra: ClassVar[str]
+    packages: ClassVar[tuple[str, ...]]
+
+    @staticmethod
+    def write(run: RecordedRun, file: BinaryIO) -> None:
+        """Writes a run."""
+
+
+EXPORTS: Final = Table[type[Export]](
+    "recording",
+    {
+        "mcap": "sim_action.exports.mcap_log:McapLog",
+        "csv": "sim_action.exports.csv_table:CsvTable",
+        "tum": "sim_action.exports.tum_trajectory:TumTrajectory",
+        "gif": "sim_action.exports.gif_film:GifFilm",
+        "mp4": "sim_action.exports.mp4_film:Mp4Film",
+    },
+)
+"""The ending of a recording's file -> what writes it."""
+
+
+def wanted_formats(typed: Iterable[str]) -> tuple[str, ...]:
+    """The formats that are meant, each once; names may be joined by commas. Raises UsageError."""
+    names = [name.strip() for text in typed for name in text.split(",")]
+    wanted = tuple(dict.fromkeys(filter(None, names)))
+    for name in wanted:
+        if name not in EXPORTS:
+            raise UsageError(escaped_line(f"there is no recording '{name}'{did_you_mean(name, EXPORTS)}"))
+        _refuse_without_packages(name, EXPORTS.load(name))
+    return wanted
+
+
+def _refuse_without_packages(name: str, export: type[Export]) -> None:
+    missing = [package for package in export.packages if find_spec(package) is None]
+    if missing:
+        extra = export.extra
+        raise UsageError(
+            f"to record {name}, what is missing here has to be installed ({', '.join(missing)}): "
+            f"pip install '.[{extra}]', or in a workflow the input 'extras: {extra}'"
+        )
