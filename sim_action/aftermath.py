@@ -46,7 +46,7 @@ def outcome_of(child: Child, ending: Ending) -> Outcome:
     """The outcome of a child that has ended."""
     job = child.job
     diagnostics, output = split_output(_end_of(job.output_file, _MOST_OUTPUT).decode("utf-8", errors="replace"))
-    written = _written(job) if ending == 0 else None
+    written = _written(job) if ending == 0 or child.judged is not None else None
     outcome = written or without_verdict(job.loaded, _failure(child, ending, output))
     return outcome.model_copy(
         update={
@@ -58,7 +58,8 @@ def outcome_of(child: Child, ending: Ending) -> Outcome:
             "variation": job.loaded.source.variation,
             "trace": job.trace_name if _is_regular(job.trace) else None,
             "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
-            "notes": (*outcome.notes, *(_left_behind(child) if written else ())),
+            "recordings": tuple(job.named(path) for path in job.recordings if _is_regular(path)),
+            "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
             "diagnostics": diagnostics,
             "output": output,
             "wall_time": time.monotonic() - child.started,
@@ -112,6 +113,14 @@ def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
     judged = [(expected.name, expected.severity, expected.location) for expected in outcome.expectations]
     failed = any(expected.failed for expected in outcome.expectations)
     return judged == asked and not outcome.failures and outcome.status == ("failed" if failed else "passed")
+
+
+def _afterwards(child: Child, ending: Ending) -> Iterator[str]:
+    """What to say of a child that has left a verdict."""
+    yield from _left_behind(child)
+    if ending != 0:
+        by = ending if isinstance(ending, str) else _signal_name(ending) or f"exit {ending}"
+        yield f"what was to be recorded of it was cut off: {by}"
 
 
 def _left_behind(child: Child) -> tuple[str, ...]:

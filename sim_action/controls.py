@@ -20,6 +20,9 @@ from sim_action.scene import Scene
 Look = Callable[[int], Observation]
 """What the robot is like at a step, which is the present; looked at only if somebody asks."""
 
+Told = Callable[[float, Twist], None]
+"""Hears of every twist that the base is given, with the sim time in s."""
+
 NO_WHEELS: Final = "a controller gave a twist, but which joints are wheels is not known; name them: robot.drive"
 TWO_WAYS: Final = "a controller gave a twist at the same tick as a target for joint"
 
@@ -43,9 +46,12 @@ class _Source:
 class Controls:
     """The live half of `Scenario.commands` and of the drive that turns their twists into joint targets."""
 
-    def __init__(self, scenario: Scenario, scene: Scene, motion: DriveMotion | None) -> None:
+    def __init__(
+        self, scenario: Scenario, scene: Scene, motion: DriveMotion | None, told: Told = lambda _time, _twist: None
+    ) -> None:
         """Opens the sources. Raises ScriptError; those that are open are closed then."""
         self._rate = scenario.physics.rate
+        self._told = told
         self._motion = motion
         self._twist: Twist | None = None
         self._owners: dict[str, _Source] = {}
@@ -104,6 +110,8 @@ class Controls:
             try:
                 for command in self._commands(source, step, look_once):
                     targets = self._taken(source, command, targets)
+                    if isinstance(command, Twist):
+                        self._told(step / self._rate, command)
             except ScriptError as error:
                 error.source, error.time = source.index, step / self._rate
                 raise

@@ -17,6 +17,7 @@ class Defaults(FrozenModel):
     seed: Annotated[int | None, Field(ge=0, le=2**63 - 1, description="as --seed")] = None
     jobs: Annotated[int | None, Field(ge=1, le=256, description="as --jobs")] = None
     fail_fast: Annotated[bool | None, Field(alias="fail-fast", description="as --fail-fast")] = None
+    record: Annotated[tuple[str, ...] | None, Field(description="formats, as --record")] = None
     output_dir: Annotated[str | None, Field(alias="output-dir", min_length=1, description="as --output-dir")] = None
     junit: Annotated[str | None, Field(min_length=1, description="as --junit")] = None
     junit_strict: Annotated[bool | None, Field(alias="junit-strict", description="as --junit-strict")] = None

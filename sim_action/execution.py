@@ -8,11 +8,13 @@ import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.aftermath import Ending, Limit, interrupted, outcome_of, skipped
 from sim_action.backends import BACKENDS, chosen
+from sim_action.exports import EXPORTS
 from sim_action.interruption import Interruption
 from sim_action.isolation import way_here
 from sim_action.isolation.child import Child
@@ -20,7 +22,7 @@ from sim_action.job import Job
 from sim_action.native_output import muted
 from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario import LoadedScenario, Scenario
-from sim_action.trace_files import replay_path, trace_paths
+from sim_action.trace_files import recording_path, replay_path, trace_paths
 
 # The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
 _ENDING_WAIT: Final = 0.002
@@ -46,35 +48,42 @@ def execute(
     *,
     fail_fast: bool = False,
     replays: bool = False,
+    formats: Sequence[str] = (),
     way: type[Child] | None = None,
 ) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
     An interruption ends what runs; scenarios without an outcome then get one that says so. `fail_fast`: nothing is
-    begun once one has not passed.
-    `replays`: whether they are written, too. `way`: how children are born; left out, as this system has it.
-
-    Raises UsageError.
+    begun once one has not passed. `replays`: whether they are written, too; `formats`: of recordings that are.
+    `way`: how children are born; left out, as this system has it. Raises UsageError.
     """
     way = way or way_here()
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
     if way.forks:
-        _warm_up([loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code], replays=replays)
+        forked = [loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code]
+        _warm_up(forked, formats, replays=replays)
     # On Windows, what a script has left running may hold files in it.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
         paths = trace_paths([loaded.scenario.name for loaded in scenarios], folder)
         waiting = deque(
-            (index, _job(loaded, path, folder, _subfolder(Path(scratch), index), way, replays=replays))
+            (
+                index,
+                Job(
+                    loaded,
+                    path,
+                    folder,
+                    _subfolder(Path(scratch), index),
+                    way.limits_memory,
+                    replay_path(path) if replays else None,
+                    recordings=tuple(recording_path(path, name) for name in formats),
+                ),
+            )
             for index, (loaded, path) in enumerate(zip(scenarios, paths, strict=True))
         )
         outcomes = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast).run()
     left = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or left(loaded) for index, loaded in enumerate(scenarios)]
-
-
-def _job(loaded: LoadedScenario, trace: Path, results: Path, own: Path, way: type[Child], *, replays: bool) -> Job:
-    return Job(loaded, trace, results, own, way.limits_memory, replay_path(trace) if replays else None)
 
 
 def _subfolder(scratch: Path, index: int) -> Path:
@@ -83,7 +92,7 @@ def _subfolder(scratch: Path, index: int) -> Path:
     return folder
 
 
-def _warm_up(scenarios: Iterable[Scenario], *, replays: bool) -> None:
+def _warm_up(scenarios: Sequence[Scenario], formats: Iterable[str], *, replays: bool) -> None:
     """Imports the engines that they run on, and makes ready what children write, once for all of them."""
     ExpectationOutcome.model_rebuild()
     if replays:
@@ -93,6 +102,8 @@ def _warm_up(scenarios: Iterable[Scenario], *, replays: bool) -> None:
     with muted():
         for engine in {chosen(scenario.backend) for scenario in scenarios}:
             BACKENDS.load(engine)
+    for package in (package for name in formats if scenarios for package in EXPORTS.load(name).packages):
+        import_module(package)
 
 
 class _Scheduler:
@@ -169,7 +180,9 @@ class _Scheduler:
 
 
 def _deadline(child: Child) -> float:
-    return child.started + child.job.loaded.scenario.wall_seconds
+    """What has its verdict gets as long again to be recorded."""
+    begun = child.started if child.judged is None else child.judged
+    return begun + child.job.loaded.scenario.wall_seconds
 
 
 def _exceeded(child: Child) -> Limit | None:

@@ -1,4 +1,4 @@
-"""What is kept of a run while it lasts: the trace that is stored, and, for a replay, 30 moments of each second."""
+"""What is kept of a run while it lasts: the trace that is stored, and, to be shown, 30 moments of each second."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from sim_action.body_record import FRAME_RATE, frame_stride
 from sim_action.channels import Channels
+from sim_action.commanded_twists import CommandedTwists
+from sim_action.geometry import Twist
 from sim_action.observation import Contact, Observation
 from sim_action.scenario import Scenario
 from sim_action.sensor_record import SensorRecord
@@ -25,15 +27,16 @@ _MOST_FRAMES: Final = 200_000
 class Footage:
     """Grows with the run; what there is of one that fails is there for whoever began it."""
 
-    def __init__(self, scenario: Scenario, *, filmed: bool = False) -> None:
-        """`filmed`: whether a replay is asked for."""
+    def __init__(self, scenario: Scenario, *, filmed: bool = False, recorded: bool = False) -> None:
+        """`filmed`: whether a replay is asked for; `recorded`: whether recordings are."""
         self._judges_contacts = any(expected.channels.contacts for expected in scenario.expect)
         self._contacts: list[Contact] = []
         self._rate = scenario.physics.rate
         self._stride = _stride(self._rate, scenario.trace_rate)
         often = math.ceil(scenario.time_limit * FRAME_RATE / _MOST_FRAMES)
         self._film_stride = often * frame_stride(self._rate)
-        self._filmed = filmed
+        self._filmed = filmed or recorded
+        self._twists: list[tuple[float, Twist]] | None = [] if recorded else None
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
         self.start: Observation | None = None
@@ -68,6 +71,15 @@ class Footage:
             sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}
             film = Trace(seen.joint_names, seen.state[wanted], bodies=seen.bodies, sensors=sensors)
             self._film.append(replace(film, clearances=seen.clearances))
+
+    def command(self, time: float, twist: Twist) -> None:
+        """What the base is told at a time in s."""
+        if self._twists is not None:
+            self._twists.append((time, twist))
+
+    def twists(self) -> CommandedTwists:
+        """What the base was told, if recordings are asked for."""
+        return CommandedTwists.of(self._twists or ())
 
     def trace(self) -> Trace | None:
         """At the rate that the scenario asks for; None: it has not begun."""

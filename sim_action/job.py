@@ -5,8 +5,12 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from sim_action.scenario import LoadedScenario
+
+JUDGED: Final = b"judged"
+"""What a child says once its outcome is written, and it has more to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +23,7 @@ class Job:
         folder: the child's own, for `outcome.json`, `output.txt` and `hang.txt`.
         memory_is_limited: whether the child is held to the scenario's `memory_limit`.
         replay: where the replay is written; None: nobody asks for it.
+        recordings: where recordings are written, each of the format that its name ends with.
         deadline: of `time.monotonic()`, at which the child is given up; None: it is not.
     """
 
@@ -28,6 +33,7 @@ class Job:
     folder: Path
     memory_is_limited: bool = True
     replay: Path | None = None
+    recordings: tuple[Path, ...] = ()
     deadline: float | None = None
 
     @property

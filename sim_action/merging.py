@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -12,19 +12,17 @@ from typing import Final
 from sim_action import __version__
 from sim_action.discovery import compared_name
 from sim_action.errors import ExitCode, UsageError
+from sim_action.evidence import Evidence, evidence_of, moved
 from sim_action.joining import Entry, Listing, joined
 from sim_action.messages import escaped_line, log_line
 from sim_action.outcome import RESULTS_FILE, Outcome, Results
 from sim_action.reporting import ReportRequest, report_options, write_reports
 from sim_action.reports.escaping import shortened
 from sim_action.result_files import ResultsFile, find_all, read_all
-from sim_action.trace_files import EVIDENCE_FOLDERS, copy_stored, replay_path, stored_file, trace_paths
+from sim_action.trace_files import EVIDENCE_FOLDERS, trace_paths
 
 # Of what a stranger may have written; each JUnit suite has it.
 _LONGEST_VERSION: Final = 200
-
-# What outcomes name -> where it goes, by where the trace of the same run goes.
-_EVIDENCE: Final[Mapping[str, Callable[[Path], Path]]] = {"trace": lambda trace: trace, "replay": replay_path}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +38,10 @@ def merge(request: MergeRequest) -> ExitCode:
     """Joins results, writes every report, and returns what the process says to its caller."""
     files = _read(request)
     entries = _with_versions(joined(files, request.listing), files)
-    sources = [_sources(entry) for entry in entries]
-    _refuse_to_overwrite(files, sources, request.reports)
+    evidence = [evidence_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
+    _refuse_to_overwrite(files, evidence, request.reports)
     options = report_options(request.reports)
-    outcomes = list(_with_evidence(entries, sources, options.folder))
+    outcomes = list(_with_evidence(entries, evidence, options.folder))
     added = [outcome for outcome, entry in zip(outcomes, entries, strict=True) if entry.origin is None]
     results = _results([file.results for file in files], outcomes)
     write_reports(results, options, annotated=results.model_copy(update={"outcomes": tuple(added)}))
@@ -123,56 +121,28 @@ def _distinct(texts: Iterable[str]) -> str:
     return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _LONGEST_VERSION)
 
 
-def _sources(entry: Entry) -> dict[str, Path]:
-    """Field of the outcome -> the file that it names; without those that are not beside the results."""
-    if entry.origin is None:
-        return {}
-    named = {field: getattr(entry.outcome, field) for field in _EVIDENCE}
-    found = {field: stored_file(entry.origin.parent, name) for field, name in named.items() if name}
-    return {field: path for field, path in found.items() if path is not None}
-
-
 def _refuse_to_overwrite(
-    files: Iterable[ResultsFile], sources: Iterable[dict[str, Path]], request: ReportRequest
+    files: Iterable[ResultsFile], named: Iterable[Iterable[Evidence]], request: ReportRequest
 ) -> None:
     """What is joined is still there afterwards."""
     written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
     folders = [compared_name(str(request.folder / name)) for name in EVIDENCE_FOLDERS]
-    for path in [file.path for file in files] + [path for found in sources for path in found.values()]:
+    for path in [file.path for file in files] + [file.source for found in named for file in found if file.source]:
         name = compared_name(str(path))
         if name in written or any(Path(name).is_relative_to(folder) for folder in folders):
             why = f"{name} is to be joined, and would be overwritten"
             raise UsageError(escaped_line(f"{why}; choose another --output-dir or --junit"))
 
 
-def _with_evidence(entries: Sequence[Entry], sources: Sequence[dict[str, Path]], folder: Path) -> Iterator[Outcome]:
+def _with_evidence(entries: Sequence[Entry], named: Sequence[Sequence[Evidence]], folder: Path) -> Iterator[Outcome]:
     """Each outcome, with its files in `folder`, named as one run of all scenarios would have named them."""
     # A run has a name for the trace of whatever it could load.
     loaded = [place for place, entry in enumerate(entries) if entry.origin and not _is_invalid(entry.outcome)]
     paths = trace_paths([entries[place].outcome.name for place in loaded], folder)
     traces = dict(zip(loaded, paths, strict=True))
-    for place, (entry, found) in enumerate(zip(entries, sources, strict=True)):
-        outcome = entry.outcome
-        for field, target_of in _EVIDENCE.items():
-            target = target_of(traces[place]) if place in traces else None
-            outcome = _with_file(outcome, field, found.get(field), target, folder)
-        yield outcome
+    for place, (entry, files) in enumerate(zip(entries, named, strict=True)):
+        yield moved(entry.outcome, files, traces.get(place), folder)
 
 
 def _is_invalid(outcome: Outcome) -> bool:
     return any(failure.kind == "invalid" for failure in outcome.failures)
-
-
-def _with_file(outcome: Outcome, field: str, source: Path | None, target: Path | None, folder: Path) -> Outcome:
-    name = getattr(outcome, field)
-    if not name:
-        return outcome
-    if source is None or target is None:
-        note = escaped_line(f"its {field} {name} is not beside the results of its shard")
-        return _noted(outcome.model_copy(update={field: None}), note)
-    try:
-        target.parent.mkdir(exist_ok=True)
-        copy_stored(source, target)
-    except OSError as error:
-        raise UsageError(escaped_line(f"the {field} {source} cannot be copied to {target}: {error.strerror}")) from None
-    return outcome.model_copy(update={field: target.relative_to(folder).as_posix()})

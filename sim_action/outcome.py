@@ -104,6 +104,7 @@ class Outcome(FrozenModel):
         output: what the user's own code printed, its end.
         trace: path of the stored trace, seen from the results file.
         replay: path of the stored replay, likewise.
+        recordings: paths of what was recorded of it for other tools, likewise.
     """
 
     name: str
@@ -128,6 +129,7 @@ class Outcome(FrozenModel):
     output: str = ""
     trace: str | None = None
     replay: str | None = None
+    recordings: tuple[str, ...] = ()
 
     @property
     def causes_first(self) -> tuple[ExpectationOutcome, ...]:

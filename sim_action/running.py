@@ -25,12 +25,13 @@ from sim_action.source import Refused
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What the command line asks for."""
+    """What the command line asks for; `recordings`: formats of what is recorded of each run."""
 
     plan: PlanRequest
     reports: ReportRequest
     jobs: int
     fail_fast: bool
+    recordings: tuple[str, ...] = ()
 
 
 def run(request: RunRequest, interruption: Interruption) -> ExitCode:
@@ -59,7 +60,8 @@ def _outcomes(request: RunRequest, plans: Sequence[Plan], folder: Path, interrup
         ran = iter([skipped(run) for run in every])
     else:
         listener = ProgressListener(total=len(every), verbosity=request.reports.verbosity)
-        asked = partial(execute, fail_fast=request.fail_fast, replays="report" not in request.reports.silenced)
+        replays = "report" not in request.reports.silenced
+        asked = partial(execute, fail_fast=request.fail_fast, replays=replays, formats=request.recordings)
         ran = iter(asked(every, folder, request.jobs, listener, interruption))
         listener.close()
     return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, folder)]

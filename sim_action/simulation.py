@@ -82,7 +82,7 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: Foot
     try:
         at = backend.observe(0, contacts=False).pose
         refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
-        return _Loop(scenario, scene, drive, backend, channels).run(progress, footage)
+        return _Loop(scenario, scene, drive, backend, channels, footage=footage).run(progress)
     finally:
         backend.close()
 
@@ -106,8 +106,16 @@ class _Loop:
     """One run; the step count is its clock."""
 
     def __init__(
-        self, scenario: Scenario, scene: Scene, drive: Drive | None, backend: Backend, channels: Channels
+        self,
+        scenario: Scenario,
+        scene: Scene,
+        drive: Drive | None,
+        backend: Backend,
+        channels: Channels,
+        *,
+        footage: Footage,
     ) -> None:
+        self._footage = footage
         self._scenario = scenario
         self._scene = scene
         self._backend = backend
@@ -119,17 +127,18 @@ class _Loop:
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0
         with ExitStack() as opened:
-            self._controls = opened.enter_context(closing(Controls(scenario, scene, self._motion)))
+            self._controls = opened.enter_context(closing(Controls(scenario, scene, self._motion, footage.command)))
             heard = self._controls.are_watching
             self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=channels.sensors)
             self._opened = opened.pop_all()
 
-    def run(self, progress: Progress, footage: Footage) -> SimulationRun:
+    def run(self, progress: Progress) -> SimulationRun:
         with self._opened:
-            run = self._run(progress, footage)
+            run = self._run(progress)
         return replace(run, notes=(*self._all_notes(), *run.notes))
 
-    def _run(self, progress: Progress, footage: Footage) -> SimulationRun:
+    def _run(self, progress: Progress) -> SimulationRun:
+        footage = self._footage
         self._settle()
         start = self._backend.observe(0, contacts=False)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:

@@ -14,7 +14,8 @@ from sim_action.whole_files import whole_file
 
 TRACE_FOLDER: Final = "traces"
 REPLAY_FOLDER: Final = "replays"
-EVIDENCE_FOLDERS: Final = (TRACE_FOLDER, REPLAY_FOLDER)
+RECORDING_FOLDER: Final = "recordings"
+EVIDENCE_FOLDERS: Final = (TRACE_FOLDER, REPLAY_FOLDER, RECORDING_FOLDER)
 """What runs leave beside their results is in these."""
 
 
@@ -39,6 +40,11 @@ def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
 def replay_path(trace: Path) -> Path:
     """Where the replay of a run is stored whose trace is at a path."""
     return trace.parent.parent / REPLAY_FOLDER / f"{trace.stem}.json.gz"
+
+
+def recording_path(trace: Path, ending: str) -> Path:
+    """Where a recording of a run is stored whose trace is at a path; `ending`: of its name, such as "mcap"."""
+    return trace.parent.parent / RECORDING_FOLDER / f"{trace.stem}.{ending}"
 
 
 def stored_file(folder: Path, trace: str) -> Path | None:

@@ -8,6 +8,7 @@ import pickle
 import signal
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -27,9 +28,11 @@ from sim_action.errors import (
     ScriptError,
     SimulationUnstable,
 )
+from sim_action.exports.recorded_run import RecordedRun
+from sim_action.exports.writing import write_recordings
 from sim_action.footage import Footage
 from sim_action.hang import note_before
-from sim_action.job import Job, out_of_memory
+from sim_action.job import JUDGED, Job, out_of_memory
 from sim_action.loading import build_scene, checked
 from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line
@@ -40,6 +43,7 @@ from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.scene import Scene
 from sim_action.simulation import SimulationRun, simulate
 from sim_action.trace_storage import save_trace
+from sim_action.whole_files import whole_file
 from sim_action.yaml_document import Document, KeyPath
 
 _PROGRESS_PERIOD: Final = 0.1
@@ -67,14 +71,26 @@ def run_job(job: Job, progress_descriptor: int) -> None:
     _clear(job)
     if job.deadline is not None and job.loaded.scenario.python_files:
         note_before(job.deadline, job.hang_file)
-    outcome = _outcome(job, _Progress(progress_descriptor), here)
+    progress, kept = _Progress(progress_descriptor), list[RecordedRun]()
+    outcome = _outcome(job, progress, here, kept)
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
-    job.outcome_file.write_text(outcome.model_dump_json(), encoding="utf-8")
+    _write(outcome, job)
+    for run in kept:
+        # However long it takes from here, there is a verdict.
+        progress.say(JUDGED)
+        notes = tuple(write_recordings(run, job.recordings))
+        if notes:
+            _write(outcome.model_copy(update={"notes": (*outcome.notes, *notes)}), job)
+
+
+def _write(outcome: Outcome, job: Job) -> None:
+    with whole_file(job.outcome_file) as file:
+        file.write(outcome.model_dump_json().encode())
 
 
 def _clear(job: Job) -> None:
     """What an earlier run has left in the same place is not this one's."""
-    for path in filter(None, (job.trace, job.replay)):
+    for path in filter(None, (job.trace, job.replay, *job.recordings)):
         with suppress(OSError):
             path.unlink(missing_ok=True)
 
@@ -98,18 +114,22 @@ class _Progress:
         if time.perf_counter() < self._next:
             return
         self._next = time.perf_counter() + _PROGRESS_PERIOD
+        self.say(f"{sim_time:.3f}".encode())
+
+    def say(self, line: bytes) -> None:
+        """Tells the parent a line."""
         try:
-            os.write(self.descriptor, f"{sim_time:.3f}\n".encode())
+            os.write(self.descriptor, line + b"\n")
         except OSError:
             # A parent that does not listen is no reason to stop.
             self._next = float("inf")
 
 
-def _outcome(job: Job, progress: _Progress, here: Path) -> Outcome:
-    """`here`: the folder that outcomes name files from."""
+def _outcome(job: Job, progress: _Progress, here: Path, kept: list[RecordedRun]) -> Outcome:
+    """`here`: the folder that outcomes name files from; `kept` gets what is to be recorded, if there is something."""
     scenario = job.loaded.scenario
     try:
-        run = _stored_run(job, progress)
+        run = _stored_run(job, progress, kept)
     except InvalidScenario as error:
         return _invalid(job, error)
     except (RunError, ModelError) as error:
@@ -125,21 +145,24 @@ def _outcome(job: Job, progress: _Progress, here: Path) -> Outcome:
     return _judged(job, scenario, run)
 
 
-def _stored_run(job: Job, progress: _Progress) -> SimulationRun:
+def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> SimulationRun:
     """The run, with its trace where it belongs. Raises what ends a run without a verdict."""
     # To say that there was no memory takes some, when a script may have taken the last of it. Nothing is written there:
     # addresses cost nothing, and to fill them with zeros would take 20 ms.
     with _reserved():
         loaded = _checked(job.loaded)
-        scene, footage = build_scene(loaded), Footage(loaded.scenario, filmed=job.replay is not None)
+        scene = build_scene(loaded)
+        footage = Footage(loaded.scenario, filmed=job.replay is not None, recorded=bool(job.recordings))
         try:
             run = _simulated(loaded, scene, footage, progress)
         except RunError:
             # What there is of it shows what went wrong.
             with suppress(OSError, MemoryError):
                 _store_evidence(job, scene, footage)
+            kept += _to_record(job, scene, footage)
             raise
         notes = _store_evidence(job, scene, footage)
+        kept += _to_record(job, scene, footage)
     return replace(run, notes=(*run.notes, *notes))
 
 
@@ -160,6 +183,12 @@ def _store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]
     except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
         return (f"there is no replay of it: {escaped_line(str(error))}",)
     return ()
+
+
+def _to_record(job: Job, scene: Scene, footage: Footage) -> Iterator[RecordedRun]:
+    trace, film = footage.trace(), footage.film()
+    if job.recordings and trace is not None and film is not None:
+        yield RecordedRun.of(scene, film, trace, job.loaded.scenario.sensors, footage.twists())
 
 
 def _reserved() -> mmap.mmap:

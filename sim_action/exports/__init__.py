@@ -23,7 +23,7 @@ class Export(Protocol):
 
     Attributes:
         extra: of sim-action, that installs what it needs; empty if it needs nothing more.
-        packages: names of the modules that it needs.
+        packages: the modules that it imports when it writes.
     """
 
     extra: ClassVar[str]
@@ -59,7 +59,8 @@ def wanted_formats(typed: Iterable[str]) -> tuple[str, ...]:
 
 
 def _refuse_without_packages(name: str, export: type[Export]) -> None:
-    missing = [package for package in export.packages if find_spec(package) is None]
+    wanted = dict.fromkeys(package.partition(".")[0] for package in export.packages)
+    missing = [package for package in wanted if find_spec(package) is None]
     if missing:
         extra = export.extra
         raise UsageError(

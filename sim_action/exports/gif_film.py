@@ -21,7 +21,7 @@ class GifFilm:
     """
 
     extra: ClassVar[str] = "video"
-    packages: ClassVar[tuple[str, ...]] = ("PIL",)
+    packages: ClassVar[tuple[str, ...]] = ("PIL.Image",)
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:

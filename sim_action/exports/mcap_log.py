@@ -31,7 +31,7 @@ class McapLog:
     """
 
     extra: ClassVar[str] = "mcap"
-    packages: ClassVar[tuple[str, ...]] = ("mcap",)
+    packages: ClassVar[tuple[str, ...]] = ("mcap.writer",)
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Final, Self
 
-from sim_action.job import Job
+from sim_action.job import JUDGED, Job
 
 # What a user's script has no business to see (the names that GitHub documents for runners).
 _SECRET_NAMES: Final = frozenset(
@@ -31,6 +31,7 @@ class Child(ABC):
         left: after `close`, how many processes it left behind that were ended, as far as known.
         peak_memory: after `close`, the most that was resident of one of its processes, in bytes; 0 if not known.
         silent: whether there will be nothing more to hear.
+        judged: `time.monotonic()` when it said that its outcome is written, and it goes on; None: it has not.
         started: `time.monotonic()` at its birth.
     """
 
@@ -44,6 +45,7 @@ class Child(ABC):
         self.left = 0
         self.peak_memory = 0
         self.silent = False
+        self.judged: float | None = None
         self.started = time.monotonic()
         self._unread = b""
 
@@ -77,7 +79,10 @@ class Child(ABC):
 
     def _take(self, line: bytes) -> None:
         """Raises ValueError."""
-        self.sim_time = float(line)
+        if line == JUDGED:
+            self.judged = self.judged or time.monotonic()
+        else:
+            self.sim_time = float(line)
 
     @abstractmethod
     def _heard(self) -> bytes:

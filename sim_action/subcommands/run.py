@@ -55,6 +55,13 @@ if TYPE_CHECKING:
     help="At the same time.  [default: the cores]",
 )
 @click.option(
+    "--record",
+    envvar="SIM_ACTION_RECORD",
+    multiple=True,
+    metavar="FORMAT",
+    help="Leave recordings of each run: mcap, csv, tum, gif, mp4; may be repeated.",
+)
+@click.option(
     "--allow-scripts",
     type=click.Choice(("auto", "true", "false")),
     default="auto",
@@ -71,6 +78,7 @@ def run(
     backend: str | None,
     seed: int | None,
     jobs: int | None,
+    record: tuple[str, ...],
     allow_scripts: AllowScripts,
     allow_outside: bool,
     **flags: Any,
@@ -85,14 +93,17 @@ def run(
 
     with Interruption() as interruption:
         from sim_action import running
+        from sim_action.exports import wanted_formats
         from sim_action.permissions import Permissions, scripts_refused
         from sim_action.planning import PlanRequest
 
         permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ))
+        recordings = wanted_formats(record)
         plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed)
         if list_only:
             return _listed(plan)
-        return running.run(running.RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast), interruption)
+        request = running.RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings)
+        return running.run(request, interruption)
 
 
 def _listed(request: PlanRequest) -> ExitCode:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sim_action.body_record import BodyRecord
 from sim_action.commanded_twists import CommandedTwists
 from sim_action.exports.recorded_run import RecordedRun
 from sim_action.geometry import Pose, quaternion_from_rpy
@@ -38,7 +39,7 @@ def run() -> RecordedRun:
         contacts=[contact(0.305), contact(0.31), contact(0.31), contact(0.31, body="ball")],
     )
     twists = CommandedTwists(np.array([0.0, 0.1]), np.array([[1.0, 0, 0, 0, 0, 2.0], [0.5, 0, 0, 0, 0, -2.0]]))
-    return RecordedRun("made by hand", _scene(), seen, bodies={"ball": rolling()}, twists=twists)
+    return RecordedRun(_scene(), replace(seen, bodies={"ball": rolling()}), twists=twists)
 
 
 def _scene() -> Scene:
@@ -48,9 +49,19 @@ def _scene() -> Scene:
     return replace(made, world=made.world.model_copy(update={"objects": (ahead, ball)}))
 
 
-def rolling() -> FloatArray:
-    """(T, 7) of the ball, along y."""
-    return np.array([[1.0, time, 0.1, 0.0, 0.0, 0.0, 1.0] for time in TIME])
+def rolling() -> BodyRecord:
+    """The ball, along y."""
+    return standing(np.array([[1.0, time, 0.1] for time in TIME]))
+
+
+def standing(position_xyz: FloatArray) -> BodyRecord:
+    """A body that does not turn, (T, 3)."""
+    return BodyRecord(np.array(TIME), position_xyz, np.tile([0.0, 0.0, 0.0, 1.0], (len(TIME), 1)))
+
+
+def with_bodies(made: RecordedRun, **bodies: BodyRecord) -> RecordedRun:
+    """The same with other bodies that move."""
+    return replace(made, trace=replace(made.trace, bodies=bodies))
 
 
 def sensing_run() -> RecordedRun:

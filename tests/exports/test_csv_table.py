@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sim_action.exports.csv_table import CsvTable
 from sim_action.exports.recorded_run import RecordedRun
-from tests.exports.runs import TIME, run
+from tests.exports.runs import TIME, rolling, run, with_bodies
 
 
 def written(made: RecordedRun) -> tuple[list[str], list[list[float]]]:
@@ -42,7 +41,7 @@ def test_every_column_has_its_unit_and_its_numbers() -> None:
 def test_no_zero_has_a_sign_and_no_name_begins_a_formula() -> None:
     made = run()
     file = io.BytesIO()
-    named = replace(made, bodies={'=HYPERLINK("x"),\n': made.bodies["ball"]})
+    named = with_bodies(made, **{'=HYPERLINK("x"),\n': rolling()})
     CsvTable.write(named, file)
     text = file.getvalue().decode()
     assert "-0," not in text

@@ -123,7 +123,7 @@ def test_what_is_touched_is_marked_where_it_was_last_touched() -> None:
 def test_who_touches_nothing_in_an_empty_world_has_no_markers() -> None:
     made = run()
     scene = replace(made.scene, world=made.scene.world.model_copy(update={"objects": ()}))
-    log = read(replace(made, scene=scene, bodies={}, trace=replace(made.trace, contacts=())))
+    log = read(replace(made, scene=scene, trace=replace(made.trace, contacts=(), bodies={})))
     assert {"/contacts", "/world"}.isdisjoint(log)
 
 

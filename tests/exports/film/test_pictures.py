@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from sim_action.exports.film.digits import write
 from sim_action.exports.film.follow_camera import HEIGHT, WIDTH, FollowCamera
 from sim_action.exports.film.pictures import MOST_PICTURES, pictures, shown_moments
 from sim_action.geometry import Pose, compose, inverse, quaternion_from_rpy
-from tests.exports.runs import TIME, run
+from tests.exports.runs import TIME, run, standing, with_bodies
 from tests.traces import burger
 
 
@@ -42,9 +40,10 @@ def test_the_robot_stands_still_in_the_picture_and_its_world_moves() -> None:
 
 def test_bodies_that_move_are_shown_where_they_are() -> None:
     made = run()
-    ahead = np.tile([0.4, 0.5, 0.1, 0.0, 0.0, 0.0, 1.0], (len(TIME), 1))
-    away = ahead + np.array([100.0, 0, 0, 0, 0, 0, 0])
-    shown, empty = (next(pictures(replace(made, bodies={"ball": track}), 10)).astype(int) for track in (ahead, away))
+    shown, empty = (
+        next(pictures(with_bodies(made, ball=standing(np.tile([x, 0.5, 0.1], (len(TIME), 1)))), 10)).astype(int)
+        for x in (0.4, 100.0)
+    )
     # The palette's second colour is green.
     assert ((shown[..., 1] > shown[..., 0] + 40) & (shown[..., 1] > shown[..., 2] + 40)).sum() > 100
     assert ((empty[..., 1] > empty[..., 0] + 40) & (empty[..., 1] > empty[..., 2] + 40)).sum() == 0
