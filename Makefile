@@ -59,8 +59,10 @@ fuzz: $(VENV)/.dev ## a quarter of an hour of robot models that nobody has writt
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
 	$(LOCK) --upgrade --extra mujoco --output-file requirements.lock
-	# The same versions and what reads ROS's logs, for whoever asks the action for it.
+	# The same versions and what an extra needs, for whoever asks the action for it; together they agree, too.
 	$(LOCK) --constraint requirements.lock --extra mujoco --extra rosbags --output-file requirements-rosbags.lock
+	$(LOCK) --constraint requirements-rosbags.lock --extra mujoco --extra mcap --output-file requirements-mcap.lock
+	$(LOCK) --constraint requirements-mcap.lock --extra mujoco --extra video --output-file requirements-video.lock
 	# The same versions without what simulates, for the actions that only deal, and join: reports read traces.
 	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
 	$(LOCK) --constraint requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-reports.lock

@@ -1,4 +1,4 @@
-"""The private environment of the action, made from a lock file: LOCK names it, or for INPUT_EXTRAS the one beside it.
+"""The private environment of the action, made from a lock file: LOCK names it, or for INPUT_EXTRAS those beside it.
 
     environment.py look       says what is there, and whether and where wheels are kept between runs
     environment.py install    makes the environment, once per job
@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,7 +23,7 @@ from typing import Final
 # They run with the rights of the base branch, and so would what they leave in its cache.
 _NEVER_CACHED_ON: Final = frozenset({"pull_request_target", "workflow_run"})
 # Each has a lock file of its own: of a name that a workflow makes up, nothing is installed.
-_EXTRAS: Final = ("rosbags",)
+_EXTRAS: Final = ("mcap", "rosbags", "video")
 # A job's settings of pip say where packages come from, and must not say where they go.
 _PIP_VARIABLES: Final = ("PIP_PYTHON", "PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_USER", "PIP_DRY_RUN")
 _PIP_OPTIONS: Final = (
@@ -143,17 +145,34 @@ def _say(outputs: dict[str, object]) -> None:
             file.write(f"{name}={text:.3f}\n" if isinstance(text, float) else f"{name}={text}\n")
 
 
-def chosen_lock() -> Path:
-    """What is to be installed."""
-    lock, extras = Path(os.environ["LOCK"]), os.environ.get("INPUT_EXTRAS", "").strip()
-    if extras and extras not in _EXTRAS:
-        sys.exit(f"::error title=sim-action::the input extras must be empty or {' or '.join(_EXTRAS)}")
-    return lock.with_name(f"{lock.stem}-{extras}{lock.suffix}") if extras else lock
+def chosen_lock(temp: Path) -> Path:
+    """What is to be installed; what several extras need together is written into a folder."""
+    lock = Path(os.environ["LOCK"])
+    extras = sorted(set(re.split(r"[\s,]+", os.environ.get("INPUT_EXTRAS", ""))) - {""})
+    if not set(extras) <= set(_EXTRAS):
+        sys.exit(f"::error title=sim-action::the input extras must be empty, or some of {', '.join(_EXTRAS)}")
+    locks = [lock.with_name(f"{lock.stem}-{extra}{lock.suffix}") for extra in extras] or [lock]
+    if len(locks) == 1:
+        return locks[0]
+    joined = temp / f"{lock.stem}-{'-'.join(extras)}{lock.suffix}"
+    joined.write_text(_joined(locks), encoding="utf-8", newline="\n")
+    return joined
+
+
+def _joined(locks: Iterable[Path]) -> str:
+    """What stands in any of them: a line for each package, then lines that go on with its hashes. They agree."""
+    entries = (
+        entry
+        for lock in locks
+        for entry in re.findall(r"^[^\s#].*(?:\n[ \t].*)*", lock.read_text("utf-8"), re.MULTILINE)
+    )
+    return "".join(f"{entry}\n" for entry in dict.fromkeys(entries))
 
 
 def main() -> None:
     """What the one argument says."""
-    environment = Environment.of(chosen_lock(), Path(os.environ["RUNNER_TEMP"]))
+    temp = Path(os.environ["RUNNER_TEMP"])
+    environment = Environment.of(chosen_lock(temp), temp)
     try:
         _say({"look": look, "install": install}[sys.argv[1]](environment))
     except InstallError:

@@ -163,7 +163,10 @@ def test_the_pre_commit_example_names_our_hook_which_sees_scenarios_alone() -> N
     assert found == ["a.sim.yml", "b/c.sim.yaml"]
 
 
-@pytest.mark.parametrize("name", ["requirements.lock", "requirements-rosbags.lock"])
+EXTRAS = ("rosbags", "mcap", "video")
+
+
+@pytest.mark.parametrize("name", ["requirements.lock", *(f"requirements-{extra}.lock" for extra in EXTRAS)])
 def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user(name: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     lock = (ROOT / name).read_text(encoding="utf-8")
@@ -172,13 +175,16 @@ def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user(name: s
     assert not re.search(r"://|index|find-links| @ |[\w.-]/", lock)
 
 
-def test_the_lock_file_with_rosbags_has_the_same_versions_and_what_reads_logs_beside_them() -> None:
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_the_lock_file_of_an_extra_has_the_same_versions_and_what_it_needs_beside_them(extra: str) -> None:
     plain, more = (
         set(re.findall(r"^([\w-]+==[\w.]+)", (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE))
-        for name in ("requirements.lock", "requirements-rosbags.lock")
+        for name in ("requirements.lock", f"requirements-{extra}.lock")
     )
     assert plain < more
-    assert "rosbags" in {line.partition("==")[0] for line in more - plain}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["optional-dependencies"][extra]}
+    assert needed <= {line.partition("==")[0] for line in more - plain}
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -26,7 +27,8 @@ def runner(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("extras", "name"), [(None, "some.lock"), ("", "some.lock"), ("rosbags\n", "some-rosbags.lock")]
+    ("extras", "name"),
+    [(None, "some.lock"), ("", "some.lock"), ("rosbags\n", "some-rosbags.lock"), (" mcap,mcap", "some-mcap.lock")],
 )
 def test_extras_have_a_lock_file_of_their_own(
     extras: str | None, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -34,15 +36,31 @@ def test_extras_have_a_lock_file_of_their_own(
     monkeypatch.setenv("LOCK", str(tmp_path / "some.lock"))
     if extras is not None:
         monkeypatch.setenv("INPUT_EXTRAS", extras)
-    assert chosen_lock() == tmp_path / name
+    assert chosen_lock(tmp_path / "temp") == tmp_path / name
+
+
+@pytest.mark.parametrize("extras", ["video, mcap", "mcap\nvideo\n", "mcap video mcap"])
+def test_several_extras_have_what_each_of_them_needs(
+    extras: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LOCK", str(ROOT / "requirements.lock"))
+    monkeypatch.setenv("INPUT_EXTRAS", extras)
+    lock = chosen_lock(tmp_path)
+    assert lock == tmp_path / "requirements-mcap-video.lock"
+    joined = lock.read_text(encoding="utf-8")
+    parts = [(ROOT / f"requirements-{extra}.lock").read_text(encoding="utf-8") for extra in ("mcap", "video")]
+    packages = [re.findall(r"^[\w-]+==[\w.]+", text, re.MULTILINE) for text in (joined, *parts)]
+    assert sorted(packages[0]) == sorted({*packages[1], *packages[2]}), "each once, in one version"
+    hashes = [set(re.findall(r"--hash=\S+", text)) for text in (joined, *parts)]
+    assert hashes[0] == hashes[1] | hashes[2]
 
 
 @pytest.mark.parametrize("extras", ["../../other", "rosbags mujoco", "ROSBAGS", "*"])
 def test_extras_that_nobody_has_locked_are_refused(extras: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LOCK", "some.lock")
     monkeypatch.setenv("INPUT_EXTRAS", extras)
-    with pytest.raises(SystemExit, match="extras must be empty or rosbags"):
-        chosen_lock()
+    with pytest.raises(SystemExit, match="extras must be empty, or some of mcap, rosbags, video"):
+        chosen_lock(Path())
 
 
 def test_each_lock_file_has_its_own_environment(lock: Path, tmp_path: Path) -> None:
