@@ -24,6 +24,7 @@ from typing import Final
 _NEVER_CACHED_ON: Final = frozenset({"pull_request_target", "workflow_run"})
 # Each has a lock file of its own: of a name that a workflow makes up, nothing is installed.
 _EXTRAS: Final = ("mcap", "rosbags", "video")
+_ENTRY: Final = re.compile(r"^[^\s#].*(?:\n[ \t].*)*", re.MULTILINE)
 # A job's settings of pip say where packages come from, and must not say where they go.
 _PIP_VARIABLES: Final = ("PIP_PYTHON", "PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_USER", "PIP_DRY_RUN")
 _PIP_OPTIONS: Final = (
@@ -161,11 +162,8 @@ def chosen_lock(temp: Path) -> Path:
 
 def _joined(locks: Iterable[Path]) -> str:
     """What stands in any of them: a line for each package, then lines that go on with its hashes. They agree."""
-    entries = (
-        entry
-        for lock in locks
-        for entry in re.findall(r"^[^\s#].*(?:\n[ \t].*)*", lock.read_text("utf-8"), re.MULTILINE)
-    )
+    found = (_ENTRY.findall(lock.read_text(encoding="utf-8")) for lock in locks)
+    entries = (entry for those in found for entry in those)
     return "".join(f"{entry}\n" for entry in dict.fromkeys(entries))
 
 

@@ -60,4 +60,8 @@ def stored(folder: Path, written: Results) -> Path:
         for made in written.outcomes:
             if name := getattr(made, kind):
                 (folder / name).write_text(f"{kind} of {made.file}")
+    (folder / "recordings").mkdir()
+    for made in written.outcomes:
+        for name in made.recordings:
+            (folder / name).write_text(f"{name} of {made.file}")
     return written.write(folder)

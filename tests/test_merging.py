@@ -325,3 +325,33 @@ def test_one_scenario_reports_how_far_it_came() -> None:
     shard(1, outcome("a").model_copy(update={"travelled": 1.5}), total=1)
     merge(request())
     assert read().travelled == 1.5
+
+
+def test_recordings_come_along_under_the_names_of_their_traces() -> None:
+    names = ("recordings/same.mcap", "recordings/same.csv")
+    made = outcome("a/same", trace="traces/same.npz").model_copy(update={"recordings": names})
+    shard(1, made, outcome("c/same"))
+    shard(2, made.model_copy(update={"file": "b/same"}))
+    assert merge(request()) is ExitCode.PASSED
+    found = {made.file: made.recordings for made in read().outcomes}
+    assert found == {
+        "a/same": ("recordings/same.mcap", "recordings/same.csv"),
+        "b/same": ("recordings/same-2.mcap", "recordings/same-2.csv"),
+        "c/same": (),
+    }
+    assert Path("joined/recordings/same-2.mcap").read_text() == "recordings/same.mcap of b/same"
+
+
+def test_what_is_no_recording_of_ours_is_not_copied_and_that_is_told() -> None:
+    path = shard(1, outcome("a", trace="traces/a.npz"), total=1)
+    (path.parent / "recordings/a.sh").write_text("echo")
+    (path.parent.parent / "secret.csv").write_text("secret")
+    forged = ("recordings/a.sh", "../secret.csv", "recordings/gone.tum")
+    written = Results.read(path)
+    outcomes = (written.outcomes[0].model_copy(update={"recordings": forged}),)
+    written.model_copy(update={"outcomes": outcomes}).write(path.parent)
+    merge(request("shards/1"))
+    (made,) = read().outcomes
+    assert made.recordings == ()
+    assert made.notes == tuple(f"its recording {name} is not beside the results of its shard" for name in forged)
+    assert not Path("joined/recordings").exists()
