@@ -19,6 +19,7 @@ from pathlib import Path
 from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
 from bench.lidar import lidar_cost
+from bench.recording_cost import recording_cost
 from bench.script_cost import script_costs
 from bench.watching import watching_cost
 from bench.world_cost import BOXES, world_costs
@@ -246,6 +247,15 @@ def filming() -> Iterator[Ratio]:
         yield Ratio(f"{name}, against PyBullet's run", cost.added, cost.run, 0.25)
 
 
+def recordings() -> Iterator[Ratio]:
+    """What --record csv and --record mcap cost with what is kept for them, against a loop without; 30 s, 30 Hz."""
+    for engine in ("pybullet", "mujoco"):
+        cost = recording_cost(engine)
+        yield Ratio(f"{engine}: --record csv, against the loop", cost.keeping + cost.csv, cost.loop, 0.25)
+        yield Ratio(f"{engine}: --record mcap, against the loop", cost.keeping + cost.mcap, cost.loop, 0.75)
+        print(f"     {engine}: a picture of a film, for orientation: {cost.picture * 1000:.3g} ms")
+
+
 def side_by_side(folder: Path) -> Iterator[SideBySide]:
     """Both engines."""
     suite = str(write_suite(folder / "both", 1))
@@ -260,9 +270,8 @@ def main() -> None:
         folder = Path(name)
         ratios = []
         single = (measure(folder) for measure in (whole_process, further_scenario, variations, parallel))
-        for ratio in itertools.chain(
-            start_up(folder), models(), single, scripts(), lidars(), worlds(), watching(), filming()
-        ):
+        told = itertools.chain(scripts(), lidars(), worlds(), watching(), filming(), recordings())
+        for ratio in itertools.chain(start_up(folder), models(), single, told):
             print(ratio, flush=True)
             ratios.append(ratio)
         print("\nboth engines, for orientation:")
