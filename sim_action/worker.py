@@ -8,7 +8,6 @@ import pickle
 import signal
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -35,14 +34,13 @@ from sim_action.hang import note_before
 from sim_action.job import JUDGED, Job, out_of_memory
 from sim_action.loading import build_scene, checked
 from sim_action.location import Location, Problem
-from sim_action.messages import escaped_line
 from sim_action.native_output import redirect_output
 from sim_action.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.permissions import Permissions
+from sim_action.run_evidence import store_evidence, to_record
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.scene import Scene
 from sim_action.simulation import SimulationRun, simulate
-from sim_action.trace_storage import save_trace
 from sim_action.whole_files import whole_file
 from sim_action.yaml_document import Document, KeyPath
 
@@ -158,37 +156,12 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
         except RunError:
             # What there is of it shows what went wrong.
             with suppress(OSError, MemoryError):
-                _store_evidence(job, scene, footage)
-            kept += _to_record(job, scene, footage)
+                store_evidence(job, scene, footage)
+            kept += to_record(job, scene, footage)
             raise
-        notes = _store_evidence(job, scene, footage)
-        kept += _to_record(job, scene, footage)
+        notes = store_evidence(job, scene, footage)
+        kept += to_record(job, scene, footage)
     return replace(run, notes=(*run.notes, *notes))
-
-
-def _store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
-    """Writes what was kept of a run where it belongs; returns what to say of it. Raises OSError."""
-    trace, film = footage.trace(), footage.film()
-    if trace is None:
-        return ()
-    job.trace.parent.mkdir(parents=True, exist_ok=True)
-    save_trace(trace, job.trace)
-    if job.replay is None or film is None or footage.start is None:
-        return ()
-    try:
-        # What is not asked for is not imported.
-        from sim_action.replay.making import make_replay
-
-        make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
-    except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
-        return (f"there is no replay of it: {escaped_line(str(error))}",)
-    return ()
-
-
-def _to_record(job: Job, scene: Scene, footage: Footage) -> Iterator[RecordedRun]:
-    trace, film = footage.trace(), footage.film()
-    if job.recordings and trace is not None and film is not None:
-        yield RecordedRun.of(scene, film, trace, job.loaded.scenario.sensors, footage.twists())
 
 
 def _reserved() -> mmap.mmap:

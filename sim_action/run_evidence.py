@@ -1,0 +1,42 @@
+"""What a run leaves beside its outcome: its trace, its replay, and what there is to be recorded of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+from sim_action.exports.recorded_run import RecordedRun
+from sim_action.footage import Footage
+from sim_action.job import Job
+from sim_action.messages import escaped_line
+from sim_action.scene import Scene
+from sim_action.trace_storage import save_trace
+
+
+def store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
+    """Writes what was kept of a run where it belongs; returns what to say of it. Raises OSError."""
+    trace, film = footage.trace(), footage.film()
+    if trace is None:
+        return ()
+    job.trace.parent.mkdir(parents=True, exist_ok=True)
+    save_trace(trace, job.trace)
+    if job.replay is None or film is None or footage.start is None:
+        return ()
+    try:
+        # What is not asked for is not imported.
+        from sim_action.replay.making import make_replay
+
+        make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
+    except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
+        return (f"there is no replay of it: {escaped_line(str(error))}",)
+    return ()
+
+
+def to_record(job: Job, scene: Scene, footage: Footage) -> Iterator[RecordedRun]:
+    """The run for recordings, if they are asked for, there is something of it, and it fits into memory."""
+    if not job.recordings:
+        return
+    with suppress(MemoryError):
+        trace, film = footage.trace(), footage.film()
+        if trace is not None and film is not None:
+            yield RecordedRun.of(scene, film, trace, job.loaded.scenario.sensors, footage.twists())
