@@ -25,6 +25,7 @@ from sim_action.commands.robot_description import JointDescription, RobotDescrip
 from sim_action.default_options import Defaults
 from sim_action.drives import DRIVES
 from sim_action.errors import ExitCode
+from sim_action.exports import EXPORTS
 from sim_action.geometry import Pose, Twist
 from sim_action.models.findings import RULES
 from sim_action.observation import Contact, JointState, Observation
@@ -187,6 +188,16 @@ def _example(name: str) -> str:
     return f"```yaml\n{text}```\n"
 
 
+def _recordings() -> str:
+    """Of each format the first sentence, and the extra that it needs."""
+    rows = []
+    for name in EXPORTS:
+        export = EXPORTS.load(name)
+        told = " ".join((export.__doc__ or "").split("\n\n")[0].split())
+        rows.append((f"`{name}`", told, f"`{export.extra}`" if export.extra else ""))
+    return table(("format", "what it is", "extra"), rows)
+
+
 def _defaults() -> Iterable[FieldEntry]:
     return catalogue.fields(Defaults)
 
@@ -226,6 +237,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
         ("key", "takes", "meaning"), ((f"`{f.name}`", f.takes, f.description) for f in _defaults())
     ),
     "rules": _rules,
+    "recordings": _recordings,
     "exit-codes": lambda: table(("code", "meaning"), ((str(code.value), text) for code, text in EXIT_CODES.items())),
 }
 

@@ -11,6 +11,7 @@ from sim_action.commands import ClosedLoop
 from sim_action.controls import Controls
 from sim_action.drives import recognise
 from sim_action.errors import ScriptError
+from sim_action.geometry import Twist
 from sim_action.loading import build_scene
 from sim_action.observation import Observation
 from tests.scenarios import LEAST, load, told
@@ -55,6 +56,25 @@ def controls(folder: Path, *sources: str) -> Controls:
     drive = recognise(scene.model)
     assert drive is not None
     return Controls(loaded.scenario, scene, drive.open(scene.model, 240.0))
+
+
+def test_every_twist_is_told_when_it_is_given(tmp_path: Path) -> None:
+    loaded = load(tmp_path, scenario_of("{twist: [{linear: 1, for: 0.1}, {angular: 2}], rate: 20}"))
+    scene, heard = build_scene(loaded), list[tuple[float, Twist]]()
+    drive = recognise(scene.model)
+    assert drive is not None
+    motion = drive.open(scene.model, 240.0)
+    found = Controls(loaded.scenario, scene, motion, lambda time, twist: heard.append((time, twist)))
+    step = 0
+    while step < 48:
+        step += len(found.plan(step, 48, look))
+    turning = Twist.planar(angular=2.0)
+    assert heard == [
+        (0.0, Twist.planar(1.0)),
+        (0.05, Twist.planar(1.0)),
+        (0.1, turning),
+        (pytest.approx(0.15), turning),
+    ]
 
 
 def look(step: int) -> Observation:

@@ -206,3 +206,6 @@ def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path
     traces = (stored_trace(outcome, options.folder) for outcome in results.outcomes)
     for folder in dict.fromkeys(trace.parent for trace in traces if trace is not None):
         yield "traces", folder
+    recordings = (options.folder / name for outcome in results.outcomes for name in outcome.recordings)
+    for folder in dict.fromkeys(recording.parent for recording in recordings):
+        yield "records", folder

@@ -95,3 +95,13 @@ def test_long_lines_are_left_to_the_terminal(samples: Samples, options: ReportOp
     changed = samples["passed"].outcomes[0].model_copy(update={"file": "folder/" * 50})
     text = printed(samples["passed"].model_copy(update={"outcomes": (changed,)}), options)
     assert "folder/" * 50 in text
+
+
+def test_the_folder_of_recordings_is_told_once(samples: Samples, options: ReportOptions) -> None:
+    results = samples["passed"]
+    assert "records" not in printed(results, options)
+    recorded = [
+        made.model_copy(update={"recordings": ("recordings/a.csv", "recordings/a.tum")}) for made in results.outcomes
+    ]
+    text = printed(results.model_copy(update={"outcomes": tuple(recorded)}), options)
+    assert text.count(f"records {options.folder / 'recordings'}\n") == 1
