@@ -18,7 +18,7 @@ _FIELD_OF_VIEW: Final = math.radians(60)
 _DOWN: Final = math.radians(35)
 _ASIDE: Final = math.radians(40)
 # Of the robot's size; and in m, for what is small and drives far.
-_DISTANCE: Final = 3.5
+_DISTANCE: Final = 2.5
 _NEAREST: Final = 1.2
 
 
