@@ -69,6 +69,7 @@ SUBCOMMANDS: Final = {
             **_REPORTS,
             "backend": "--backend",
             "seed": "--seed",
+            "repeat": "--repeat",
             "jobs": "--jobs",
             "shard": "--shard",
             "allow-scripts": "--allow-scripts",

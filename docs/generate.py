@@ -83,7 +83,7 @@ WORLDS = Table[type[BaseModel]](
 
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
-    ExitCode.FAILED: "a scenario failed, or has no verdict (crash, wall limit, script error)",
+    ExitCode.FAILED: "a scenario failed, is flaky, or has no verdict (crash, wall limit, script error)",
     ExitCode.INVALID: "a scenario, or the command line, is invalid, or a result is missing",
     ExitCode.INTERNAL: "a fault of sim-action itself",
     ExitCode.NO_SCENARIO: "no scenario found",

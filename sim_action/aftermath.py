@@ -16,7 +16,8 @@ from typing import Final, Literal
 
 from pydantic import ValidationError
 
-from sim_action import units
+from sim_action import __version__, units
+from sim_action.backends import PACKAGES, chosen
 from sim_action.discovery import file_name
 from sim_action.hang import noted_place
 from sim_action.isolation.child import Child
@@ -24,6 +25,7 @@ from sim_action.job import Job, out_of_memory
 from sim_action.location import Location
 from sim_action.native_output import split_output
 from sim_action.outcome import Failure, FailureKind, Outcome
+from sim_action.provenance import provenance
 from sim_action.regular_files import open_regular
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.workspace import PathError
@@ -60,6 +62,7 @@ def outcome_of(child: Child, ending: Ending) -> Outcome:
             "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
             "recordings": tuple(job.named(path) for path in job.recordings if _is_regular(path)),
             "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
+            "provenance": provenance(PACKAGES[chosen(job.loaded.scenario.backend)], __version__),
             "diagnostics": diagnostics,
             "output": output,
             "wall_time": time.monotonic() - child.started,

@@ -32,7 +32,7 @@ def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path
     """
     if len(outcomes) == 1:
         return (_alone(outcomes[0]),) if loaded.scenario.agreement else outcomes
-    judged = [outcome for outcome in outcomes if outcome.status != "error"]
+    judged = [outcome for outcome in outcomes if outcome.has_verdict]
     if not judged or any(outcome.status == "skipped" for outcome in outcomes):
         return outcomes
     last = judged[-1]
@@ -84,7 +84,7 @@ class _Comparison:
         apart = tuple(self._apart())
         for difference in apart:
             yield self._expectation(self._name(difference), self._verdict(difference))
-        if not apart and self._asked and self.other.status != "error":
+        if not apart and self._asked and self.other.has_verdict:
             message = f"there is no moment at which both have a position: nothing to compare with {self._engine}"
             yield self._expectation(
                 f"the same position as {self._engine}", Verdict(False, None, None, None, "", None, message)
@@ -120,7 +120,7 @@ class _Comparison:
         return Verdict(not different, None, None, None, "", None, message)
 
     def _different_verdicts(self) -> Iterator[str]:
-        if self.other.status == "error":
+        if not self.other.has_verdict:
             yield f"{self._engine} came to no verdict"
             return
         for ours, theirs in zip(self.last.expectations, self.other.expectations, strict=True):

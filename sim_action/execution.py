@@ -8,6 +8,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Final, Protocol
@@ -49,41 +50,52 @@ def execute(
     fail_fast: bool = False,
     replays: bool = False,
     formats: Sequence[str] = (),
+    repeat: int = 1,
     way: type[Child] | None = None,
 ) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
     An interruption ends what runs; scenarios without an outcome then get one that says so. `fail_fast`: nothing is
     begun once one has not passed. `replays`: whether they are written, too; `formats`: of recordings that are.
-    `way`: how children are born; left out, as this system has it. Raises UsageError.
+    `repeat`: how often all of them are run, one time after the other; if more than once, each run has an interpreter
+    and a seed of hashes of its own. `way`: how children are born; left out, as this system has it.
+
+    Raises UsageError.
     """
     way = way or way_here()
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
-    if way.forks:
+    if way.forks and repeat == 1:
         forked = [loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code]
         _warm_up(forked, formats, replays=replays)
     # On Windows, what a script has left running may hold files in it.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
-        paths = trace_paths([loaded.scenario.name for loaded in scenarios], folder)
+        runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
+        paths = trace_paths([loaded.scenario.name for loaded, _ in runs], folder)
+        made = partial(_job, way=way, replays=replays, formats=formats)
         waiting = deque(
-            (
-                index,
-                Job(
-                    loaded,
-                    path,
-                    folder,
-                    _subfolder(Path(scratch), index),
-                    way.limits_memory,
-                    replay_path(path) if replays else None,
-                    recordings=tuple(recording_path(path, name) for name in formats),
-                ),
-            )
-            for index, (loaded, path) in enumerate(zip(scenarios, paths, strict=True))
+            (index, made(loaded, path, folder, _subfolder(Path(scratch), index), hash_seed=hash_seed))
+            for index, ((loaded, hash_seed), path) in enumerate(zip(runs, paths, strict=True))
         )
         outcomes = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast).run()
     left = interrupted if interruption.happened else skipped
-    return [outcomes.get(index) or left(loaded) for index, loaded in enumerate(scenarios)]
+    return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
+
+
+def _job(
+    loaded: LoadedScenario,
+    trace: Path,
+    results: Path,
+    own: Path,
+    *,
+    way: type[Child],
+    hash_seed: int | None,
+    replays: bool,
+    formats: Sequence[str],
+) -> Job:
+    replay = replay_path(trace) if replays else None
+    recordings = tuple(recording_path(trace, name) for name in formats)
+    return Job(loaded, trace, results, own, way.limits_memory, replay, recordings, hash_seed)
 
 
 def _subfolder(scratch: Path, index: int) -> Path:

@@ -24,6 +24,7 @@ class Job:
         memory_is_limited: whether the child is held to the scenario's `memory_limit`.
         replay: where the replay is written; None: nobody asks for it.
         recordings: where recordings are written, each of the format that its name ends with.
+        hash_seed: with which a fresh interpreter hashes text; None: a fork will do.
         deadline: of `time.monotonic()`, at which the child is given up; None: it is not.
     """
 
@@ -34,6 +35,7 @@ class Job:
     memory_is_limited: bool = True
     replay: Path | None = None
     recordings: tuple[Path, ...] = ()
+    hash_seed: int | None = None
     deadline: float | None = None
 
     @property

@@ -21,7 +21,6 @@ from sim_action.scenario_parts import PartReader
 from sim_action.scene import Scene, SpecProblems
 from sim_action.source import Refused, Source
 from sim_action.surroundings import ShapeLibrary, read_surroundings
-from sim_action.workspace import Workspace
 
 if TYPE_CHECKING:
     from sim_action.parts import Part
@@ -140,11 +139,21 @@ def _loaded_or_refused(
 def build_scene(loaded: LoadedScenario) -> Scene:
     """The scene of a scenario; its model is read if that has not been done. Raises ModelError."""
     model = loaded.model or load_model(loaded.scenario.robot, loaded.workspace)
-    return _scene(loaded.scenario, model, loaded.workspace, loaded.parts)
+    return _scene(loaded.scenario, model, loaded.source, loaded.parts)
 
 
-def _scene(scenario: Scenario, model: RobotModel, workspace: Workspace, parts: Mapping[str, tuple[Part, ...]]) -> Scene:
-    return Scene(scenario.robot, model, scenario.world, scenario.physics, workspace, scenario.seed, parts=parts)
+def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping[str, tuple[Part, ...]]) -> Scene:
+    return Scene(
+        scenario.robot,
+        model,
+        scenario.world,
+        scenario.physics,
+        source.workspace,
+        scenario.seed,
+        parts=parts,
+        file=source.document.file,
+        variation=source.values_in_file_names,
+    )
 
 
 class _Loader:
@@ -156,6 +165,7 @@ class _Loader:
         self.parts: Mapping[str, tuple[Part, ...]] = {}
         self._libraries = libraries
         self._evaluate = evaluate
+        self._source = source
         self._data = source.document.data
         self._workspace = source.workspace
         self._permissions = permissions
@@ -182,7 +192,7 @@ class _Loader:
         self._problems.note_all((), clash_checks.clash_problems(scenario.world))
         self.model = self._read_model(scenario.robot)
         if self.model is not None:
-            scene = _scene(scenario, self.model, self._workspace, self.parts)
+            scene = _scene(scenario, self.model, self._source, self.parts)
             self._check_scene(scene, scenario, states_drive=states_drive)
 
     def _own_problems(self, scenario: Scenario) -> SpecProblems:

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 from sim_action.errors import ExitCode, Fault, InvalidScenario, UsageError
 from sim_action.location import Location, Problem
 from sim_action.messages import escaped_line
+from sim_action.provenance import Provenance
 from sim_action.quantities import FrozenModel
 from sim_action.regular_files import read_at_most
 from sim_action.scenario import Severity
@@ -22,11 +23,22 @@ RESULTS_FILE = "results.json"
 
 _MOST_BYTES: Final = 64_000_000
 
-Status = Literal["passed", "failed", "error", "skipped"]
-"""failed: an assertion did not hold; error: there is no verdict; skipped: it was not run, as another had failed."""
+Status = Literal["passed", "failed", "flaky", "error", "skipped"]
+"""failed: an assertion did not hold; flaky: of several runs, not all were the same; error: there is no verdict;
+skipped: it was not run, as another had failed."""
 
 FailureKind = Literal[
-    "invalid", "engine", "unstable", "script", "crash", "wall limit", "memory", "interrupted", "internal", "missing"
+    "invalid",
+    "engine",
+    "unstable",
+    "script",
+    "crash",
+    "wall limit",
+    "memory",
+    "interrupted",
+    "internal",
+    "missing",
+    "flaky",
 ]
 """missing: somebody should have run it, and there is nothing to show for it."""
 
@@ -81,6 +93,20 @@ class ExpectationOutcome(FrozenModel):
         return not self.verdict.passed and self.severity == "warning"
 
 
+class Repeats(FrozenModel):
+    """How often one scenario was run, each time in a fresh interpreter.
+
+    Attributes:
+        count: runs.
+        agreed: how many of them were the same, in what the robot did and how it was judged.
+        digests: how many different digests they had.
+    """
+
+    count: Annotated[int, Field(ge=2)]
+    agreed: Annotated[int, Field(ge=1)]
+    digests: Annotated[int, Field(ge=0)]
+
+
 class Outcome(FrozenModel):
     """What became of one scenario.
 
@@ -91,14 +117,17 @@ class Outcome(FrozenModel):
         number: its place among all that the file holds, variations counted, from 1.
         group: of a variation, the name of the scenario that is varied.
         variation: the values that make it this one, exactly.
-        failures: why there is no verdict; empty unless `status` is "error".
+        failures: why there is no verdict; empty unless `status` is "error" or "flaky".
         end: why the run was over.
         sim_time: s at which the run was over.
-        wall_time: s that the process took, loading included.
+        wall_time: s that the process took, loading included; of several runs, all of them.
         real_time_factor: sim time over wall time of the simulation loop alone.
         travelled: m between the robot's first and last place on the ground plane.
         seed: of what was drawn at random.
         digest: SHA-256 over the state at every physics step.
+        repeats: of a scenario that was run several times, and whose first run this is, or the first that others agree
+            with.
+        provenance: what it was made with.
         notes: what was assumed or noticed.
         diagnostics: what the engine said.
         output: what the user's own code printed, its end.
@@ -123,7 +152,9 @@ class Outcome(FrozenModel):
     travelled: NotNegative | None = None
     seed: int | None = None
     digest: str | None = None
+    repeats: Repeats | None = None
     engine: str | None = None
+    provenance: Provenance | None = None
     notes: tuple[str, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
     output: str = ""
@@ -132,9 +163,19 @@ class Outcome(FrozenModel):
     recordings: tuple[str, ...] = ()
 
     @property
+    def simulated(self) -> float:
+        """Sim time in s of all its runs."""
+        return (self.sim_time or 0.0) * (self.repeats.count if self.repeats else 1)
+
+    @property
     def causes_first(self) -> tuple[ExpectationOutcome, ...]:
         """All expectations in their order, but those last that another one has cut off."""
         return tuple(sorted(self.expectations, key=lambda expected: expected.verdict.cut_off))
+
+    @property
+    def has_verdict(self) -> bool:
+        """Whether its expectations were judged, and the judgement can be believed."""
+        return self.status in ("passed", "failed")
 
     @property
     def exit_code(self) -> ExitCode:
@@ -233,7 +274,7 @@ class Results(FrozenModel):
     @property
     def real_time_factor(self) -> float | None:
         """Sim time of everything that was simulated over the wall time that it all took."""
-        sim_time = sum(outcome.sim_time or 0.0 for outcome in self.outcomes)
+        sim_time = sum(outcome.simulated for outcome in self.outcomes)
         return sim_time / self.wall_time if sim_time and self.wall_time > 0 else None
 
     def worst_first(self) -> list[Outcome]:
@@ -271,5 +312,5 @@ def _first_finding(error: ValidationError) -> str:
 
 def _badness(outcome: Outcome) -> int:
     if outcome.status != "passed":
-        return {"error": 0, "failed": 1, "skipped": 3}[outcome.status]
-    return 2 if any(expectation.warned for expectation in outcome.expectations) else 4
+        return {"error": 0, "flaky": 1, "failed": 2, "skipped": 4}[outcome.status]
+    return 3 if any(expectation.warned for expectation in outcome.expectations) else 5

@@ -19,10 +19,12 @@ class Permissions:
     Attributes:
         outside: whether files may lie outside the workspace.
         scripts_refused: why no code of the user's is run; None: it is.
+        updates_golden: whether golden trajectories are written, inside the workspace.
     """
 
     outside: bool = False
     scripts_refused: str | None = None
+    updates_golden: bool = False
 
 
 def scripts_refused(choice: AllowScripts, environment: Mapping[str, str]) -> str | None:

@@ -78,7 +78,7 @@ def _read(path: Path) -> Results:
 
 def _contradicts_itself(outcome: Outcome) -> bool:
     """A failure without a reason, a pass without an expectation or in spite of one, a verdict on what was not run."""
-    if outcome.status == "error":
+    if outcome.status in ("error", "flaky"):
         return not outcome.failures
     if outcome.status == "skipped":
         return bool(outcome.failures or outcome.expectations)

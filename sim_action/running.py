@@ -15,9 +15,11 @@ from sim_action.aftermath import skipped
 from sim_action.agreement import compared
 from sim_action.errors import ExitCode
 from sim_action.execution import execute
+from sim_action.golden_writing import with_own_goldens
 from sim_action.interruption import Interruption
 from sim_action.outcome import Outcome, Results
 from sim_action.planning import Plan, PlanRequest, planned
+from sim_action.repeating import repeated
 from sim_action.reporting import ReportRequest, report_options, write_reports
 from sim_action.reports.progress import ProgressListener
 from sim_action.source import Refused
@@ -32,6 +34,7 @@ class RunRequest:
     jobs: int
     fail_fast: bool
     recordings: tuple[str, ...] = ()
+    repeat: int = 1
 
 
 def run(request: RunRequest, interruption: Interruption) -> ExitCode:
@@ -39,7 +42,8 @@ def run(request: RunRequest, interruption: Interruption) -> ExitCode:
     started = time.monotonic()
     found = planned(request.plan)
     options = report_options(request.reports)
-    outcomes = _outcomes(request, found.plans, options.folder, interruption)
+    plans = with_own_goldens(found.plans) if request.plan.permissions.updates_golden else found.plans
+    outcomes = _outcomes(request, plans, options.folder, interruption)
     results = Results(
         sim_action=__version__,
         python=platform.python_version(),
@@ -56,14 +60,17 @@ def run(request: RunRequest, interruption: Interruption) -> ExitCode:
 def _outcomes(request: RunRequest, plans: Sequence[Plan], folder: Path, interruption: Interruption) -> list[Outcome]:
     """Of each scenario, in the order of the files; several of one that runs on several engines."""
     every = [run for plan in plans if not isinstance(plan, Refused) for run in plan]
+    repeat = request.repeat
+    every = [run.traced_at_every_step() for run in every] if repeat > 1 else every
     if request.fail_fast and any(isinstance(plan, Refused) for plan in plans):
         ran = iter([skipped(run) for run in every])
     else:
-        listener = ProgressListener(total=len(every), verbosity=request.reports.verbosity)
+        listener = ProgressListener(total=len(every) * repeat, verbosity=request.reports.verbosity)
         replays = "report" not in request.reports.silenced
-        asked = partial(execute, fail_fast=request.fail_fast, replays=replays, formats=request.recordings)
-        ran = iter(asked(every, folder, request.jobs, listener, interruption))
+        asked = partial(execute, fail_fast=request.fail_fast, formats=request.recordings, repeat=repeat)
+        turns = asked(every, folder, request.jobs, listener, interruption, replays=replays)
         listener.close()
+        ran = iter([repeated(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
     return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, folder)]
 
 

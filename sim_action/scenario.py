@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
@@ -254,3 +254,8 @@ class LoadedScenario:
     def file(self) -> str:
         """Its path, as reports show it."""
         return self.document.file
+
+    def traced_at_every_step(self) -> LoadedScenario:
+        """The same, with each physics step in its trace."""
+        trace = TraceSettings(rate=self.scenario.physics.rate)
+        return replace(self, scenario=self.scenario.model_copy(update={"trace": trace}))

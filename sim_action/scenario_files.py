@@ -98,7 +98,7 @@ def read_only_scenario(path: Path, permissions: Permissions) -> Source:
 
 def _workspace(path: Path, permissions: Permissions) -> Workspace:
     try:
-        return Workspace.around(path, allow_outside=permissions.outside)
+        return Workspace.around(path, allow_outside=permissions.outside, updates_golden=permissions.updates_golden)
     except (PathError, OSError, RuntimeError) as error:
         raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(str(error)))]) from None
 

@@ -34,6 +34,8 @@ class Scene:
         parts: name of a body -> what it is made of, for bodies whose shapes were read from files.
         namesake: of several sources of commands that run the same code, which one is to see it: each draws numbers of
             its own.
+        file: of the scenario, as reports show it.
+        variation: what tells it from the others that the scenario varies into, as part of a file's name; or empty.
     """
 
     robot: Robot
@@ -46,6 +48,8 @@ class Scene:
     mobility: Mobility = field(default_factory=Mobility)
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     namesake: int = 0
+    file: str = ""
+    variation: str = ""
 
     @property
     def bolted(self) -> bool:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from pydantic import JsonValue
 
@@ -11,6 +13,8 @@ from sim_action.errors import Fault, InvalidScenario
 from sim_action.location import Location, Problem
 from sim_action.workspace import Workspace
 from sim_action.yaml_document import Document
+
+_LONGEST_VALUES: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,12 @@ class Source:
         """As far as they are what tags can be."""
         tags = self.document.data.get("tags") if isinstance(self.document.data, dict) else None
         return tuple(tag for tag in tags if isinstance(tag, str)) if isinstance(tags, tuple) else ()
+
+    @property
+    def values_in_file_names(self) -> str:
+        """Of a variation, what its name adds to that of its group, as every file system has it; or empty."""
+        values = self.name.removeprefix(self.group) if self.group is not None else ""
+        return re.sub(r"[^A-Za-z0-9._=,+-]+", "-", values).strip("-")[:_LONGEST_VALUES]
 
     def is_of_draws(self, refused: Refused) -> bool:
         """Whether all that is wrong with it is wrong with values that are drawn at random."""

@@ -30,6 +30,7 @@ from sim_action.errors import (
 from sim_action.exports.recorded_run import RecordedRun
 from sim_action.exports.writing import write_recordings
 from sim_action.footage import Footage
+from sim_action.golden_writing import write_goldens
 from sim_action.hang import note_before
 from sim_action.job import JUDGED, Job, out_of_memory
 from sim_action.loading import build_scene, checked
@@ -160,6 +161,8 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
             kept += to_record(job, scene, footage)
             raise
         notes = store_evidence(job, scene, footage)
+        if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
+            notes += write_goldens(loaded, scene, trace)
         kept += to_record(job, scene, footage)
     return replace(run, notes=(*run.notes, *notes))
 
@@ -182,7 +185,9 @@ def _checked(loaded: LoadedScenario) -> LoadedScenario:
     if loaded.model is not None:
         return loaded
     # What was read then is what is judged now, whatever has become of its file.
-    again = checked(loaded.source, Permissions(outside=loaded.workspace.allow_outside), evaluate=True)
+    workspace = loaded.workspace
+    permissions = Permissions(outside=workspace.allow_outside, updates_golden=workspace.updates_golden)
+    again = checked(loaded.source, permissions, evaluate=True)
     return replace(loaded, model=again.model)
 
 

@@ -18,14 +18,16 @@ class Workspace:
     Attributes:
         directory: of the scenario file; what relative paths start from.
         root: nothing outside it is read, unless `allow_outside`.
+        updates_golden: whether golden trajectories are written instead of compared with.
     """
 
     directory: Path
     root: Path
     allow_outside: bool = False
+    updates_golden: bool = False
 
     @classmethod
-    def around(cls, scenario_file: Path, *, allow_outside: bool = False) -> Workspace:
+    def around(cls, scenario_file: Path, *, allow_outside: bool = False, updates_golden: bool = False) -> Workspace:
         """The workspace of a scenario: its repository, else the current directory, else its own folder.
 
         A link does not take a scenario into another workspace. Raises PathError if it leads out of this one.
@@ -37,7 +39,7 @@ class Workspace:
         file = scenario_file.resolve()
         if not allow_outside and not file.is_relative_to(root):
             raise PathError(f"is a link to {file}, outside the workspace {root}; --allow-outside lifts this")
-        return cls(file.parent, root, allow_outside)
+        return cls(file.parent, root, allow_outside, updates_golden)
 
     def file(self, path: str) -> Path:
         """The absolute path of a file that a scenario names. Raises PathError."""
@@ -49,6 +51,34 @@ class Workspace:
     def file_or_folder(self, path: str) -> Path:
         """The absolute path of what a scenario names. Raises PathError."""
         return self._found(path)[0]
+
+    def new_file(self, path: str) -> Path:
+        """The absolute path of a file that is to be written for a scenario, below the root and behind no link.
+
+        Raises PathError.
+        """
+        if not path.isprintable():
+            raise PathError(f"{path!r} cannot be a file")
+        new = Path(os.path.normpath(self.directory / path))
+        try:
+            links = [place for place in (new, *new.parents) if place.is_relative_to(self.root) and place.is_symlink()]
+            is_folder = new.is_dir()
+        except OSError as error:  # too long
+            raise PathError(f"{path!r} cannot be a file: {error}") from None
+        if not new.is_relative_to(self.root) or ".git" in new.relative_to(self.root).parts:
+            raise PathError(f"'{path}' is not written: it is outside the workspace {self.root}")
+        if links:
+            raise PathError(f"'{path}' is not written: {links[-1]} is a link; remove it")
+        if is_folder:
+            raise PathError(f"'{path}' is a folder (looked for {new})")
+        return new
+
+    def may_make(self, path: str) -> bool:
+        """Whether a file is not there that may be written."""
+        try:
+            return not self.new_file(path).exists()
+        except PathError:
+            return False
 
     def _found(self, path: str) -> tuple[Path, bool]:
         """The absolute path, and whether it is a folder."""

@@ -107,6 +107,7 @@ def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
         ("commands", "*", "replay"),
         ("expect", "**", "assertion"),
         ("expect", "**", "follow_path", "file"),
+        ("expect", "**", "matches", "trace"),
         ("expect", "**", "assertion", "class"),
     }
     assert file_keys(if_there=True) == (("commands", "process", "*"), ("commands", "*", "process", "*"))

@@ -70,7 +70,7 @@ HEAD = '"version": 1, "sim_action": "0", "python": "3", "platform": "p"'
         (f'{{{HEAD}, "wall_time": 1, "outcomes": [], "##[error]x": 1}}', "Extra inputs are not permitted"),
         (
             f'{{{HEAD}, "wall_time": 1, "outcomes": [{{"name": "a", "file": "a", "status": "fine"}}]}}',
-            "outcomes.0.status: Input should be 'passed', 'failed', 'error' or 'skipped'",
+            "outcomes.0.status: Input should be 'passed', 'failed', 'flaky', 'error' or 'skipped'",
         ),
         (
             f'{{{HEAD}, "wall_time": 1, "outcomes": [], "shard": {{"index": 3, "count": 2, "total": 1}}}}',

@@ -110,3 +110,23 @@ def test_what_may_be_a_folder_too_is_held_to_the_same_bounds(repository: Path) -
             here.file_or_folder(outside)
     with pytest.raises(PathError, match="does not exist"):
         here.file_or_folder("absent")
+
+
+def test_a_new_file_may_have_new_folders_around_it(tmp_path: Path) -> None:
+    around = Workspace(tmp_path.resolve(), tmp_path.resolve())
+    assert around.new_file("deep/../golden/x.csv") == tmp_path.resolve() / "golden/x.csv"
+    assert around.may_make("golden/x.csv")
+
+
+@pytest.mark.parametrize(
+    "path", ["../x.csv", "/etc/x.csv", ".git/x.csv", "a/../../x.csv", "link/x.csv", "x\0.csv", "."]
+)
+@pytest.mark.parametrize("outside", [False, True])
+def test_no_file_is_made_outside_or_behind_a_link(path: str, outside: bool, tmp_path: Path) -> None:
+    folder = tmp_path.resolve() / "workspace"
+    folder.mkdir()
+    (folder / "link").symlink_to(tmp_path, target_is_directory=True)
+    around = Workspace(folder, folder, allow_outside=outside)
+    with pytest.raises(PathError):
+        around.new_file(path)
+    assert not around.may_make(path)

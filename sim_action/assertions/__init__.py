@@ -181,6 +181,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
         "clearance": "sim_action.assertions.clearance:Clearance",
         "follow_path": "sim_action.assertions.follow_path:FollowPath",
+        "matches": "sim_action.assertions.matches:Matches",
         "odometry_error": "sim_action.assertions.odometry_error:OdometryError",
         "sensor": "sim_action.assertions.sensor:SensorReading",
         "joint": "sim_action.assertions.joint:JointReading",

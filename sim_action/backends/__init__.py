@@ -84,6 +84,9 @@ INSTALLING: Final = {
 }
 """How to come by an engine."""
 
+PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
+"""Engine -> its package, as pip knows it."""
+
 
 def installed() -> tuple[str, ...]:
     """The engines that are there, the one that `auto` means first."""

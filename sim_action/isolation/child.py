@@ -89,7 +89,7 @@ class Child(ABC):
         """What there is to hear; nothing at the end. Raises BlockingIOError as long as there is nothing yet."""
 
 
-def environment() -> dict[str, str]:
+def environment(hash_seed: int | None = None) -> dict[str, str]:
     """The caller's, without what a stranger's script could act with. Hygiene, not a boundary."""
     kept = {
         name: value
@@ -98,4 +98,4 @@ def environment() -> dict[str, str]:
     }
     path = os.pathsep.join(filter(None, (str(_PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
     # With a random seed, a controller that walks through a set would give another result every time.
-    return {**kept, "PYTHONPATH": path, "PYTHONHASHSEED": "0"}
+    return {**kept, "PYTHONPATH": path, "PYTHONHASHSEED": str(hash_seed or 0)}

@@ -1,7 +1,7 @@
 """The way of Linux: a child that is held to its limits, and ended with everything that it left behind.
 
-Where no code of the user's runs, it is a fork of this process, and has no children. Else it is a `supervisor`, whose
-child is the scenario's own process.
+Where no code of the user's runs, it is a fork of this process, and has no children. Else, and where a run is repeated,
+it is a `supervisor`, whose child is the scenario's own process: copies of one process would share what may differ.
 """
 
 from __future__ import annotations
@@ -45,13 +45,17 @@ class LinuxChild(Child):
 
     @classmethod
     def start(cls, job: Job) -> Self:
-        """Forks this process, or starts a fresh interpreter where user code will run or threads do. Raises OSError."""
+        """Forks this process, or starts a fresh interpreter where user code will run, threads do, or it is asked for.
+
+        Raises OSError.
+        """
         reader, writer = os.pipe()
         os.set_blocking(reader, False)
         # A caller that does not listen is no reason to wait.
         os.set_blocking(writer, False)
         try:
-            alone = job.loaded.scenario.runs_user_code or threading.active_count() > 1
+            of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
+            alone = of_others or threading.active_count() > 1
             pid = _spawn(job, writer) if alone else _fork(job, writer)
         finally:
             os.close(writer)
@@ -155,7 +159,7 @@ def _spawn(job: Job, writer: int) -> int:
             stderr=subprocess.DEVNULL,
             pass_fds=(writer,),
             start_new_session=True,
-            env=environment(),
+            env=environment(job.hash_seed),
         )
     # This object would wait for the process too; from here on, its number is all that counts.
     process.returncode = 0

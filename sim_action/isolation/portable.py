@@ -55,7 +55,7 @@ class PortableChild(Child):
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=words,
-                env=environment(),
+                env=environment(job.hash_seed),
                 # Ctrl-C goes to this process alone: the first is for POSIX, the second for Windows.
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),

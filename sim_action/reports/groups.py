@@ -11,7 +11,7 @@ from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.reports.wording import Mood, moment, mood, quantity
 
-WORST_FIRST: Final[tuple[Mood, ...]] = ("error", "failed", "warned", "skipped", "passed")
+WORST_FIRST: Final[tuple[Mood, ...]] = ("error", "flaky", "failed", "warned", "skipped", "passed")
 
 # Where nothing says by how much something failed.
 _WHOLE: Final = -1.0

@@ -10,6 +10,7 @@ import json
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import PurePosixPath
+from typing import Final
 
 from sim_action.location import Location
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Results
@@ -20,6 +21,9 @@ from sim_action.reports.paths import place, seen_from, stored_trace
 from sim_action.reports.wording import measurements, own_output
 from sim_action.reports.xml_elements import add_attachment, add_child, add_line, add_properties, element
 from sim_action.whole_files import whole_file
+
+# Of variations, what each has of its own: they may have been run on several machines.
+_OF_EACH: Final = ("engine", "seed", "digest", "repeats", "cpu", "engine_build")
 
 
 def write_junit(results: Results, options: ReportOptions) -> None:
@@ -90,7 +94,8 @@ class _Document:
             return ours | _ran(group.worst)
         digests = {f"digest: {group.values(outcome)}": outcome.digest for outcome in group.outcomes}
         worst = None if group.mood == "skipped" else group.worst_told
-        return {**ours, "passed": group.passed, "worst": worst, **digests}
+        made = _made_with(group.worst)
+        return {**ours, **made, "passed": group.passed, "worst": worst, **digests}
 
     def _expectation(self, group: Group, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
         case = self._case(group, outcome, expected.name, expected.location)
@@ -156,7 +161,7 @@ class _Document:
 
 def _reasons(outcome: Outcome) -> tuple[Failure, ...]:
     """Why there is no verdict. To tools, a suite without a testcase is no test: there is always one."""
-    if outcome.failures or outcome.status == "skipped" or (outcome.expectations and outcome.status != "error"):
+    if outcome.failures or outcome.status == "skipped" or (outcome.expectations and outcome.has_verdict):
         return outcome.failures
     return (Failure(kind="internal", title="no verdict", message="nothing says what became of this scenario"),)
 
@@ -171,12 +176,18 @@ def _ran(outcome: Outcome) -> dict[str, object]:
         "travelled_m": outcome.travelled,
         "seed": outcome.seed,
         "digest": outcome.digest,
+        "repeats": outcome.repeats.count if outcome.repeats else None,
+        **_made_with(outcome),
     }
+
+
+def _made_with(outcome: Outcome) -> dict[str, object]:
+    return {} if outcome.provenance is None else outcome.provenance.model_dump()
 
 
 def _of_variation(outcome: Outcome) -> dict[str, object]:
     values = {f"variation: {varied.key}": json.dumps(varied.value) for varied in outcome.variation}
-    return {**values, "engine": outcome.engine, "seed": outcome.seed, "digest": outcome.digest}
+    return values | {name: told for name, told in _ran(outcome).items() if name in _OF_EACH}
 
 
 def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:

@@ -28,6 +28,7 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "total": str(results.total),
         "passed": str(results.count("passed")),
         "failed": str(results.count("failed")),
+        "flaky": str(results.count("flaky")),
         "errors": str(results.count("error")),
         "skipped": str(results.count("skipped")),
         "junit-path": str(options.junit.absolute()),

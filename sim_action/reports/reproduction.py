@@ -36,6 +36,8 @@ def command(outcome: Outcome, options: ReportOptions) -> str:
         words += ["--seed", str(outcome.seed)]
     if backend:
         words += ["--backend", backend]
+    if outcome.status == "flaky" and outcome.repeats:
+        words += ["--repeat", str(outcome.repeats.count)]
     return " ".join(map(_quoted, words))
 
 

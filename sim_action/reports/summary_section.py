@@ -17,9 +17,16 @@ from sim_action.reports.groups import Group
 from sim_action.reports.markdown import code, code_of_link, folded, row, shell_block, source_link, table
 from sim_action.reports.mermaid import chart
 from sim_action.reports.reproduction import command, replay_link
-from sim_action.reports.wording import Mood, factor, moment, mood, own_output, quantity
+from sim_action.reports.wording import Mood, factor, made_with, moment, mood, own_output, quantity, repeated
 
-ICONS: Final[dict[Mood, str]] = {"passed": "✅", "warned": "⚠️", "failed": "❌", "error": "💥", "skipped": "⏭️"}
+ICONS: Final[dict[Mood, str]] = {
+    "passed": "✅",
+    "warned": "⚠️",
+    "failed": "❌",
+    "flaky": "🎲",
+    "error": "💥",
+    "skipped": "⏭️",
+}
 
 _MOST_ROWS: Final = 100
 _MOST_FAILURES: Final = 20
@@ -135,7 +142,7 @@ def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
     simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
     ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
     engine, speed = markdown_text(outcome.engine or ""), factor(outcome.real_time_factor)
-    parts = (source_link(options, outcome.location), simulated, ended, speed, engine)
+    parts = (source_link(options, outcome.location), simulated, ended, speed, engine, repeated(outcome))
     return " · ".join(part for part in parts if part)
 
 
@@ -197,6 +204,8 @@ def _run_details(outcome: Outcome) -> str:
 
 
 def _remarks(outcome: Outcome) -> Iterator[str]:
+    for name, told in made_with(outcome.provenance).items():
+        yield f"{name}: {markdown_text(told)}"
     if outcome.seed is not None:
         yield f"seed: {outcome.seed}"
     if outcome.digest:

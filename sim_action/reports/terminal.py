@@ -18,15 +18,31 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.groups import WORST_FIRST, Group, groups
 from sim_action.reports.paths import stored_trace
-from sim_action.reports.wording import Mood, counts, factor, measurements, mood, own_output, share
+from sim_action.reports.wording import Mood, counts, factor, made_with, measurements, mood, own_output, repeated, share
 
-_SYMBOLS: Final[dict[Mood, str]] = {"passed": "✓", "skipped": "-", "warned": "!", "failed": "✗", "error": "✗"}
-_ASCII_SYMBOLS: Final[dict[Mood, str]] = {"passed": "+", "skipped": "-", "warned": "!", "failed": "x", "error": "x"}
+_SYMBOLS: Final[dict[Mood, str]] = {
+    "passed": "✓",
+    "skipped": "-",
+    "warned": "!",
+    "failed": "✗",
+    "flaky": "≠",
+    "error": "✗",
+}
+_ASCII_SYMBOLS: Final[dict[Mood, str]] = {
+    "passed": "+",
+    "skipped": "-",
+    "warned": "!",
+    "failed": "x",
+    "flaky": "?",
+    "error": "x",
+}
+_UNHAPPY: Final[tuple[Mood, ...]] = ("failed", "flaky", "error")
 _STYLES: Final[dict[Mood, str]] = {
     "passed": "green",
     "skipped": "dim",
     "warned": "yellow",
     "failed": "bold red",
+    "flaky": "bold red",
     "error": "bold red",
 }
 _MOODS: Final = tuple(reversed(WORST_FIRST))
@@ -40,7 +56,7 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
     with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
         printer = _Printer(_console(stream, options), options)
         for group in sorted(groups(results.outcomes), key=lambda group: _MOODS.index(group.mood)):
-            if options.verbosity != "quiet" or group.mood in ("failed", "error"):
+            if options.verbosity != "quiet" or group.mood in _UNHAPPY:
                 printer.group(group)
         printer.closing(results)
 
@@ -93,7 +109,7 @@ class _Printer:
         self._options = options
         self._verbosity = options.verbosity
         self._encoding = console.encoding
-        shows_symbols = log_text("✓✗│", self._encoding) == "✓✗│"
+        shows_symbols = log_text("✓✗≠│", self._encoding) == "✓✗≠│"
         self._symbols = _SYMBOLS if shows_symbols else _ASCII_SYMBOLS
         self._bar = "│" if shows_symbols else "|"
         self._margin = ""
@@ -108,7 +124,7 @@ class _Printer:
             self._margin = ""
         else:
             file = f"  {group.location}" if group.location else ""
-            self._heading(group.mood, group.name, file)
+            self._heading(group.mood, group.name, file, _after(repeated(group.worst)))
             self._outcome(group.worst)
         self._line()
 
@@ -120,7 +136,7 @@ class _Printer:
         shown = [outcome for outcome in group.outcomes if verbose or mood(outcome) not in ("passed", "skipped")]
         most = len(shown) if verbose else _MOST_VARIATIONS
         for outcome in shown[:most]:
-            self._heading(mood(outcome), outcome.name, "")
+            self._heading(mood(outcome), outcome.name, "", _after(repeated(outcome)))
             self._outcome(outcome)
         if len(shown) > most:
             self._line("", (f"{len(shown) - most} more, see {RESULTS_FILE}", "dim"))
@@ -172,12 +188,13 @@ class _Printer:
             "end": outcome.end,
             "speed": factor(outcome.real_time_factor),
             "engine": outcome.engine,
+            **made_with(outcome.provenance),
             "seed": outcome.seed,
             "digest": outcome.digest,
             "trace": stored_trace(outcome, self._options.folder),
         }
         for name, value in ran.items():
-            if value:
+            if value not in (None, ""):
                 self._line("  ", (f"{name:<7} {value}", "dim"))
         for note in outcome.notes:
             self._line("  ", (f"note    {note}", "dim"))
@@ -197,6 +214,10 @@ class _Printer:
         shown = ((log_text(text, self._encoding).replace("\n", " "), style) for text, style in parts)
         # Wrapped by the terminal, not by us: paths stay whole for those who click or copy them.
         self._console.print(Text.assemble(self._margin if parts else "", indent, *shown), soft_wrap=True)
+
+
+def _after(text: str) -> str:
+    return f"  {text}" if text else ""
 
 
 def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path]]:

@@ -6,10 +6,11 @@ from typing import Literal
 
 from sim_action import units
 from sim_action.outcome import Outcome, Results
+from sim_action.provenance import Provenance
 from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 
-Mood = Literal["passed", "warned", "failed", "error", "skipped"]
+Mood = Literal["passed", "warned", "failed", "flaky", "error", "skipped"]
 """A status, with passing and warning told apart."""
 
 
@@ -34,10 +35,32 @@ def counts(results: Results) -> str:
     named = (
         (results.count("passed"), "passed"),
         (results.count("failed"), "failed"),
+        (results.count("flaky"), "flaky"),
         (errors, "error" if errors == 1 else "errors"),
         (results.count("skipped"), "not run"),
     )
     return (", ".join(f"{count} {name}" for count, name in named if count) or "no scenario") + warned
+
+
+def repeated(outcome: Outcome) -> str:
+    """Such as "the same 5 times"; empty if it was run once."""
+    repeats = outcome.repeats
+    if repeats is None:
+        return ""
+    if repeats.agreed == 1:
+        return f"no two of {repeats.count} runs the same"
+    same = repeats.agreed == repeats.count
+    return f"the same {repeats.count} times" if same else f"the same in {repeats.agreed} of {repeats.count} runs"
+
+
+def made_with(provenance: Provenance | None) -> dict[str, str]:
+    """What a run was made with, a line each."""
+    if provenance is None:
+        return {}
+    numpy = f", numpy {provenance.numpy}" if provenance.numpy else ""
+    versions = f"sim-action {provenance.sim_action}, Python {provenance.python}{numpy}"
+    build = {"build": provenance.engine_build} if provenance.engine_build else {}
+    return {**build, "cpu": provenance.cpu, "made by": versions, "system": provenance.platform}
 
 
 def share(shard: Shard) -> str:

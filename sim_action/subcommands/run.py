@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.errors import ExitCode
+from sim_action.errors import ExitCode, UsageError
 from sim_action.subcommands.paths import ALLOW_OUTSIDE, PATHS, discovered
 from sim_action.subcommands.report_flags import report_flags, report_request
 from sim_action.subcommands.selection_flags import selection_flags
@@ -47,6 +47,19 @@ if TYPE_CHECKING:
     help="Of everything drawn at random, whatever they say.",
 )
 @click.option(
+    "--repeat",
+    envvar="SIM_ACTION_REPEAT",
+    type=click.IntRange(1, 1000),
+    default=1,
+    metavar="N",
+    help="Run each scenario N times, each in a fresh interpreter: one that differs is flaky.",
+)
+@click.option(
+    "--update-golden",
+    is_flag=True,
+    help="Write the golden trajectories that scenarios match, instead of comparing with them.",
+)
+@click.option(
     "--jobs",
     "-j",
     envvar="SIM_ACTION_JOBS",
@@ -77,6 +90,8 @@ def run(
     shard: str | None,
     backend: str | None,
     seed: int | None,
+    repeat: int,
+    update_golden: bool,
     jobs: int | None,
     record: tuple[str, ...],
     allow_scripts: AllowScripts,
@@ -85,9 +100,9 @@ def run(
 ) -> ExitCode:
     """Run scenarios, report their verdicts.
 
-    Exit code: 0 all passed, 1 a scenario failed or has no verdict, 2 a scenario is invalid, 3 a fault of sim-action,
-    5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1. A shard that has no scenario, of a
-    list that has some, passes.
+    Exit code: 0 all passed, 1 a scenario failed, is flaky or has no verdict, 2 a scenario is invalid, 3 a fault of
+    sim-action, 5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1. A shard that has no
+    scenario, of a list that has some, passes.
     """
     from sim_action.interruption import Interruption
 
@@ -97,12 +112,14 @@ def run(
         from sim_action.permissions import Permissions, scripts_refused
         from sim_action.planning import PlanRequest
 
-        permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ))
+        if repeat > 1 and update_golden:
+            raise UsageError("a golden trajectory is written by one run: --update-golden goes with --repeat 1")
+        permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ), update_golden)
         recordings = wanted_formats(record)
         plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed)
         if list_only:
             return _listed(plan)
-        request = running.RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings)
+        request = running.RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat)
         return running.run(request, interruption)
 
 

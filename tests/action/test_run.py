@@ -24,6 +24,7 @@ INPUTS = {
     "exclude-tags": "",
     "fail-fast": "false",
     "seed": "",
+    "repeat": "",
     "jobs": "",
     "shard": "2/3",
     "summary": "true",

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.location import Location
-from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Results, Status
+from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Results, Status
+from sim_action.provenance import Provenance
 from sim_action.reports import ReportOptions
 from sim_action.sharding import Shard
 from sim_action.source import Varied
@@ -99,8 +100,46 @@ def variation(friction: float, yaw: str, status: Status, margin: float) -> Outco
     )
 
 
+PROVENANCE = Provenance(
+    cpu="AMD EPYC 7763 64-Core Processor",
+    engine_build="pybullet 3.2.7, cp311-cp311-manylinux_2_17_x86_64, libraries 0123456789ab",
+    sim_action="0.1.0",
+    python="3.11.7",
+    numpy="2.4.6",
+    platform="Linux-x86_64",
+)
+FLAKY = PASSED.model_copy(
+    update={
+        "name": "burger wanders",
+        "status": "flaky",
+        "expectations": (),
+        "repeats": Repeats(count=5, agreed=3, digests=2),
+        "provenance": PROVENANCE,
+        "failures": (
+            Failure(
+                kind="flaky",
+                title="flaky",
+                message="3 of 5 runs agree; run 2 left run 1 at 0.3042 s, in x of base_position_xyz: 0.25 and not 0.26",
+            ),
+        ),
+        "notes": ("the trace of run 1 is here, that of run 2 in traces/burger-wanders-2.npz",),
+    }
+)
+
+
 SAMPLES: dict[str, tuple[Outcome, ...]] = {
     "passed": (PASSED,),
+    "flaky": (
+        PASSED.model_copy(update={"repeats": Repeats(count=5, agreed=5, digests=1), "provenance": PROVENANCE}),
+        FLAKY,
+        variation(0.4, "0 deg", "passed", 0.0),
+        FLAKY.model_copy(
+            update={
+                name: getattr(variation(1.0, "0 deg", "passed", 0.0), name)
+                for name in ("name", "file", "group", "variation")
+            }
+        ),
+    ),
     "failed": (
         PASSED.model_copy(
             update={

@@ -1,0 +1,185 @@
+"""`run --update-golden` writes what later runs are held against, in the workspace alone."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.backends import installed
+from sim_action.outcome import Results
+from tests.integration.conftest import sim_action
+
+SCENARIO = """\
+name: burger goes round a corner
+robot: {model: turtlebot3_burger}
+commands:
+  twist: [{linear: 0.2, for: 1 s}, {linear: 0.2, angular: 1}]
+expect:
+  - matches: {trace: golden/corner.csv, position: 1 cm, yaw: 2 deg, joints: {"*": 20 deg}}
+  - travel: {at_least: 30 cm}
+time_limit: 4 s
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "corner.sim.yml").write_text(SCENARIO)
+    return tmp_path
+
+
+def changed(folder: Path, *pairs: tuple[str, str]) -> None:
+    text = (folder / "corner.sim.yml").read_text()
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "corner.sim.yml").write_text(text)
+
+
+def ran(folder: Path, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+    found = sim_action(folder, "run", "corner.sim.yml", *arguments, COLUMNS="120")
+    assert found.returncode == code, found.stdout + found.stderr
+    return found
+
+
+def outcome(folder: Path) -> Any:
+    [only] = Results.read(folder / "sim-results/results.json").outcomes
+    return only
+
+
+def test_the_way_from_nothing_to_a_golden_run_and_on(folder: Path) -> None:
+    missing = ran(folder, code=2).stdout
+    command = re.search(r"'sim-action (run --update-golden \S+)' writes it", missing)
+    assert command, missing
+    written = sim_action(folder, *command[1].split(), "-v")
+    assert written.returncode == 0, written.stdout
+    assert "golden/corner.csv is written from this run" in written.stdout
+    assert re.search(r"wrote golden/corner.csv: \d+ rows, to \d\.\d\d s", written.stdout)
+    golden = folder / "golden/corner.csv"
+    before = golden.read_bytes()
+    ran(folder)
+    assert outcome(folder).expectations[0].verdict.measured < 2e-4
+    again = ran(folder, "--update-golden", "-v")
+    assert "says the same as before" in again.stdout
+    assert golden.read_bytes() == before
+    assert [path.name for path in (folder / "golden").iterdir()] == ["corner.csv"]
+
+
+def test_another_way_fails_and_is_accepted_by_an_update(folder: Path) -> None:
+    ran(folder, "--update-golden")
+    changed(folder, ("angular: 1", "angular: -1"))
+    failed = ran(folder, code=1)
+    assert re.search(r"left golden/corner.csv in heading at 1\.\d0 s, in wheel_left_joint at", failed.stdout)
+    ran(folder, "--update-golden")
+    ran(folder)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_any_engine_is_near_enough(engine: str, folder: Path) -> None:
+    ran(folder, "--update-golden")
+    ran(folder, "--backend", engine)
+
+
+def test_another_physics_rate_will_do(folder: Path) -> None:
+    ran(folder, "--update-golden")
+    changed(folder, ("time_limit", "physics: {rate: 500 Hz}\ntime_limit"))
+    ran(folder)
+
+
+def test_other_expectations_judge_as_ever(folder: Path) -> None:
+    changed(folder, ("at_least: 30 cm", "at_least: 30 m"))
+    ran(folder, "--update-golden", code=1)
+    passed = [expected.verdict.passed for expected in outcome(folder).expectations]
+    assert passed == [True, False]
+    assert (folder / "golden/corner.csv").exists()
+
+
+def test_a_run_without_an_end_writes_nothing(folder: Path) -> None:
+    changed(folder, ("commands:\n", "commands:\n  script: broken.py\n"), ("  twist: [{linear: 0.2", "  #"))
+    (folder / "broken.py").write_text("def control(observation):\n    return 1 / 0\n")
+    ran(folder, "--update-golden", code=1)
+    assert not (folder / "golden").exists()
+
+
+def test_a_trace_that_keeps_little_does_not_make_it_coarse(folder: Path) -> None:
+    changed(folder, ("time_limit", "trace: {rate: 1 Hz}\ntime_limit"))
+    ran(folder, "--update-golden")
+    ran(folder)
+
+
+def test_the_file_holds_the_window_of_its_expectation(folder: Path) -> None:
+    changed(folder, ("20 deg}}", "20 deg}}\n    after: 0.5 s\n    before: 1 s"))
+    ran(folder, "--update-golden")
+    times = [line.partition(",")[0] for line in (folder / "golden/corner.csv").read_text().splitlines()[2:]]
+    assert times == ["0.500", "0.600", "0.700", "0.800", "0.900", "1.000"]
+    ran(folder)
+
+
+def test_two_runs_do_not_write_the_same_file(folder: Path) -> None:
+    varied = ("time_limit", "variations: {seed: [1, 2]}\ntime_limit")
+    changed(folder, varied)
+    refused = ran(folder, "--update-golden", code=2).stdout
+    assert "golden/corner.csv would be written 2 times, by 'burger goes round a corner[seed=1]'" in refused
+    assert "corner.sim.yml:6:5" in refused
+    assert not (folder / "golden").exists()
+    ran(folder, "--update-golden", "--only", "*seed=1?")
+    ran(folder)
+    changed(folder, ("corner.csv", "corner-$variation.csv"))
+    ran(folder, "--update-golden")
+    written = sorted(path.name for path in (folder / "golden").iterdir())
+    assert written == ["corner-seed=1.csv", "corner-seed=2.csv", "corner.csv"]
+    ran(folder)
+
+
+@pytest.mark.skipif(len(installed()) < 2, reason="takes two engines")
+def test_engines_that_are_compared_share_a_file_that_one_of_them_writes(folder: Path) -> None:
+    assert "would be written 2 times" in ran(folder, "--update-golden", "--backend", "all", code=2).stdout
+    ran(folder, "--update-golden", "--backend", "mujoco")
+    ran(folder, "--backend", "all")
+
+
+@pytest.mark.parametrize("name", ["../out.csv", "/tmp/out.csv", ".git/hooks/out.csv", "sub/../../out.csv"])
+def test_nothing_is_written_outside_the_workspace(name: str, folder: Path) -> None:
+    changed(folder, ("golden/corner.csv", name))
+    for allowed in ((), ("--allow-outside",)):
+        assert "is outside the workspace" in ran(folder, "--update-golden", *allowed, code=2).stdout
+    assert not list(folder.parent.glob("out.csv"))
+    assert not list((folder / ".git").rglob("*.csv"))
+
+
+@pytest.mark.parametrize("link", ["golden", "golden/corner.csv"])
+def test_nothing_is_written_through_a_link(link: str, folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (elsewhere / "corner.csv").write_text("mine")
+    (folder / link).parent.mkdir(exist_ok=True)
+    (folder / link).symlink_to(elsewhere if link == "golden" else elsewhere / "corner.csv")
+    assert "is a link; remove it" in ran(folder, "--update-golden", code=2).stdout
+    assert [path.read_text() for path in elsewhere.iterdir()] == ["mine"]
+
+
+def test_a_folder_in_its_place_is_told(folder: Path) -> None:
+    (folder / "golden/corner.csv").mkdir(parents=True)
+    assert "'golden/corner.csv' is a folder" in ran(folder, "--update-golden", code=2).stdout
+
+
+def test_a_damaged_file_is_an_invalid_scenario_with_its_line(folder: Path) -> None:
+    ran(folder, "--update-golden")
+    path = folder / "golden/corner.csv"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:8], lines[8][:-20], *lines[9:]]))
+    told = ran(folder, code=2).stdout
+    assert "golden/corner.csv:9: expected 7 numbers, found" in told
+    assert "corner.sim.yml:6:15" in told
+    assert sim_action(folder, "validate", "corner.sim.yml").returncode == 2
+
+
+def test_a_file_that_another_scenario_extends_is_found_beside_it(folder: Path) -> None:
+    ran(folder, "--update-golden")
+    (folder / "deep").mkdir()
+    (folder / "deep/other.sim.yml").write_text("extends: ../corner.sim.yml\nname: another\n")
+    found = sim_action(folder, "run", "deep/other.sim.yml")
+    assert found.returncode == 0, found.stdout

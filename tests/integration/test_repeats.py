@@ -1,0 +1,238 @@
+"""`run --repeat N` on controllers that are not the same every time, and on some that are."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.outcome import Outcome, Results
+from tests.integration.conftest import sim_action
+
+SCENARIO = """\
+name: burger wanders
+robot: {model: turtlebot3_burger}
+commands: {script: controller.py, rate: 20 Hz}
+expect:
+  - stay_within: {x: [-10, 10]}
+duration: 0.5 s
+time_limit: 1 s
+"""
+HEAD = "from sim_action import Twist\n\n\ndef speed():\n"
+TAIL = """
+
+def control(observation):
+    return Twist((speed(), 0.0, 0.0), (0.0, 0.0, 0.0))
+"""
+
+
+def controller(*body: str) -> str:
+    return HEAD + "".join(f"    {line}\n" for line in body) + TAIL
+
+
+# Speeds that the burger comes to within half a second, at 1 m/s^2.
+FLAKY = {
+    "random numbers of its own": controller("import random", "return random.Random().random()"),
+    "random numbers of the system": controller("import os", "return os.urandom(1)[0] / 255"),
+    "the wall clock": controller("import time", "return time.time() % 1"),
+    "order of a set": controller("words = {'north', 'east', 'south', 'west'}", "return len(list(words)[0]) / 10"),
+    "hashes": controller("return hash('north') % 100 / 100"),
+    "ids": controller("return id(object()) // 16 % 1000 / 4000"),
+    "a file of an earlier run": controller(
+        "import pathlib",
+        "path = pathlib.Path(__file__).with_name('count.txt')",
+        "count = len(path.read_text()) if path.exists() else 0",
+        "path.open('a').write('.')",
+        "return (count % 97) / 100",
+    ),
+    "threads": controller(
+        "import threading, time",
+        "found = []",
+        "threads = [threading.Thread(target=lambda n=n: (time.sleep(time.time() % 0.003), found.append(n)))",
+        "           for n in range(8)]",
+        "[thread.start() for thread in threads]",
+        "[thread.join() for thread in threads]",
+        "return sum(n * 10.0**-place for place, n in enumerate(found)) / 10",
+    ),
+}
+STEADY = {
+    "the seed's own numbers": controller("import random", "return random.random()"),
+    "the seed's own arrays": controller("import numpy", "return float(numpy.random.random())"),
+    "order of a dictionary": controller("return len(list(dict.fromkeys(['north', 'east', 'west']))[0]) / 10"),
+    "sorted words": controller("return len(sorted({'north', 'east', 'south', 'west'})[0]) / 10"),
+}
+
+
+def ran(folder: Path, script: str, *arguments: str, scenario: str = SCENARIO) -> subprocess.CompletedProcess[str]:
+    (folder / "controller.py").write_text(script)
+    (folder / "s.sim.yml").write_text(scenario)
+    return sim_action(folder, "run", "s.sim.yml", "--junit-strict", *arguments)
+
+
+def outcome(folder: Path) -> Outcome:
+    [only] = Results.read(folder / "sim-results/results.json").outcomes
+    return only
+
+
+@pytest.mark.parametrize("cause", FLAKY)
+def test_what_differs_from_run_to_run_is_flaky(cause: str, tmp_path: Path) -> None:
+    found = ran(tmp_path, FLAKY[cause], "--repeat", "4")
+    assert found.returncode == 1, found.stdout + found.stderr
+    told = outcome(tmp_path)
+    assert told.status == "flaky"
+    assert told.repeats
+    assert (told.repeats.count, told.expectations) == (4, ())
+    assert told.repeats.agreed < 4
+    assert told.repeats.digests > 1
+    [failure] = told.failures
+    assert failure.kind == "flaky"
+    assert re.search(r"run \d left run \d at 0\.\d+ s, in \S+ of \S+: \S+ and not \S+; ", failure.message)
+    assert "wall clock" in failure.message
+    assert "1 flaky" in found.stdout
+    assert re.search(r"the same in \d of 4 runs|no two of 4 runs the same", found.stdout)
+
+
+@pytest.mark.parametrize("cause", STEADY)
+def test_what_is_the_same_every_time_passes(cause: str, tmp_path: Path) -> None:
+    found = ran(tmp_path, STEADY[cause], "--repeat", "3")
+    assert found.returncode == 0, found.stdout + found.stderr
+    told = outcome(tmp_path)
+    assert told.repeats
+    assert (told.status, told.repeats.count, told.repeats.agreed, told.repeats.digests) == ("passed", 3, 3, 1)
+    assert "the same 3 times" in found.stdout
+    assert told.provenance
+    assert told.provenance.cpu
+    assert told.provenance.engine_build
+    assert (told.seed, len(told.digest or "")) == (0, 64)
+    assert [path.name for path in (tmp_path / "sim-results/traces").iterdir()] == ["burger-wanders.npz"]
+
+
+def test_one_run_has_the_order_of_sets_that_it_always_had(tmp_path: Path) -> None:
+    digests = set()
+    for arguments in ((), ("--repeat", "1"), ()):
+        assert ran(tmp_path, FLAKY["order of a set"], *arguments).returncode == 0
+        digests.add(outcome(tmp_path).digest)
+        assert outcome(tmp_path).repeats is None
+    assert len(digests) == 1
+
+
+def test_a_scenario_without_code_is_the_same_in_fresh_interpreters_and_in_a_fork(tmp_path: Path) -> None:
+    text = SCENARIO.replace("script: controller.py", "twist: [{linear: 0.3, angular: 0.5}]")
+    assert ran(tmp_path, "", "--repeat", "3", scenario=text).returncode == 0
+    repeated = outcome(tmp_path)
+    assert ran(tmp_path, "", scenario=text).returncode == 0
+    assert repeated.digest == outcome(tmp_path).digest
+
+
+def test_runs_that_fail_alike_have_failed(tmp_path: Path) -> None:
+    text = SCENARIO.replace("[-10, 10]", "[-10, 1 mm]")
+    found = ran(tmp_path, controller("return 0.5"), "--repeat", "3", scenario=text)
+    assert found.returncode == 1
+    told = outcome(tmp_path)
+    assert (told.status, told.failures) == ("failed", ())
+    assert told.repeats
+    assert told.repeats.agreed == 3
+    assert "the same 3 times" in found.stdout
+
+
+def test_runs_that_break_alike_are_errors(tmp_path: Path) -> None:
+    found = ran(tmp_path, controller("return object().nothing"), "--repeat", "3")
+    told = outcome(tmp_path)
+    assert (found.returncode, told.status, told.failures[0].kind) == (1, "error", "script")
+    assert told.repeats
+    assert (told.repeats.agreed, told.repeats.digests) == (3, 0)
+
+
+def test_some_that_fail_are_told(tmp_path: Path) -> None:
+    script = controller("return 0.5 if hash('north') % 2 else 0.0")
+    text = SCENARIO.replace("[-10, 10]", "[-10, 1 mm]")
+    assert ran(tmp_path, script, "--repeat", "8", scenario=text).returncode == 1
+    told = outcome(tmp_path)
+    assert told.status == "flaky"
+    message = told.failures[0].message
+    assert re.match(r"[4-7] of 8 runs agree; ", message)
+    assert re.search(r"run \d passed", message)
+    assert re.search(r"run \d failed \(\S", message)
+
+
+def test_judgements_that_differ_of_the_same_run_are_flaky(tmp_path: Path) -> None:
+    (tmp_path / "judge.py").write_text(
+        "class Judge:\n    def judge(self, run):\n        from sim_action import Verdict\n"
+        "        return Verdict(True, measured=float(hash('north') % 1000))\n"
+    )
+    text = SCENARIO.replace("stay_within: {x: [-10, 10]}", "assertion: judge.py:Judge")
+    found = ran(tmp_path, controller("return 0.1"), "--repeat", "3", scenario=text)
+    told = outcome(tmp_path)
+    assert (found.returncode, told.status) == (1, "flaky"), found.stdout
+    assert "the robot did the same, and 'assertion Judge' judged it in two ways" in told.failures[0].message
+    assert re.search(r"run 1 passed: holds \(measured \d+\.0\), run 2 passed", told.failures[0].message)
+    assert told.repeats
+    assert told.repeats.digests == 1
+
+
+def test_no_report_shows_it_as_green(tmp_path: Path) -> None:
+    places = {name: tmp_path / name for name in ("GITHUB_STEP_SUMMARY", "GITHUB_OUTPUT")}
+    (tmp_path / "controller.py").write_text(FLAKY["hashes"])
+    (tmp_path / "s.sim.yml").write_text(SCENARIO)
+    variables = {name: str(path) for name, path in places.items()}
+    found = sim_action(tmp_path, "run", "s.sim.yml", "--repeat", "3", GITHUB_ACTIONS="true", **variables)
+    assert found.returncode == 1
+    assert re.search(r"::error file=s\.sim\.yml,title=burger wanders%3A flaky::", found.stdout)
+    summary = places["GITHUB_STEP_SUMMARY"].read_text()
+    assert "🎲" in summary
+    assert "✅" not in summary
+    outputs = places["GITHUB_OUTPUT"].read_text()
+    for name, value in (("conclusion", "failure"), ("passed", "0"), ("failed", "0"), ("flaky", "1"), ("errors", "0")):
+        assert re.search(rf"^{name}<<(\S+)\n{value}\n\1$", outputs, re.MULTILINE), outputs
+    [suite] = ET.parse(tmp_path / "sim-results/junit.xml").getroot()
+    [case] = suite.findall("testcase")
+    error = case.find("error")
+    assert error is not None
+    assert error.attrib["type"] == "flaky"
+    assert (suite.attrib["tests"], suite.attrib["errors"], suite.attrib["failures"]) == ("1", "1", "0")
+
+
+def test_variations_and_engines_are_each_repeated(tmp_path: Path) -> None:
+    text = SCENARIO + "variations: {world.ground.friction: [0.5, 1.0]}\n"
+    found = ran(tmp_path, controller("return 0.2"), "--repeat", "2", "--backend", "all", scenario=text)
+    assert found.returncode == 0, found.stdout + found.stderr
+    told = Results.read(tmp_path / "sim-results/results.json").outcomes
+    assert [one.repeats.count if one.repeats else 0 for one in told] == [2] * len(told)
+    assert len(told) >= 2
+    assert len(list((tmp_path / "sim-results/traces").iterdir())) == len(told)
+
+
+def test_fail_fast_leaves_no_scenario_green_that_was_not_run_as_often(tmp_path: Path) -> None:
+    (tmp_path / "controller.py").write_text(controller("return 0.5"))
+    (tmp_path / "a.sim.yml").write_text(SCENARIO)
+    (tmp_path / "b.sim.yml").write_text(SCENARIO.replace("[-10, 10]", "[-10, 1 mm]"))
+    found = sim_action(tmp_path, "run", ".", "--repeat", "3", "--fail-fast", "--jobs", "1")
+    assert found.returncode == 1
+    told = Results.read(tmp_path / "sim-results/results.json").outcomes
+    assert [one.status for one in told] == ["skipped", "failed"]
+    assert told[0].notes == ("run 1 of 3 times, as another scenario had not passed (--fail-fast)",)
+
+
+def test_a_golden_trajectory_is_not_written_by_several_runs(tmp_path: Path) -> None:
+    found = ran(tmp_path, controller("return 0.5"), "--repeat", "2", "--update-golden")
+    assert found.returncode == 2
+    assert "--update-golden goes with --repeat 1" in found.stderr
+
+
+@pytest.mark.parametrize("way", ["variable", "file"])
+def test_it_may_be_asked_for_elsewhere(way: str, tmp_path: Path) -> None:
+    (tmp_path / "s.sim.yml").write_text(SCENARIO)
+    (tmp_path / "controller.py").write_text(controller("return 0.5"))
+    if way == "file":
+        (tmp_path / "pyproject.toml").write_text("[tool.sim-action]\nrepeat = 2\n")
+    variables: dict[str, Any] = {"SIM_ACTION_REPEAT": "2"} if way == "variable" else {}
+    assert sim_action(tmp_path, "run", **variables).returncode == 0
+    repeats = outcome(tmp_path).repeats
+    assert repeats
+    assert repeats.count == 2
+    assert json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"][0]["repeats"]["agreed"] == 2
