@@ -47,6 +47,7 @@ class Report(Protocol):
 REPORTS: Final = Table[Report](
     "report",
     {
+        "report": "sim_action.reports.html:write_html",
         "junit": "sim_action.reports.junit:write_junit",
         "summary": "sim_action.reports.summary:write_summary",
         "outputs": "sim_action.reports.outputs:write_outputs",

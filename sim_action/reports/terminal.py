@@ -18,6 +18,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.groups import WORST_FIRST, Group, groups
 from sim_action.reports.paths import stored_trace
+from sim_action.reports.reproduction import REPORT_FILE
 from sim_action.reports.wording import Mood, counts, factor, made_with, measurements, mood, own_output, repeated, share
 
 _SYMBOLS: Final[dict[Mood, str]] = {
@@ -222,6 +223,8 @@ def _after(text: str) -> str:
 
 def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path]]:
     """What is where, for those who want more."""
+    if "report" not in options.silenced:
+        yield "report", options.folder / REPORT_FILE
     yield "results", options.folder / RESULTS_FILE
     yield "junit", options.junit
     traces = (stored_trace(outcome, options.folder) for outcome in results.outcomes)

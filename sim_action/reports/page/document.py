@@ -1,0 +1,104 @@
+"""The document around the parts: what it may do, how it looks, what it carries."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Final
+
+from sim_action.reports.page.markup import Html, element, joined
+from sim_action.reports.page.packing import packed
+
+SCRIPTS: Final = (
+    "dom.js",
+    "unpacking.js",
+    "poses.js",
+    "motion.js",
+    "outlines.js",
+    "units.js",
+    "colours.js",
+    "top_view.js",
+    "curves.js",
+    "plot.js",
+    "clock.js",
+    "controls.js",
+    "views.js",
+    "player.js",
+    "keyboard.js",
+    "links.js",
+    "scenarios.js",
+    "filter.js",
+    "copying.js",
+    "start.js",
+)
+"""In this order they are one script; those that stand first need none of the others to be there."""
+
+VIEWER: Final = "viewer3d.js"
+"""What draws in three dimensions; built from `web/`, and not there where nobody has built it."""
+
+_ICON: Final = (
+    "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'>"
+    "<circle cx='8' cy='8' r='7' fill='{colour}'/></svg>"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """What one document is made of; `blocks`: id -> packed data."""
+
+    title: str
+    failed: bool
+    body: Html
+    index: str
+    blocks: Mapping[str, str]
+
+    def text(self) -> str:
+        """The whole file."""
+        style, script, viewer = _asset("page.css"), page_script(), viewer_script()
+        carried = dict(self.blocks) | ({"viewer3d": packed(viewer.encode())} if viewer else {})
+        top = element(
+            "head",
+            element("meta", charset="utf-8"),
+            element("meta", http_equiv="Content-Security-Policy", content=policy(style, [script, viewer])),
+            element("meta", name="viewport", content="width=device-width, initial-scale=1"),
+            element("meta", name="color-scheme", content="light dark"),
+            element("meta", name="generator", content="sim-action"),
+            element("title", self.title),
+            element("link", rel="icon", href=_ICON.format(colour="%23c62f2f" if self.failed else "%233a6ea5")),
+            element("style", Html(style)),
+        )
+        blocks = [element("script", Html(block), type="text/plain", id=name) for name, block in carried.items()]
+        index = element("script", Html(self.index), type="application/json", id="index")
+        body = element("body", joined(self.body, index, *blocks, element("script", Html(script))))
+        return f"<!doctype html>\n{element('html', top, body, lang='en')}\n"
+
+
+def policy(style: str, scripts: Iterable[str]) -> str:
+    """Nothing is fetched, and nothing runs but these scripts, to the letter."""
+    allowed = " ".join(_fingerprint(script) for script in scripts if script)
+    rest = "img-src data:; base-uri 'none'; form-action 'none'"
+    return f"default-src 'none'; script-src {allowed}; style-src {_fingerprint(style)}; {rest}"
+
+
+def page_script() -> str:
+    """All of our own script, which needs no build."""
+    return "(() => {\n'use strict';\n" + "".join(_asset(name) for name in SCRIPTS) + "})();\n"
+
+
+def viewer_script() -> str:
+    """What draws in three dimensions; empty where it is not there."""
+    try:
+        return _asset(VIEWER)
+    except FileNotFoundError:
+        return ""
+
+
+def _asset(name: str) -> str:
+    return (files("sim_action.reports") / "viewer" / name).read_text(encoding="utf-8")
+
+
+def _fingerprint(content: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"

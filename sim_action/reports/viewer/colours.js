@@ -1,0 +1,12 @@
+/** The colours of the style sheet, as they are in the light or the dark. */
+
+/** @returns {Colours} */
+function coloursOfPage() {
+  const style = getComputedStyle(document.documentElement);
+  const of = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`).trim();
+  return {
+    ground: of("ground"), raised: of("raised"), line: of("line"), text: of("text"), faint: of("faint"),
+    accent: of("accent"), bad: of("bad"), body: of("body"), robot: of("robot"), floor: of("floor"),
+    dark: matchMedia("(prefers-color-scheme: dark)").matches,
+  };
+}

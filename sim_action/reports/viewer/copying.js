@@ -1,0 +1,28 @@
+/** Buttons that copy commands. */
+
+function offerCopies() {
+  for (const command of document.querySelectorAll(".command")) {
+    const button = make("button", { type: "button", class: "copy" }, "Copy");
+    button.addEventListener("click", () => void copy(command, button));
+    command.append(button);
+  }
+}
+
+/**
+ * @param {Element} command
+ * @param {HTMLButtonElement} button
+ */
+async function copy(command, button) {
+  const code = find(command, "code");
+  try {
+    await navigator.clipboard.writeText(code.textContent ?? "");
+    button.textContent = "Copied";
+  } catch {
+    // A page from a disk may not: the text is selected, and the keyboard copies it.
+    getSelection()?.selectAllChildren(code);
+    button.textContent = "Selected";
+  }
+  setTimeout(() => {
+    button.textContent = "Copy";
+  }, 1500);
+}

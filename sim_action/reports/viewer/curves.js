@@ -1,0 +1,84 @@
+/** The curves of a run: what each expectation looked at, failures first, then what is worth seeing of any run. */
+
+/**
+ * @param {Motion} motion
+ * @param {ExpectationEntry[]} expectations
+ * @returns {Curve[]}
+ */
+function curvesOf(motion, expectations) {
+  const asserted = motion.replay.signals.map((signal) => signalCurve(signal, motion, expectations));
+  const rank = (/** @type {Curve} */ curve) => (curve.status === "failed" ? (curve.cutOff ? 1 : 0) : curve.status === "warned" ? 2 : 3);
+  asserted.sort((a, b) => rank(a) - rank(b));
+  const named = new Set(asserted.map((curve) => curve.name));
+  const always = [
+    freeCurve("distance from start", "m", motion.times, distances(motion)),
+    freeCurve("speed", "m/s", motion.times, motion.speed),
+    freeCurve("tilt", "rad", motion.times, motion.tilt),
+  ];
+  const known = (/** @type {string} */ name) => named.has(name) || (name === "distance from start" && named.has("travelled"));
+  return [...asserted, ...always.filter((curve) => !known(curve.name))];
+}
+
+/**
+ * @param {SignalData} signal
+ * @param {Motion} motion
+ * @param {ExpectationEntry[]} expectations
+ * @returns {Curve}
+ */
+function signalCurve(signal, motion, expectations) {
+  const expected = expectations[signal.expectation];
+  const times = signal.time ? decoded(signal.time, 1 + signal.time.deltas.length) : motion.times;
+  const curve = freeCurve(signal.name, signal.unit, times, decoded(signal.values, times.length));
+  const { factor } = shownUnit(signal.unit);
+  return {
+    ...curve,
+    title: expected?.name ?? signal.name,
+    status: expected?.status ?? "free",
+    cutOff: expected?.cutOff ?? false,
+    decided: expected?.time ?? null,
+    lower: signal.lower === undefined ? null : signal.lower * factor,
+    upper: signal.upper === undefined ? null : signal.upper * factor,
+    from: signal.start,
+    to: signal.end ?? motion.end,
+  };
+}
+
+/**
+ * @param {string} name
+ * @param {string} unit
+ * @param {Float64Array} times
+ * @param {Float64Array} values
+ * @returns {Curve}
+ */
+function freeCurve(name, unit, times, values) {
+  const shown = shownUnit(unit);
+  return {
+    name, title: "", unit: shown.name, times, values: values.map((value) => value * shown.factor),
+    status: "free", cutOff: false, decided: null, lower: null, upper: null, from: times[0], to: times[times.length - 1],
+  };
+}
+
+/** @param {Motion} motion */
+function distances(motion) {
+  const [x, y] = motion.base;
+  return x.map((value, i) => Math.hypot(value - x[0], y[i] - y[0]));
+}
+
+/**
+ * @param {Curve} curve
+ * @param {number} time s
+ * @returns {number} the value of the curve, NaN where it has none
+ */
+function valueAt(curve, time) {
+  const { times, values } = curve;
+  if (!times.length || time < times[0] - 0.05 || time > times[times.length - 1] + 0.05) return NaN;
+  let low = 0, high = times.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle] <= time) low = middle;
+    else high = middle - 1;
+  }
+  if (low === times.length - 1 || time <= times[low]) return values[low];
+  const share = (time - times[low]) / (times[low + 1] - times[low]);
+  return values[low] + share * (values[low + 1] - values[low]);
+}

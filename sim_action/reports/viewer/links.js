@@ -1,0 +1,38 @@
+/** Links into the page: `#scenario=NAME&t=4.5`, and `&n=2` for the second of that name. */
+
+/**
+ * @param {ScenarioEntry[]} scenarios
+ * @returns {{scenario: ScenarioEntry, time: number | null} | null} what the address asks for
+ */
+function asked(scenarios) {
+  const words = new URLSearchParams(location.hash.slice(1));
+  const name = words.get("scenario");
+  if (name === null) return null;
+  const called = scenarios.filter((scenario) => scenario.name === name);
+  const scenario = called[Number(words.get("n") ?? 1) - 1] ?? called[0];
+  const time = Number.parseFloat(words.get("t") ?? "");
+  return scenario ? { scenario, time: Number.isFinite(time) ? time : null } : null;
+}
+
+/**
+ * @param {ScenarioEntry[]} scenarios
+ * @param {ScenarioEntry} scenario
+ * @param {number | null} time
+ */
+function linkTo(scenarios, scenario, time) {
+  const called = scenarios.filter(({ name }) => name === scenario.name);
+  const number = called.indexOf(scenario);
+  const words = [`scenario=${encodeURIComponent(scenario.name)}`];
+  if (number > 0) words.push(`n=${number + 1}`);
+  if (time !== null) words.push(`t=${Number(time.toFixed(3))}`);
+  return `#${words.join("&")}`;
+}
+
+/** @param {string} hash */
+function rememberLink(hash) {
+  try {
+    history.replaceState(null, "", hash);
+  } catch {
+    // Where the address may not be changed, there is none to hand on.
+  }
+}

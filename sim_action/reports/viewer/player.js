@@ -1,0 +1,70 @@
+/** All that shows one run: the picture, the controls, the plots, on one clock. */
+class Player {
+  /**
+   * @param {Replay} replay
+   * @param {ScenarioEntry} entry
+   */
+  constructor(replay, entry) {
+    const motion = new Motion(replay);
+    this.motion = motion;
+    this.entry = entry;
+    this.clock = new Clock(motion.start, motion.end);
+    const failed = new Set(entry.expectations.flatMap((expected, i) => (expected.status === "failed" ? [i] : [])));
+    this.views = new Views(this.clock, motion, failed);
+    this.controls = new Controls(this.clock, motion, entry.expectations);
+    this.plots = curvesOf(motion, entry.expectations).map((curve) => new Plot(curve, this.clock));
+    const plots = make("div", { class: "plots" }, ...this.plots.map((plot) => plot.element));
+    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, keysHint());
+    this.element = make("div", { class: "player" }, screen, plots);
+    this.clock.addEventListener("tick", () => this.show());
+    this.observer = new ResizeObserver(() => this.resize());
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.repaint = () => this.changeColours();
+    this.dark.addEventListener("change", this.repaint);
+  }
+
+  /** Once it is on the page. @param {number | null} time */
+  async open(time) {
+    this.clock.seek(time ?? this.mattered());
+    await this.views.open();
+    this.observer.observe(this.element);
+    this.resize();
+  }
+
+  /** When what matters happened: where something failed, else where it begins. */
+  mattered() {
+    const first = moments(this.entry.expectations)[0];
+    return first && first.status === "failed" ? first.time : this.clock.start;
+  }
+
+  show() {
+    this.views.draw();
+    for (const plot of this.plots) plot.moveCursor(this.clock.time);
+  }
+
+  resize() {
+    const colours = coloursOfPage();
+    for (const plot of this.plots) plot.draw(colours);
+    this.views.resize();
+    this.show();
+  }
+
+  changeColours() {
+    if (this.views.canvas.dataset.kind === "3d") void this.views.open();
+    this.resize();
+  }
+
+  dispose() {
+    this.clock.pause();
+    this.observer.disconnect();
+    this.dark.removeEventListener("change", this.repaint);
+    this.views.dispose();
+    this.element.remove();
+  }
+}
+
+function keysHint() {
+  const keys = [["space", "play"], ["← →", "step"], ["1 – 9", "moments"], ["f", "follow"]];
+  const shown = keys.flatMap(([key, words]) => [make("kbd", {}, key), ` ${words}  `]);
+  return make("p", { class: "keys" }, ...shown);
+}

@@ -1,0 +1,101 @@
+/** The scenarios of the page, of which one is open. */
+class Scenarios {
+  /** @param {ScenarioEntry[]} entries */
+  constructor(entries) {
+    this.entries = entries;
+    /** @type {ScenarioEntry | null} */
+    this.open = null;
+    /** @type {Player | null} */
+    this.player = null;
+    this.pending = 0;
+    /** @type {Map<string, HTMLAnchorElement>} */
+    this.anchors = new Map();
+    for (const anchor of document.querySelectorAll("nav.scenarios a")) {
+      if (!(anchor instanceof HTMLAnchorElement)) continue;
+      const entry = entries.find(({ id }) => anchor.hash === `#${id}`);
+      if (!entry) continue;
+      this.anchors.set(entry.id, anchor);
+      anchor.href = linkTo(entries, entry, null);
+    }
+    addEventListener("hashchange", () => void this.follow());
+  }
+
+  /** Opens what the address asks for, else the first. */
+  async follow() {
+    const wanted = asked(this.entries) ?? (this.open ? null : { scenario: this.entries[0], time: null });
+    if (!wanted?.scenario) return;
+    if (wanted.scenario !== this.open) await this.show(wanted.scenario, wanted.time);
+    else if (wanted.time !== null) {
+      this.player?.clock.pause();
+      this.player?.clock.seek(wanted.time);
+    }
+  }
+
+  /**
+   * @param {ScenarioEntry} entry
+   * @param {number | null} time
+   */
+  async show(entry, time) {
+    this.leave();
+    this.open = entry;
+    const article = find(document, `#${entry.id}`);
+    article.classList.add("open");
+    const anchor = this.anchors.get(entry.id);
+    anchor?.setAttribute("aria-current", "true");
+    anchor?.closest("li.group > details")?.setAttribute("open", "");
+    anchor?.scrollIntoView({ block: "nearest" });
+    if (entry.replay) await this.mount(entry, article, time);
+  }
+
+  leave() {
+    if (!this.open) return;
+    this.player?.dispose();
+    this.player = null;
+    find(document, `#${this.open.id}`).classList.remove("open", "live");
+    this.anchors.get(this.open.id)?.removeAttribute("aria-current");
+    if (innerWidth <= 800) document.querySelector("nav.scenarios > details")?.removeAttribute("open");
+    scrollTo(0, 0);
+  }
+
+  /**
+   * @param {ScenarioEntry} entry
+   * @param {HTMLElement} article
+   * @param {number | null} time
+   */
+  async mount(entry, article, time) {
+    const turn = ++this.pending;
+    const replay = await unpackedReplay(entry.replay ?? "");
+    // Somebody may have gone on to another one meanwhile.
+    if (turn !== this.pending || this.open !== entry) return;
+    const player = new Player(replay, entry);
+    this.player = player;
+    find(article, ".stage").append(player.element);
+    article.classList.add("live");
+    this.offerMoments(article, player);
+    await player.open(time);
+    const remember = () => {
+      if (this.player === player && !player.clock.playing) rememberLink(linkTo(this.entries, entry, player.clock.time));
+    };
+    player.clock.addEventListener("tick", remember);
+    player.clock.addEventListener("state", remember);
+  }
+
+  /**
+   * Moments that the page tells become buttons that go there.
+   * @param {HTMLElement} article
+   * @param {Player} player
+   */
+  offerMoments(article, player) {
+    for (const told_moment of article.querySelectorAll(".moment[data-time]")) {
+      const time = Number(told_moment.getAttribute("data-time"));
+      const words = told_moment.textContent ?? "";
+      const button = make("button", { type: "button", class: "moment", "data-time": time, title: "Show this moment" }, words);
+      button.addEventListener("click", () => {
+        player.clock.pause();
+        player.clock.seek(time);
+        player.element.scrollIntoView({ block: "nearest" });
+      });
+      told_moment.replaceWith(button);
+    }
+  }
+}

@@ -1,0 +1,241 @@
+/** The run seen from above, on a plain canvas: where nothing draws in three dimensions, or by choice. */
+/** @implements {View} */
+class TopView {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Motion} motion
+   * @param {ReadonlySet<number>} failed numbers of expectations
+   */
+  constructor(canvas, motion, failed) {
+    const context = canvas.getContext("2d");
+    if (!context) throw new Error("there is no canvas to draw on");
+    this.canvas = canvas;
+    this.context = context;
+    this.motion = motion;
+    this.failed = failed;
+    this.colours = coloursOfPage();
+    const points = (/** @type {{shapes: Shape[]}} */ owner) =>
+      owner.shapes.map((shape) => hullPoints(shape, motion.scene.meshes));
+    this.links = motion.scene.links.map(points);
+    this.bodies = motion.scene.bodies.map(points);
+    const still = motion.at(motion.start);
+    /** Outlines of what never moves, made once. */
+    this.still = motion.scene.bodies.map((body, i) =>
+      body.track === undefined ? this.bodies[i].map((several) => outline(several, still.bodies, 7 * i)) : null);
+    this.home();
+    this.grab();
+  }
+
+  /** Shows everything that the robot came by. */
+  home() {
+    const { base } = this.motion;
+    const [x0, x1] = extent(base[0]), [y0, y1] = extent(base[1]);
+    this.centre = [(x0 + x1) / 2, (y0 + y1) / 2];
+    this.span = Math.max(1.2, 1.25 * (x1 - x0) + 0.8, 1.8 * (y1 - y0) + 0.8);
+  }
+
+  resize() {
+    const ratio = devicePixelRatio || 1;
+    this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
+    this.canvas.height = Math.round(this.canvas.clientHeight * ratio);
+    this.colours = coloursOfPage();
+  }
+
+  dispose() {}
+
+  /**
+   * @param {Moment} moment
+   * @param {boolean} follow
+   */
+  draw(moment, follow) {
+    if (follow) this.centre = [moment.links[0], moment.links[1]];
+    const { context, colours } = this;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.fillStyle = colours.floor;
+    context.fillRect(0, 0, this.canvas.width, this.canvas.height);
+    this.scale = this.canvas.width / this.span;
+    this.drawGrid();
+    this.drawBodies(moment);
+    for (const mark of this.motion.replay.marks) this.drawMark(mark);
+    this.drawWay(moment.time);
+    this.drawRobot(moment);
+    this.drawContacts(moment.time);
+  }
+
+  /** @param {number[]} point @returns {[number, number]} */
+  pixel(point) {
+    return [
+      this.canvas.width / 2 + (point[0] - this.centre[0]) * this.scale,
+      this.canvas.height / 2 - (point[1] - this.centre[1]) * this.scale,
+    ];
+  }
+
+  drawGrid() {
+    const { context, canvas } = this;
+    const step = niceStep(this.span / 8);
+    context.strokeStyle = this.colours.line;
+    context.lineWidth = 1;
+    context.beginPath();
+    const left = this.centre[0] - this.span / 2, high = (this.span * canvas.height) / canvas.width;
+    for (let x = Math.ceil(left / step) * step; x < left + this.span; x += step) {
+      const [px] = this.pixel([x, 0]);
+      context.moveTo(px, 0);
+      context.lineTo(px, canvas.height);
+    }
+    const low = this.centre[1] - high / 2;
+    for (let y = Math.ceil(low / step) * step; y < low + high; y += step) {
+      const [, py] = this.pixel([0, y]);
+      context.moveTo(0, py);
+      context.lineTo(canvas.width, py);
+    }
+    context.stroke();
+    context.fillStyle = this.colours.faint;
+    context.font = `${11 * (devicePixelRatio || 1)}px system-ui, sans-serif`;
+    context.fillText(`grid ${shortNumber(step)} m`, 10, canvas.height - 10);
+  }
+
+  /** @param {Moment} moment */
+  drawBodies(moment) {
+    this.bodies.forEach((shapes, i) => {
+      if (!moment.here[i]) return;
+      const outlines = this.still[i] ?? shapes.map((points) => outline(points, moment.bodies, 7 * i));
+      for (const corners of outlines) this.area(corners, this.colours.body, this.colours.faint);
+    });
+  }
+
+  /** @param {Moment} moment */
+  drawRobot(moment) {
+    this.links.forEach((shapes, i) => {
+      for (const points of shapes) this.area(outline(points, moment.links, 7 * i), `${this.colours.robot}b0`, this.colours.text);
+    });
+    turn(moment.links, 0, 0.12, 0, 0, turned);
+    const { context } = this;
+    context.strokeStyle = this.colours.accent;
+    context.lineWidth = 2 * (devicePixelRatio || 1);
+    context.beginPath();
+    context.moveTo(...this.pixel([moment.links[0], moment.links[1]]));
+    context.lineTo(...this.pixel([moment.links[0] + turned[0], moment.links[1] + turned[1]]));
+    context.stroke();
+  }
+
+  /** @param {number} time */
+  drawWay(time) {
+    const { base, times, count } = this.motion;
+    const now = this.motion.row(time);
+    for (const [from, to, alpha] of [[now, count - 1, 0.3], [0, now, 1]]) {
+      const points = [];
+      for (let i = from; i <= to; i++) points.push([base[0][i], base[1][i]]);
+      this.context.globalAlpha = alpha;
+      this.line(points, this.colours.accent, 2);
+    }
+    this.context.globalAlpha = 1;
+    return times;
+  }
+
+  /** @param {number} time */
+  drawContacts(time) {
+    const ratio = devicePixelRatio || 1;
+    for (const contact of this.motion.replay.contacts) {
+      if (contact.time > time + 0.02) continue;
+      const [x, y] = this.pixel(contact.position);
+      this.context.fillStyle = this.colours.bad;
+      this.context.beginPath();
+      this.context.arc(x, y, (time <= contact.until + 0.02 ? 5 : 2.5) * ratio, 0, 2 * Math.PI);
+      this.context.fill();
+    }
+  }
+
+  /** @param {MarkData} mark */
+  drawMark(mark) {
+    const failed = mark.expectation !== undefined && this.failed.has(mark.expectation);
+    const colour = failed ? this.colours.bad : this.colours.accent;
+    if (mark.kind === "polyline") this.line(mark.points, colour, 1.5, [6, 5]);
+    else if (mark.kind === "arrow") this.line(arrowPoints(mark), colour, 2);
+    else this.area(mark.kind === "polygon" ? mark.points : circlePoints(mark), `${colour}22`, colour);
+  }
+
+  /** @param {number[][]} corners @param {string} fill @param {string} edge */
+  area(corners, fill, edge) {
+    const { context } = this;
+    context.beginPath();
+    for (const corner of corners) context.lineTo(...this.pixel(corner));
+    context.closePath();
+    context.fillStyle = fill;
+    context.fill();
+    context.strokeStyle = edge;
+    context.lineWidth = devicePixelRatio || 1;
+    context.stroke();
+  }
+
+  /** @param {number[][]} points @param {string} colour @param {number} width @param {number[]} [dashes] */
+  line(points, colour, width, dashes = []) {
+    const { context } = this;
+    context.setLineDash(dashes.map((dash) => dash * (devicePixelRatio || 1)));
+    context.beginPath();
+    for (const point of points) context.lineTo(...this.pixel(point));
+    context.strokeStyle = colour;
+    context.lineWidth = width * (devicePixelRatio || 1);
+    context.lineJoin = "round";
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  /** Drag moves it, the wheel zooms, a double click shows all. */
+  grab() {
+    const { canvas } = this;
+    const redraw = () => canvas.dispatchEvent(new CustomEvent("viewmoved"));
+    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+    canvas.addEventListener("pointermove", (event) => {
+      if (!canvas.hasPointerCapture(event.pointerId)) return;
+      const metres = this.span / canvas.clientWidth;
+      this.centre = [this.centre[0] - event.movementX * metres, this.centre[1] + event.movementY * metres];
+      redraw();
+    });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.span = Math.min(1e4, Math.max(0.05, this.span * Math.exp(event.deltaY * 0.001)));
+      redraw();
+    }, { passive: false });
+    canvas.addEventListener("dblclick", () => {
+      this.home();
+      redraw();
+    });
+  }
+}
+
+/** @param {CircleMark} mark */
+function circlePoints(mark) {
+  return Array.from({ length: 48 }, (_, i) => {
+    const angle = (i * Math.PI) / 24;
+    return [mark.x + mark.radius * Math.cos(angle), mark.y + mark.radius * Math.sin(angle)];
+  });
+}
+
+/** @param {ArrowMark} mark */
+function arrowPoints(mark) {
+  const at = (/** @type {number} */ length, /** @type {number} */ angle) =>
+    [mark.x + length * Math.cos(mark.yaw + angle), mark.y + length * Math.sin(mark.yaw + angle)];
+  return [at(0, 0), at(0.3, 0), at(0.23, 0.2), at(0.3, 0), at(0.23, -0.2)];
+}
+
+/**
+ * @param {ArrayLike<number>} values
+ * @returns {[number, number]} the least and the largest; NaN does not count
+ */
+function extent(values) {
+  let low = Infinity, high = -Infinity;
+  for (let i = 0; i < values.length; i++) {
+    if (values[i] < low) low = values[i];
+    if (values[i] > high) high = values[i];
+  }
+  return low <= high ? [low, high] : [0, 0];
+}
+
+/**
+ * @param {number} rough
+ * @returns {number} 1, 2 or 5 times a power of ten, not less
+ */
+function niceStep(rough) {
+  const power = 10 ** Math.floor(Math.log10(rough));
+  return [1, 2, 5, 10].map((digit) => digit * power).find((step) => step >= rough * 0.999) ?? 10 * power;
+}

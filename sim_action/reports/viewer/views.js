@@ -1,0 +1,115 @@
+/** The picture of the run: in three dimensions where the page has what draws it and the browser can, else from above. */
+
+/** @type {Promise<MakeView3D | null> | null} */
+let viewerOfPage = null;
+
+/** @returns {Promise<MakeView3D | null>} null: it is not in this file */
+function viewer3D() {
+  viewerOfPage ??= unpacked("viewer3d").then((text) => {
+    if (text === null) return null;
+    // The page's policy knows this script by its hash, and lets no other run.
+    document.head.append(make("script", {}, text));
+    return globalThis.simActionView3D ?? null;
+  });
+  return viewerOfPage;
+}
+
+class Views {
+  /**
+   * @param {Clock} clock
+   * @param {Motion} motion
+   * @param {ReadonlySet<number>} failed
+   */
+  constructor(clock, motion, failed) {
+    this.clock = clock;
+    this.motion = motion;
+    this.failed = failed;
+    this.following = false;
+    /** @type {View | null} */
+    this.view = null;
+    this.canvas = make("canvas");
+    this.note = make("p", { class: "note", role: "status" });
+    this.happening = make("p", { class: "happening" });
+    this.kind = make("button", { type: "button", title: "3D, or from above (v)", hidden: true }, "From above");
+    this.follow = make("button", { type: "button", title: "Let the camera follow (f)", "aria-pressed": "false" }, "Follow");
+    this.whole = make("button", { type: "button", title: "Show all of the way (h)" }, "Show all");
+    this.tools = make("div", { class: "tools" }, this.kind, this.follow, this.whole);
+    this.element = make("div", { class: "view" }, this.canvas, this.tools, this.note, this.happening);
+    this.kind.addEventListener("click", () => this.toggleKind());
+    this.follow.addEventListener("click", () => this.toggleFollow());
+    this.whole.addEventListener("click", () => this.showAll());
+  }
+
+  /** Shows the run: in three dimensions if that can be. */
+  async open() {
+    try {
+      const make3D = await viewer3D();
+      if (make3D) {
+        this.show((canvas) => make3D(canvas, this.motion, this.failed, coloursOfPage()), "3d");
+        this.kind.hidden = false;
+        return;
+      }
+      this.note.textContent = "Seen from above: this report was made without its 3D viewer.";
+    } catch {
+      this.note.textContent = "Seen from above: this browser has no WebGL to draw in 3D.";
+    }
+    this.showTop();
+  }
+
+  showTop() {
+    this.show((canvas) => new TopView(canvas, this.motion, this.failed), "top");
+  }
+
+  /**
+   * @param {(canvas: HTMLCanvasElement) => View} make_view
+   * @param {"3d" | "top"} kind
+   */
+  show(make_view, kind) {
+    this.view?.dispose();
+    this.view = null;
+    // A canvas that has once drawn in one way draws in no other.
+    const canvas = make("canvas", { role: "img", "aria-label": "The robot and its world", "data-kind": kind });
+    this.canvas.replaceWith(canvas);
+    this.canvas = canvas;
+    this.view = make_view(canvas);
+    canvas.addEventListener("viewmoved", () => this.draw());
+    this.kind.textContent = kind === "3d" ? "From above" : "3D";
+    this.resize();
+  }
+
+  async toggleKind() {
+    if (this.kind.hidden) return;
+    if (this.canvas.dataset.kind === "3d") this.showTop();
+    else await this.open();
+  }
+
+  toggleFollow() {
+    this.following = !this.following;
+    this.follow.setAttribute("aria-pressed", String(this.following));
+    this.draw();
+  }
+
+  showAll() {
+    if (this.following) this.toggleFollow();
+    this.view?.home();
+    this.draw();
+  }
+
+  resize() {
+    this.view?.resize();
+    this.draw();
+  }
+
+  draw() {
+    this.view?.draw(this.motion.at(this.clock.time), this.following);
+    const touching = this.motion.touching(this.clock.time).slice(0, 3);
+    const { links, bodies } = this.motion.scene;
+    const words = touching.map(({ link, body, force }) => `${links[link].name} touches ${bodies[body].name}, up to ${told(force, "N")}`);
+    this.happening.textContent = words.join("\n");
+  }
+
+  dispose() {
+    this.view?.dispose();
+    this.view = null;
+  }
+}

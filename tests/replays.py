@@ -1,0 +1,91 @@
+"""Replays made by hand: a box on wheels that drives along x, and what it meets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from sim_action.replay import Replay
+from sim_action.replay.columns import Column
+from sim_action.replay.marks import CircleMark, PolygonMark
+from sim_action.replay.models import BodyData, ContactData, Frames, JointMotion, LinkData, SceneData, SignalData
+from sim_action.replay.shapes import BoxShape, CylinderShape, MeshData, MeshShape
+from sim_action.replay.storage import write
+
+GREY = (0.5, 0.5, 0.5)
+HERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+MESH = "0123456789abcdef"
+
+
+def drive(*, distance: float = 1.0, seconds: float = 2.0, body: str = "wall", robot: str = "cart") -> Replay:
+    """Along x, from the origin; one wheel turns, a tetrahedron stands beside, the body ahead is touched at the end."""
+    count = round(30 * seconds) + 1
+    time, share = np.linspace(0, seconds, count), np.linspace(0, 1, count)
+    still, ahead = Column(scale=1e-4, first=0), Column.encoded(distance * share, 1e-4)
+    frames = Frames(
+        time=Column.encoded(time, 1e-4),
+        base=(ahead, still, still, still, still, still, Column(scale=1e-4, first=10_000)),
+        joints=(Column.encoded(distance / 0.1 * share, 1e-3),),
+        speed=Column.encoded(np.full(count, distance / seconds), 1e-4),
+        tilt=still,
+    )
+    return Replay(
+        version=1,
+        scene=SceneData(robot=robot, links=_links(), bodies=_bodies(body, distance), meshes={MESH: _tetrahedron()}),
+        joint_names=("wheel_joint",),
+        frames=frames,
+        contacts=(
+            ContactData(time=seconds - 0.1, until=seconds, link=0, body=0, position=(distance, 0.0, 0.1), force=5.0),
+        ),
+        signals=(
+            SignalData(
+                expectation=0, name="travelled", unit="m", values=Column.encoded(distance * share, 1e-4), lower=1.5
+            ),
+        ),
+        marks=(
+            CircleMark(kind="circle", expectation=0, x=1.5, y=0.0, radius=0.1),
+            PolygonMark(kind="polygon", points=((0.0, 0.5), (1.0, 0.5), (1.0, 0.8))),
+        ),
+    )
+
+
+def kept(replay: Replay, folder: Path, name: str) -> str:
+    """Stores it as a run does; how results name it."""
+    write(replay, folder / "replays" / f"{name}.json.gz")
+    return f"replays/{name}.json.gz"
+
+
+def _links() -> tuple[LinkData, ...]:
+    axis = JointMotion(type="revolute", axis=(0.0, 1.0, 0.0), column=0)
+    lying = (0.0, 0.0, 0.0, 0.7071, 0.0, 0.0, 0.7071)
+    return (
+        LinkData(name="base_link", shapes=(BoxShape(kind="box", pose=HERE, color=GREY, size=(0.4, 0.2, 0.1)),)),
+        LinkData(
+            name="wheel",
+            parent=0,
+            origin=(0.1, 0.15, 0.0, 0.0, 0.0, 0.0, 1.0),
+            joint=axis,
+            shapes=(CylinderShape(kind="cylinder", pose=lying, color=GREY, radius=0.1, length=0.04),),
+        ),
+    )
+
+
+def _bodies(name: str, distance: float) -> tuple[BodyData, ...]:
+    ahead = (distance + 0.25, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0)
+    return (
+        BodyData(name=name, pose=ahead, shapes=(BoxShape(kind="box", pose=HERE, color=GREY, size=(0.1, 2.0, 0.5)),)),
+        BodyData(
+            name="tetrahedron",
+            pose=(0.5, -0.6, 0.0, 0.0, 0.0, 0.0, 1.0),
+            shapes=(MeshShape(kind="mesh", pose=HERE, color=GREY, mesh=MESH),),
+        ),
+    )
+
+
+def _tetrahedron() -> MeshData:
+    return MeshData(
+        scale=0.1,
+        points=(0, 0, 0, 3, 0, 0, 0, 3, 0, 0, 0, 3),
+        triangles=(0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3),
+    )

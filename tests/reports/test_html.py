@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sim_action.outcome import Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.html import page, write_html
+from sim_action.reports.page import packing
+from sim_action.whole_files import whole_file
+from tests.replays import drive, kept
+
+Samples = dict[str, Results]
+MakeResults = Callable[..., Results]
+
+ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/b", "GITHUB_SHA": "c0ffee"}
+
+
+def body(results: Results, options: ReportOptions) -> str:
+    return page(results, options).body
+
+
+def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"{kind}.html", f"{body(samples[kind], replace(options, environment=ON_GITHUB))}\n")
+
+
+def test_golden_of_a_run_that_was_kept(
+    samples: Samples, make_results: MakeResults, options: ReportOptions, golden: Callable[[str, str], None]
+) -> None:
+    golden("replay.html", f"{body(make_results(ran(samples, options)), options)}\n")
+
+
+def ran(samples: Samples, options: ReportOptions) -> Outcome:
+    options.folder.mkdir()
+    return samples["cut"].outcomes[0].model_copy(update={"replay": kept(drive(), options.folder, "cut")})
+
+
+def test_the_page_is_one_file_with_all_that_it_needs(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    results = make_results(ran(samples, options))
+    write_html(results, options)
+    text = (options.folder / "report.html").read_text(encoding="utf-8")
+    assert not re.findall(r"(?:src|href)=[\"'](?!#|data:|https://github)", text)
+    assert 'id="replay-s0"' in text
+    assert 'id="meshes"' in text
+
+
+def test_failures_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
+    names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(make_results(*outcomes), options))
+    assert names == ["crash", "failed", "passed"]
+
+
+def test_nothing_of_a_stranger_is_markup(hostile: str, samples: Samples, options: ReportOptions) -> None:
+    text = page(samples["hostile"], options).text()
+    assert "<b>" not in text.replace("<b>warning", "")
+    assert "\x1b" not in text
+    assert "\u202e" not in text
+    assert hostile.split()[1] == "<b>&</b>"
+
+
+@pytest.mark.parametrize("where", ["../elsewhere.json.gz", "replays/missing.json.gz", "/etc/passwd", "a\x00b"])
+def test_a_replay_that_is_not_below_the_results_is_not_looked_for(
+    where: str, samples: Samples, make_results: MakeResults, options: ReportOptions, tmp_path: Path
+) -> None:
+    lost = ran(samples, options).model_copy(update={"replay": where})
+    kept(drive(), tmp_path, "elsewhere")
+    found = page(make_results(lost), options)
+    assert "is not where its results say" in found.body
+    assert not found.blocks
+
+
+def test_a_replay_that_is_none_is_told_and_the_rest_is_there(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    broken = ran(samples, options)
+    with whole_file(options.folder / "replays/cut.json.gz") as file:
+        file.write(b"no gzip")
+    found = page(make_results(broken), options)
+    assert "There is no replay:" in found.body
+    assert "base_link touched wall" in found.body
+
+
+def test_what_finds_no_room_has_no_replay_and_says_so(
+    samples: Samples, make_results: MakeResults, options: ReportOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(packing, "MOST_BYTES", 100)
+    found = page(make_results(ran(samples, options)), options)
+    assert "No room was left" in found.body
+    assert "<svg" not in found.body
+    assert not found.blocks
+
+
+def test_variations_stand_together_with_their_count(samples: Samples, options: ReportOptions) -> None:
+    assert "2 of 4 passed" in body(samples["varied"], options)
+
+
+def test_the_same_results_make_the_same_page(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    results = make_results(ran(samples, options))
+    assert page(results, options).text() == page(results, options).text()
