@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -85,7 +86,7 @@ def policy(style: str, scripts: Iterable[str]) -> str:
 
 def page_script() -> str:
     """All of our own script, which needs no build."""
-    return "(() => {\n'use strict';\n" + "".join(_asset(name) for name in SCRIPTS) + "})();\n"
+    return "(() => {\n'use strict';\n" + "".join(_bare(_asset(name)) for name in SCRIPTS) + "})();\n"
 
 
 def viewer_script() -> str:
@@ -94,6 +95,11 @@ def viewer_script() -> str:
         return _asset(VIEWER)
     except FileNotFoundError:
         return ""
+
+
+def _bare(script: str) -> str:
+    """A script of ours without its remarks and indents: none of our texts has lines that look like these."""
+    return re.sub(r"^ +|\n+(?=\n)", "", re.sub(r"/\*\*.*?\*/|^ *// .*?$", "", script, flags=re.S | re.M), flags=re.M)
 
 
 def _asset(name: str) -> str:

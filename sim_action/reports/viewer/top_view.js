@@ -22,6 +22,10 @@ class TopView {
     /** Outlines of what never moves, made once. */
     this.still = motion.scene.bodies.map((body, i) =>
       body.track === undefined ? this.bodies[i].map((several) => outline(several, still.bodies, 7 * i)) : null);
+    /** @type {[number, number]} */
+    this.centre = [0, 0];
+    this.span = 1;
+    this.scale = 1;
     this.home();
     this.grab();
   }
@@ -120,7 +124,7 @@ class TopView {
 
   /** @param {number} time */
   drawWay(time) {
-    const { base, times, count } = this.motion;
+    const { base, count } = this.motion;
     const now = this.motion.row(time);
     for (const [from, to, alpha] of [[now, count - 1, 0.3], [0, now, 1]]) {
       const points = [];
@@ -129,7 +133,6 @@ class TopView {
       this.line(points, this.colours.accent, 2);
     }
     this.context.globalAlpha = 1;
-    return times;
   }
 
   /** @param {number} time */

@@ -1,0 +1,120 @@
+/** What is drawn over the world: the way of the robot, goal regions, contacts. */
+
+import {
+  BufferGeometry,
+  DoubleSide,
+  Float32BufferAttribute,
+  Group,
+  Line,
+  LineBasicMaterial,
+  LineLoop,
+  Mesh,
+  MeshBasicMaterial,
+  Shape as Area,
+  ShapeGeometry,
+  SphereGeometry,
+} from "three";
+
+/** m over the ground: what lies in it flickers. */
+const OVER_GROUND = 0.004;
+
+/** A ribbon along the way: what lies ahead is faint. */
+export class Way {
+  readonly group = new Group();
+  private readonly came: Mesh;
+
+  constructor(private readonly run: Run, colour: string, width: number) {
+    const geometry = ribbon(run, width);
+    const ahead = new Mesh(geometry, new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.28, side: DoubleSide }));
+    this.came = new Mesh(geometry.clone(), new MeshBasicMaterial({ color: colour, side: DoubleSide }));
+    this.came.position.z = OVER_GROUND / 4;
+    this.came.frustumCulled = false;
+    this.group.add(ahead, this.came);
+  }
+
+  show(time: number): void {
+    this.came.geometry.setDrawRange(0, 6 * this.run.row(time));
+  }
+}
+
+/** On the ground, or where the base flies as high above that as it rises. */
+function ribbon(run: Run, width: number): BufferGeometry {
+  const [xs, ys, zs] = run.base;
+  const lowest = zs.reduce((low, z) => Math.min(low, z), Infinity);
+  const rises = zs.some((z) => z > lowest + 0.1);
+  const points = new Float32Array(6 * run.count);
+  const corners: number[] = [];
+  let dx = 1, dy = 0;
+  for (let i = 0; i < run.count; i++) {
+    const next = Math.min(i + 1, run.count - 1), before = Math.max(i - 1, 0);
+    const length = Math.hypot(xs[next] - xs[before], ys[next] - ys[before]);
+    // Where it stands still, the ribbon goes on as it went.
+    if (length > 1e-3) [dx, dy] = [(xs[next] - xs[before]) / length, (ys[next] - ys[before]) / length];
+    const x = (-dy * width) / 2, y = (dx * width) / 2, z = OVER_GROUND + (rises ? zs[i] - lowest : 0);
+    points.set([xs[i] + x, ys[i] + y, z, xs[i] - x, ys[i] - y, z], 6 * i);
+    if (i > 0) corners.push(2 * i - 2, 2 * i - 1, 2 * i, 2 * i, 2 * i - 1, 2 * i + 1);
+  }
+  const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(points, 3));
+  return geometry.setIndex(corners);
+}
+
+export class Touches {
+  readonly group = new Group();
+  private readonly spheres: Mesh[];
+
+  constructor(private readonly contacts: ContactData[], colour: string, size: number) {
+    const ball = new SphereGeometry(size, 16, 12);
+    const material = new MeshBasicMaterial({ color: colour, depthTest: false, transparent: true, opacity: 0.9 });
+    this.spheres = contacts.map(({ position }) => {
+      const sphere = new Mesh(ball, material);
+      sphere.position.set(...position);
+      sphere.renderOrder = 2;
+      return sphere;
+    });
+    this.group.add(...this.spheres);
+  }
+
+  show(time: number): void {
+    this.spheres.forEach((sphere, i) => {
+      const { time: from, until } = this.contacts[i];
+      sphere.visible = from <= time + 0.02;
+      sphere.scale.setScalar(time <= until + 0.02 ? 1 : 0.5);
+    });
+  }
+}
+
+/** A region, a path or a heading that an expectation is about. */
+export function mark(data: MarkData, colour: string): Group {
+  const group = new Group();
+  const line = new LineBasicMaterial({ color: colour });
+  if (data.kind === "polyline" || data.kind === "arrow") {
+    group.add(new Line(outline(data.kind === "polyline" ? data.points : arrow(data)), line));
+    return group;
+  }
+  const corners = data.kind === "polygon" ? data.points : ring(data);
+  const area = new Area();
+  corners.forEach(([x, y], i) => (i ? area.lineTo(x, y) : area.moveTo(x, y)));
+  const fill = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.16, side: DoubleSide, depthWrite: false });
+  const floor = new Mesh(new ShapeGeometry(area), fill);
+  floor.position.z = (data.kind === "circle" ? data.z : 0) + OVER_GROUND / 2;
+  const height = floor.position.z + OVER_GROUND / 2;
+  group.add(floor, new LineLoop(outline(corners.map(([x, y]) => [x, y, height])), line));
+  return group;
+}
+
+function outline(points: number[][]): BufferGeometry {
+  const flat = points.flatMap(([x, y, z]) => [x, y, Math.max(z, OVER_GROUND)]);
+  return new BufferGeometry().setAttribute("position", new Float32BufferAttribute(flat, 3));
+}
+
+function ring({ x, y, radius }: CircleMark): [number, number][] {
+  return Array.from({ length: 64 }, (_, i) => {
+    const angle = (i * Math.PI) / 32;
+    return [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
+  });
+}
+
+function arrow({ x, y, yaw }: ArrowMark): number[][] {
+  const at = (length: number, angle: number) => [x + length * Math.cos(yaw + angle), y + length * Math.sin(yaw + angle), 0];
+  return [at(0, 0), at(0.3, 0), at(0.23, 0.2), at(0.3, 0), at(0.23, -0.2)];
+}

@@ -1,0 +1,227 @@
+/** What the scripts of the page and the 3D viewer have in common: replays, and what draws them. */
+
+type Numbers = ArrayLike<number>;
+
+interface Column {
+  scale: number;
+  first: number;
+  deltas: number[];
+  gaps: [number, number][];
+}
+
+interface JointMotion {
+  type: "revolute" | "prismatic";
+  axis: [number, number, number];
+  column: number;
+  multiplier: number;
+  offset: number;
+}
+
+interface ShapeBase {
+  pose: number[];
+  color: [number, number, number];
+}
+interface BoxShape extends ShapeBase {
+  kind: "box";
+  size: [number, number, number];
+}
+interface CylinderShape extends ShapeBase {
+  kind: "cylinder";
+  radius: number;
+  length: number;
+}
+interface EllipsoidShape extends ShapeBase {
+  kind: "ellipsoid";
+  half: [number, number, number];
+}
+interface CapsuleShape extends ShapeBase {
+  kind: "capsule";
+  radius: number;
+  length: number;
+}
+interface MeshShape extends ShapeBase {
+  kind: "mesh";
+  mesh: string;
+}
+type Shape = BoxShape | CylinderShape | EllipsoidShape | CapsuleShape | MeshShape;
+
+interface MeshData {
+  scale: number;
+  points: number[];
+  triangles: number[];
+}
+
+interface LinkData {
+  name: string;
+  parent?: number;
+  origin: number[];
+  joint?: JointMotion;
+  shapes: Shape[];
+}
+
+interface BodyData {
+  name: string;
+  pose: number[];
+  track?: number;
+  appears?: number;
+  shapes: Shape[];
+}
+
+interface PatchData {
+  x: number;
+  y: number;
+  size: [number, number];
+  friction: number;
+}
+
+interface SceneData {
+  robot: string;
+  links: LinkData[];
+  bodies: BodyData[];
+  patches: PatchData[];
+  meshes: Record<string, MeshData>;
+}
+
+interface ContactData {
+  time: number;
+  until: number;
+  link: number;
+  body: number;
+  position: [number, number, number];
+  force: number;
+}
+
+interface SignalData {
+  expectation: number;
+  name: string;
+  unit: string;
+  time?: Column;
+  values: Column;
+  lower?: number;
+  upper?: number;
+  start: number;
+  end?: number;
+}
+
+interface CircleMark {
+  kind: "circle";
+  expectation?: number;
+  x: number;
+  y: number;
+  z: number;
+  radius: number;
+}
+interface PolygonMark {
+  kind: "polygon";
+  expectation?: number;
+  points: [number, number][];
+}
+interface PolylineMark {
+  kind: "polyline";
+  expectation?: number;
+  points: [number, number, number][];
+}
+interface ArrowMark {
+  kind: "arrow";
+  expectation?: number;
+  x: number;
+  y: number;
+  yaw: number;
+}
+type MarkData = CircleMark | PolygonMark | PolylineMark | ArrowMark;
+
+interface Replay {
+  scene: SceneData;
+  joint_names: string[];
+  frames: { time: Column; base: Column[]; joints: Column[]; speed: Column; tilt: Column; tracks: Column[][] };
+  contacts: ContactData[];
+  contacts_left_out: number;
+  signals: SignalData[];
+  marks: MarkData[];
+}
+
+/** Poses of all links and bodies at a time, seven numbers each; `here`: which bodies are there. */
+interface Moment {
+  time: number;
+  links: Float64Array;
+  bodies: Float64Array;
+  here: boolean[];
+}
+
+/** What the 3D viewer needs of a run; the page's own `Motion` is one. */
+interface Run {
+  replay: Replay;
+  scene: SceneData;
+  base: Float64Array[];
+  count: number;
+  start: number;
+  row(time: number): number;
+  at(time: number): Moment;
+}
+
+/** A picture of the run, whichever way it is drawn. */
+interface View {
+  draw(moment: Moment, follow: boolean): void;
+  /** Shows all of the way again. */
+  home(): void;
+  resize(): void;
+  dispose(): void;
+}
+
+type MakeView3D = (canvas: HTMLCanvasElement, run: Run, failed: ReadonlySet<number>, colours: Colours) => View;
+
+// The 3D viewer's bundle puts itself here.
+declare var simActionView3D: MakeView3D | undefined;
+
+interface Colours {
+  ground: string;
+  raised: string;
+  line: string;
+  text: string;
+  faint: string;
+  accent: string;
+  bad: string;
+  body: string;
+  robot: string;
+  floor: string;
+  dark: boolean;
+}
+
+interface ExpectationEntry {
+  name: string;
+  status: "passed" | "warned" | "failed";
+  time: number | null;
+  cutOff: boolean;
+}
+
+interface ScenarioEntry {
+  id: string;
+  name: string;
+  status: string;
+  replay: string | null;
+  expectations: ExpectationEntry[];
+}
+
+interface Curve {
+  name: string;
+  title: string;
+  unit: string;
+  times: Float64Array;
+  values: Float64Array;
+  status: "free" | "passed" | "warned" | "failed";
+  cutOff: boolean;
+  decided: number | null;
+  lower: number | null;
+  upper: number | null;
+  from: number;
+  to: number;
+}
+
+/** Where a plot draws: its area in pixels, and what becomes of times and values on it. */
+interface Chart {
+  context: CanvasRenderingContext2D;
+  area: { left: number; right: number; top: number; bottom: number };
+  colours: Colours;
+  x(time: number): number;
+  y(value: number): number;
+}

@@ -1,0 +1,92 @@
+/** Geometries of a scene's shapes; each mesh is built once, however many shapes show it. */
+
+import {
+  BoxGeometry,
+  BufferGeometry,
+  CapsuleGeometry,
+  CylinderGeometry,
+  Float32BufferAttribute,
+  Group,
+  Mesh,
+  MeshLambertMaterial,
+  SphereGeometry,
+} from "three";
+
+export class Solids {
+  private readonly meshes = new Map<string, BufferGeometry>();
+  private readonly materials = new Map<string, MeshLambertMaterial>();
+
+  constructor(private readonly stored: Record<string, MeshData>) {}
+
+  /** All shapes of a link or a body, in its own frame. */
+  group(shapes: Shape[], opacity = 1): Group {
+    const group = new Group();
+    group.matrixAutoUpdate = true;
+    for (const shape of shapes) group.add(this.solid(shape, opacity));
+    return group;
+  }
+
+  private solid(shape: Shape, opacity: number): Mesh {
+    const solid = new Mesh(this.geometry(shape), this.material(shape, opacity));
+    place(solid, shape.pose, 0);
+    solid.castShadow = opacity === 1;
+    solid.receiveShadow = true;
+    return solid;
+  }
+
+  private geometry(shape: Shape): BufferGeometry {
+    switch (shape.kind) {
+      case "box":
+        return new BoxGeometry(...shape.size);
+      case "cylinder":
+        // three.js has cylinders along y.
+        return new CylinderGeometry(shape.radius, shape.radius, shape.length, 32).rotateX(Math.PI / 2);
+      case "ellipsoid":
+        return new SphereGeometry(1, 32, 20).scale(...shape.half);
+      case "capsule":
+        return new CapsuleGeometry(shape.radius, shape.length, 8, 24).rotateX(Math.PI / 2);
+      case "mesh":
+        return this.mesh(shape.mesh);
+    }
+  }
+
+  private mesh(digest: string): BufferGeometry {
+    const known = this.meshes.get(digest);
+    if (known) return known;
+    const { points, scale, triangles } = this.stored[digest];
+    // A point for each corner of each triangle: sides are flat.
+    const corners = new Float32Array(3 * triangles.length);
+    triangles.forEach((point, i) => {
+      for (let axis = 0; axis < 3; axis++) corners[3 * i + axis] = points[3 * point + axis] * scale;
+    });
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new Float32BufferAttribute(corners, 3));
+    geometry.computeVertexNormals();
+    this.meshes.set(digest, geometry);
+    return geometry;
+  }
+
+  private material(shape: Shape, opacity: number): MeshLambertMaterial {
+    const key = `${shape.color.join()} ${opacity} ${shape.kind === "mesh"}`;
+    let material = this.materials.get(key);
+    if (!material) {
+      material = new MeshLambertMaterial({ transparent: opacity < 1, opacity, side: shape.kind === "mesh" ? 2 : 0 });
+      material.color.setRGB(...muted(shape.color), "srgb");
+      this.materials.set(key, material);
+    }
+    return material;
+  }
+}
+
+/** Puts an object at a pose: seven numbers from `at` on. */
+export function place(object: Group | Mesh, pose: ArrayLike<number>, at: number): void {
+  object.position.set(pose[at], pose[at + 1], pose[at + 2]);
+  object.quaternion.set(pose[at + 3], pose[at + 4], pose[at + 5], pose[at + 6]);
+}
+
+/** A colour that leaves the loud ones to what matters. */
+function muted([red, green, blue]: [number, number, number]): [number, number, number] {
+  const grey = 0.3 * red + 0.55 * green + 0.15 * blue;
+  const mixed = (value: number) => grey + 0.4 * (value - grey);
+  return [mixed(red), mixed(green), mixed(blue)];
+}

@@ -1,0 +1,136 @@
+/** The run in three dimensions. It draws when something has changed, and not otherwise. */
+
+import { Box3, Group, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { mark, Touches, Way } from "./lines";
+import { place, Solids } from "./solids";
+import { furnish, overview, placesOf } from "./stage";
+
+class View3D implements View {
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly camera = new PerspectiveCamera(38, 1.6, 0.01, 1000);
+  private readonly controls: OrbitControls;
+  private readonly links: Group[];
+  private readonly bodies: Group[];
+  private readonly way: Way;
+  private readonly touches: Touches;
+  private readonly seen: Box3;
+  private readonly base = new Vector3();
+  private followed: Vector3 | null = null;
+  private touched = false;
+
+  constructor(private readonly canvas: HTMLCanvasElement, run: Run, failed: ReadonlySet<number>, colours: Colours) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true });
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.camera.up.set(0, 0, 1);
+    const solids = new Solids(run.scene.meshes);
+    this.links = run.scene.links.map((link) => solids.group(link.shapes));
+    this.bodies = run.scene.bodies.map((body) => solids.group(body.shapes));
+    const robot = new Group();
+    robot.add(...this.links);
+    this.scene.add(robot, ...this.bodies);
+    this.pose(run.at(run.start));
+    this.scene.updateMatrixWorld(true);
+    const size = new Box3().setFromObject(robot);
+    this.seen = this.widened(placesOf(run, size));
+    furnish(this.scene, this.seen, colours);
+    this.way = new Way(run, colours.accent, 0.009 * this.seen.getSize(new Vector3()).length());
+    this.touches = new Touches(run.replay.contacts, colours.bad, 0.05 * size.getSize(new Vector3()).length());
+    this.scene.add(this.way.group, this.touches.group);
+    for (const data of run.replay.marks) {
+      const missed = data.expectation !== undefined && failed.has(data.expectation);
+      this.scene.add(mark(data, missed ? colours.bad : colours.accent));
+    }
+    this.controls = this.grabbed();
+    this.home();
+  }
+
+  draw(moment: Moment, follow: boolean): void {
+    this.pose(moment);
+    this.way.show(moment.time);
+    this.touches.show(moment.time);
+    this.base.set(moment.links[0], moment.links[1], moment.links[2]);
+    if (follow) this.moveAlong();
+    else this.followed = null;
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  home(): void {
+    this.touched = false;
+    overview(this.camera, this.seen, this.controls.target);
+    this.controls.update();
+  }
+
+  resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(Math.min(2, devicePixelRatio || 1));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    if (!this.touched && !this.followed) this.home();
+  }
+
+  dispose(): void {
+    this.controls.dispose();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+  }
+
+  private pose(moment: Moment): void {
+    this.links.forEach((link, i) => place(link, moment.links, 7 * i));
+    this.bodies.forEach((body, i) => {
+      place(body, moment.bodies, 7 * i);
+      body.visible = moment.here[i];
+    });
+  }
+
+  /** Keeps the camera where it is, seen from the robot; begins by looking at it from near. */
+  private moveAlong(): void {
+    const { target } = this.controls;
+    if (this.followed === null) {
+      const away = this.camera.position.clone().sub(target);
+      target.copy(this.base);
+      this.camera.position.copy(this.base).add(away.setLength(Math.min(away.length(), this.near)));
+      this.followed = this.base.clone();
+    }
+    const moved = this.base.clone().sub(this.followed);
+    target.add(moved);
+    this.camera.position.add(moved);
+    this.followed.copy(this.base);
+    this.controls.update();
+  }
+
+  /** m from which all of the robot is well in sight. */
+  private get near(): number {
+    const size = new Box3();
+    for (const link of this.links) size.expandByObject(link);
+    return Math.max(0.3, 4 * size.getSize(new Vector3()).length());
+  }
+
+  /** Bodies that stand near the way are seen, too; far and large ones are not what it is about. */
+  private widened(places: Box3): Box3 {
+    const near = places.clone().expandByScalar(0.2 * places.getSize(new Vector3()).length());
+    const all = places.clone();
+    for (const body of this.bodies) {
+      const box = new Box3().setFromObject(body);
+      if (!box.isEmpty() && near.intersectsBox(box)) all.union(box.intersect(near));
+    }
+    return all;
+  }
+
+  private grabbed(): OrbitControls {
+    const controls = new OrbitControls(this.camera, this.canvas);
+    controls.enableDamping = false;
+    controls.maxPolarAngle = 0.52 * Math.PI;
+    controls.addEventListener("start", () => {
+      this.touched = true;
+    });
+    controls.addEventListener("change", () => this.canvas.dispatchEvent(new CustomEvent("viewmoved")));
+    return controls;
+  }
+}
+
+globalThis.simActionView3D = (canvas, run, failed, colours) => new View3D(canvas, run, failed, colours);
