@@ -10,18 +10,23 @@ WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
 PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
 
-.PHONY: demo test coverage lint lint-workflows format docs robots picture bench fuzz lock clean
+VIEWER := sim_action/reports/viewer/viewer3d.js
+# The machine's Node.js, or that of $(VENV)/.node.
+WITH_NODE = PATH="$(abspath $(BIN)):$$PATH"
+HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && $(WITH_NODE) npm --version >/dev/null 2>&1
+
+.PHONY: viewer lint-viewer screenshots demo test coverage lint lint-workflows format docs robots picture bench fuzz lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
 
-test: $(VENV)/.dev $(VENV)/.node ## all tests
+test: $(VENV)/.dev $(VENV)/.node viewer ## all tests
 	$(BIN)/python -m pytest
 
-coverage: $(VENV)/.dev $(VENV)/.node ## all tests, and which lines none of them reaches
+coverage: $(VENV)/.dev $(VENV)/.node viewer ## all tests, and which lines none of them reaches
 	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered
 
-lint: $(VENV)/.dev lint-workflows ## style, types, layers, workflows
+lint: $(VENV)/.dev lint-workflows lint-viewer ## style, types, layers, workflows
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -29,6 +34,21 @@ lint: $(VENV)/.dev lint-workflows ## style, types, layers, workflows
 	$(BIN)/mypy --platform darwin --cache-dir .mypy_cache/darwin sim_action action
 	$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32 sim_action action
 	$(BIN)/lint-imports
+
+viewer: ## what report.html draws runs in 3D with; without Node.js it draws them from above
+	@if $(HAS_NODE); then $(MAKE) --no-print-directory $(VIEWER); \
+	else echo "There is no Node.js of at least 20 with npm: report.html is made without its 3D viewer"; fi
+
+lint-viewer: ## types of all scripts of report.html
+	@if $(HAS_NODE); then $(MAKE) --no-print-directory web/node_modules/.installed && cd web && $(WITH_NODE) npm run --silent check; \
+	else echo "There is no Node.js of at least 20 with npm: types of report.html's scripts are not checked"; fi
+
+web/node_modules/.installed: web/package.json web/package-lock.json
+	$(WITH_NODE) npm ci --prefix web --loglevel error >/dev/null
+	@touch $@
+
+$(VIEWER): web/node_modules/.installed web/build.mjs $(wildcard web/src/*.ts)
+	$(WITH_NODE) node web/build.mjs
 
 lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions and workflows: schemas, GitHub's own parser, actionlint, security
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-actions $(ACTIONS)
@@ -49,6 +69,9 @@ robots: $(VENV)/.dev ## the table of docs/robots.md, measured anew
 
 picture: $(VENV)/.dev ## the README's pictures
 	$(BIN)/python docs/picture.py
+
+screenshots: $(VENV)/.dev viewer ## the README's pictures of report.html
+	$(BIN)/python docs/screenshots.py
 
 bench: $(VENV)/.dev ## ratios against the raw engine
 	$(BIN)/python -m bench.run
@@ -87,4 +110,4 @@ $(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-loc
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .ci/workflows/node_modules sim-results
+	rm -rf $(VENV) .ci/workflows/node_modules web/node_modules $(VIEWER) sim-results

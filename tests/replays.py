@@ -84,8 +84,5 @@ def _bodies(name: str, distance: float) -> tuple[BodyData, ...]:
 
 
 def _tetrahedron() -> MeshData:
-    return MeshData(
-        scale=0.1,
-        points=(0, 0, 0, 3, 0, 0, 0, 3, 0, 0, 0, 3),
-        triangles=(0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3),
-    )
+    corners = np.array([(0, 0, 0), (3, 0, 0), (0, 3, 0), (0, 0, 3)])
+    return MeshData.encoded(corners, np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]), 0.1)

@@ -71,7 +71,7 @@ export class Touches {
       sphere.renderOrder = 2;
       return sphere;
     });
-    this.group.add(...this.spheres);
+    for (const sphere of this.spheres) this.group.add(sphere);
   }
 
   show(time: number): void {

@@ -155,6 +155,7 @@ interface Run {
   base: Float64Array[];
   count: number;
   start: number;
+  end: number;
   row(time: number): number;
   at(time: number): Moment;
 }

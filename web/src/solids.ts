@@ -87,6 +87,7 @@ export function place(object: Group | Mesh, pose: ArrayLike<number>, at: number)
 /** A colour that leaves the loud ones to what matters. */
 function muted([red, green, blue]: [number, number, number]): [number, number, number] {
   const grey = 0.3 * red + 0.55 * green + 0.15 * blue;
-  const mixed = (value: number) => grey + 0.4 * (value - grey);
+  // Black is lifted: in the dark, it is not to be seen.
+  const mixed = (value: number) => 0.16 + 0.84 * (grey + 0.4 * (value - grey));
   return [mixed(red), mixed(green), mixed(blue)];
 }

@@ -18,15 +18,6 @@ import {
   Vector3,
 } from "three";
 
-/** All places that the base comes by, with the space that the robot takes about them. */
-export function placesOf(run: Run, robot: Box3): Box3 {
-  const size = robot.getSize(new Vector3()).length() / 2;
-  const box = new Box3();
-  const place = new Vector3();
-  for (let i = 0; i < run.count; i++) box.expandByPoint(place.set(run.base[0][i], run.base[1][i], run.base[2][i]));
-  return box.expandByScalar(Math.max(0.1, size)).union(robot);
-}
-
 export function furnish(scene: Scene, seen: Box3, colours: Colours): DirectionalLight {
   const extent = Math.max(1, seen.getSize(new Vector3()).length());
   const middle = seen.getCenter(new Vector3());
@@ -57,7 +48,7 @@ function grid(extent: number, middle: Vector3, colours: Colours): LineSegments {
     }
   }
   const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(ends, 3));
-  const made = new LineSegments(geometry, new LineBasicMaterial({ color: colours.line, depthWrite: false }));
+  const made = new LineSegments(geometry, new LineBasicMaterial({ color: colours.line, depthWrite: false, transparent: true, opacity: colours.dark ? 0.55 : 0.9 }));
   made.scale.setScalar(step);
   made.position.set(Math.round(middle.x / step) * step, Math.round(middle.y / step) * step, 0);
   return made;
@@ -65,7 +56,7 @@ function grid(extent: number, middle: Vector3, colours: Colours): LineSegments {
 
 function sun(scene: Scene, extent: number, middle: Vector3): DirectionalLight {
   const light = new DirectionalLight(0xffffff, 1.7);
-  light.position.set(middle.x + 0.5 * extent, middle.y - 0.8 * extent, middle.z + 1.8 * extent);
+  light.position.set(middle.x - 0.6 * extent, middle.y - 0.7 * extent, middle.z + 1.8 * extent);
   light.target.position.copy(middle);
   light.castShadow = true;
   const { camera, mapSize } = light.shadow;

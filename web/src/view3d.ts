@@ -4,7 +4,10 @@ import { Box3, Group, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRend
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { mark, Touches, Way } from "./lines";
 import { place, Solids } from "./solids";
-import { furnish, overview, placesOf } from "./stage";
+import { furnish, overview } from "./stage";
+
+/** Moments of a run at which it is asked how much space the robot takes. */
+const SAMPLES = 24;
 
 class View3D implements View {
   private readonly renderer: WebGLRenderer;
@@ -19,6 +22,7 @@ class View3D implements View {
   private readonly base = new Vector3();
   private followed: Vector3 | null = null;
   private touched = false;
+  private drawing = false;
 
   constructor(private readonly canvas: HTMLCanvasElement, run: Run, failed: ReadonlySet<number>, colours: Colours) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true });
@@ -29,15 +33,14 @@ class View3D implements View {
     this.links = run.scene.links.map((link) => solids.group(link.shapes));
     this.bodies = run.scene.bodies.map((body) => solids.group(body.shapes));
     const robot = new Group();
-    robot.add(...this.links);
-    this.scene.add(robot, ...this.bodies);
-    this.pose(run.at(run.start));
-    this.scene.updateMatrixWorld(true);
-    const size = new Box3().setFromObject(robot);
-    this.seen = this.widened(placesOf(run, size));
+    for (const link of this.links) robot.add(link);
+    this.scene.add(robot);
+    for (const body of this.bodies) this.scene.add(body);
+    const size = this.sizeAt(run, run.start, robot);
+    this.seen = this.widened(this.everywhere(run, robot));
     furnish(this.scene, this.seen, colours);
     this.way = new Way(run, colours.accent, 0.009 * this.seen.getSize(new Vector3()).length());
-    this.touches = new Touches(run.replay.contacts, colours.bad, 0.05 * size.getSize(new Vector3()).length());
+    this.touches = new Touches(run.replay.contacts, colours.bad, 0.03 * size.getSize(new Vector3()).length());
     this.scene.add(this.way.group, this.touches.group);
     for (const data of run.replay.marks) {
       const missed = data.expectation !== undefined && failed.has(data.expectation);
@@ -48,6 +51,9 @@ class View3D implements View {
   }
 
   draw(moment: Moment, follow: boolean): void {
+    // A camera that is moved along says so; that is drawn already.
+    if (this.drawing) return;
+    this.drawing = true;
     this.pose(moment);
     this.way.show(moment.time);
     this.touches.show(moment.time);
@@ -55,6 +61,7 @@ class View3D implements View {
     if (follow) this.moveAlong();
     else this.followed = null;
     this.renderer.render(this.scene, this.camera);
+    this.drawing = false;
   }
 
   home(): void {
@@ -87,6 +94,22 @@ class View3D implements View {
     });
   }
 
+  /** The space that the robot takes at a time. */
+  private sizeAt(run: Run, time: number, robot: Group): Box3 {
+    this.pose(run.at(time));
+    robot.updateMatrixWorld(true);
+    return new Box3().setFromObject(robot);
+  }
+
+  /** The space that it takes in all of the run. */
+  private everywhere(run: Run, robot: Group): Box3 {
+    const all = new Box3();
+    for (let i = 0; i <= SAMPLES; i++) {
+      all.union(this.sizeAt(run, run.start + ((run.end - run.start) * i) / SAMPLES, robot));
+    }
+    return all;
+  }
+
   /** Keeps the camera where it is, seen from the robot; begins by looking at it from near. */
   private moveAlong(): void {
     const { target } = this.controls;
@@ -112,7 +135,7 @@ class View3D implements View {
 
   /** Bodies that stand near the way are seen, too; far and large ones are not what it is about. */
   private widened(places: Box3): Box3 {
-    const near = places.clone().expandByScalar(0.2 * places.getSize(new Vector3()).length());
+    const near = places.clone().expandByScalar(0.15 * places.getSize(new Vector3()).length());
     const all = places.clone();
     for (const body of this.bodies) {
       const box = new Box3().setFromObject(body);

@@ -40,6 +40,9 @@ SCRIPTS: Final = (
 VIEWER: Final = "viewer3d.js"
 """What draws in three dimensions; built from `web/`, and not there where nobody has built it."""
 
+_REMARK: Final = re.compile(r"/\*\*.*?\*/|^ *// [^\n]*$", re.DOTALL | re.MULTILINE)
+_INDENT: Final = re.compile(r"^ +|\n+(?=\n)", re.MULTILINE)
+
 _ICON: Final = (
     "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'>"
     "<circle cx='8' cy='8' r='7' fill='{colour}'/></svg>"
@@ -58,7 +61,9 @@ class Page:
 
     def text(self) -> str:
         """The whole file."""
-        style, script, viewer = _asset("page.css"), page_script(), viewer_script()
+        style, script = _asset("page.css"), page_script()
+        # Of no use where there is nothing to look at.
+        viewer = viewer_script() if self.blocks else ""
         carried = dict(self.blocks) | ({"viewer3d": packed(viewer.encode())} if viewer else {})
         top = element(
             "head",
@@ -99,7 +104,7 @@ def viewer_script() -> str:
 
 def _bare(script: str) -> str:
     """A script of ours without its remarks and indents: none of our texts has lines that look like these."""
-    return re.sub(r"^ +|\n+(?=\n)", "", re.sub(r"/\*\*.*?\*/|^ *// .*?$", "", script, flags=re.S | re.M), flags=re.M)
+    return _INDENT.sub("", _REMARK.sub("", script))
 
 
 def _asset(name: str) -> str:

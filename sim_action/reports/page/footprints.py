@@ -97,7 +97,7 @@ def _points(shape: Shape, meshes: dict[str, MeshData]) -> FloatArray:
             return np.concatenate([_ring(shape.radius, end * shape.length / 2) for end in (-1, 1)])
         case MeshShape():
             mesh = meshes[shape.mesh]
-            points = np.array(mesh.points, dtype=np.float64).reshape(-1, 3) * mesh.scale
+            points = np.asarray(mesh.decoded()[0] * mesh.scale, dtype=np.float64)
             return points[:: max(1, len(points) // _MOST_POINTS)]
 
 

@@ -12,6 +12,7 @@ from sim_action.verdict import Verdict
 
 MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "error": "✕", "skipped": "·"}
 
+_NUMBERS = ("Measured", "Limit", "Margin", "Decided")
 _MOST_FAILURES = 20
 
 
@@ -29,8 +30,7 @@ def expectations(outcome: Outcome, options: ReportOptions) -> Html:
     """All of them, in the order of the scenario file, as a table."""
     if not outcome.expectations:
         return Html("")
-    titles = ("", "Expectation", "Measured", "Limit", "Margin", "Decided")
-    head = element("tr", *(element("th", title, scope="col") for title in titles))
+    head = element("tr", *(element("th", title, scope="col") for title in ("", "Expectation", *_NUMBERS)))
     rows = [_row(expected, options) for expected in outcome.expectations]
     table = element("table", element("thead", head), element("tbody", joined(*rows)))
     return joined(element("h3", "Expectations"), element("div", table, class_="wide"))
@@ -80,12 +80,13 @@ def _row(expected: ExpectationOutcome, options: ReportOptions) -> Html:
     kind = "passed" if verdict.passed else "warned" if expected.warned else "failed"
     measured, limit = _apart(verdict)
     margin = "" if verdict.margin is None else units.display(verdict.margin, verdict.unit)
+    cells = dict(zip(_NUMBERS, (measured, limit, margin, jump(verdict.time)), strict=True))
     place = element("small", source(expected.location, options), class_="faint")
     return element(
         "tr",
         element("td", element("span", MARKS[kind], class_=f"mark {kind}", role="img", aria_label=kind)),
         element("th", element("span", expected.name), " ", place, scope="row"),
-        *(element("td", told) for told in (measured, limit, margin, jump(verdict.time))),
+        *(element("td", told, data_title=title) for title, told in cells.items()),
     )
 
 

@@ -10,13 +10,41 @@ function curvesOf(motion, expectations) {
   const rank = (/** @type {Curve} */ curve) => (curve.status === "failed" ? (curve.cutOff ? 1 : 0) : curve.status === "warned" ? 2 : 3);
   asserted.sort((a, b) => rank(a) - rank(b));
   const named = new Set(asserted.map((curve) => curve.name));
-  const always = [
+  const always = moves(motion) ? baseCurves(motion) : jointCurves(motion, asserted.length ? 4 : 8);
+  const known = (/** @type {string} */ name) => named.has(name) || (name === "distance from start" && named.has("travelled"));
+  return [...asserted, ...always.filter((curve) => !known(curve.name))];
+}
+
+/** @param {Motion} motion */
+function baseCurves(motion) {
+  return [
     freeCurve("distance from start", "m", motion.times, distances(motion)),
     freeCurve("speed", "m/s", motion.times, motion.speed),
     freeCurve("tilt", "rad", motion.times, motion.tilt),
   ];
-  const known = (/** @type {string} */ name) => named.has(name) || (name === "distance from start" && named.has("travelled"));
-  return [...asserted, ...always.filter((curve) => !known(curve.name))];
+}
+
+/**
+ * Of a base that stands still, what its joints do.
+ * @param {Motion} motion
+ * @param {number} most
+ */
+function jointCurves(motion, most) {
+  const { replay, scene, joints, times } = motion;
+  const slides = new Set(scene.links.filter(({ joint }) => joint?.type === "prismatic").map(({ joint }) => joint?.column));
+  const curves = joints.map((values, i) => freeCurve(replay.joint_names[i], slides.has(i) ? "m" : "rad", times, values));
+  return curves.filter(({ values }) => span(values) > 1e-3).slice(0, most);
+}
+
+/** @param {Motion} motion */
+function moves(motion) {
+  return motion.base.some((column) => span(column) > 1e-3);
+}
+
+/** @param {Float64Array} values */
+function span(values) {
+  const [low, high] = extent(values);
+  return high - low;
 }
 
 /**

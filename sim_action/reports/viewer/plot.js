@@ -90,8 +90,9 @@ function rangeOf(curve) {
   let bottom = Math.min(...all), top = Math.max(...all);
   // What begins at nothing is seen from nothing.
   if (bottom > 0 && bottom < 0.5 * top) bottom = 0;
-  const least = Math.max(1e-9, 1e-6 * Math.abs(top));
-  if (top - bottom < least) top = bottom + Math.max(1e-3, Math.abs(bottom) * 0.1);
+  // Less than this is noise, and not to be blown up.
+  const least = Math.max(curve.unit.startsWith("deg") ? 1 : 1e-3, 1e-6 * Math.abs(top));
+  if (top - bottom < least) top = bottom + least;
   const room = 0.08 * (top - bottom);
   return [bottom === 0 ? 0 : bottom - room, top + room];
 }

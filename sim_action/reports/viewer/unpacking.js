@@ -12,13 +12,40 @@ async function unpacked(id) {
   return new Response(stream).text();
 }
 
+/**
+ * A name on one line, without what reorders or hides text; Python has cleaned all that stands in the page itself.
+ * @param {string} name
+ */
+function plainLine(name) {
+  return name.replace(/[\s\p{Cc}\p{Cf}\p{Zl}\p{Zp}\p{Cs}]+/gu, " ").trim();
+}
+
 /** @type {Promise<Record<string, MeshData>> | null} */
 let meshesOfPage = null;
 
 /** @returns {Promise<Record<string, MeshData>>} what all replays share, by digest */
 function sharedMeshes() {
-  meshesOfPage ??= unpacked("meshes").then((text) => (text ? JSON.parse(text) : {}));
+  meshesOfPage ??= unpacked("meshes").then((text) => {
+    const meshes = JSON.parse(text ?? "{}");
+    for (const mesh of Object.values(meshes)) summed(mesh);
+    return meshes;
+  });
   return meshesOfPage;
+}
+
+/**
+ * Makes numbers of what is stored as differences: points from the one before, corners from the first of the triangle.
+ * @param {MeshData} mesh
+ */
+function summed({ points, triangles }) {
+  for (let i = 3; i < points.length; i++) points[i] += points[i - 3];
+  let first = 0;
+  for (let i = 0; i < triangles.length; i += 3) {
+    first += triangles[i];
+    triangles[i] = first;
+    triangles[i + 1] += first;
+    triangles[i + 2] += first;
+  }
 }
 
 /**
@@ -30,6 +57,10 @@ async function unpackedReplay(id) {
   if (text === null) throw new Error("the replay is not in this file");
   const replay = JSON.parse(text);
   replay.scene.meshes = await sharedMeshes();
+  const { scene, signals } = replay;
+  for (const named of [...scene.links, ...scene.bodies, ...signals]) named.name = plainLine(named.name);
+  for (const signal of signals) signal.unit = plainLine(signal.unit);
+  replay.joint_names = replay.joint_names.map(plainLine);
   return replay;
 }
 

@@ -1,0 +1,155 @@
+"""`report.html` in a real browser: Chromium, driven by web/tests/check.mjs."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_action.outcome import Outcome, Results
+from sim_action.reports import ReportOptions
+from sim_action.reports.html import page, write_html
+from sim_action.reports.page import document
+from sim_action.verdict import Verdict
+from tests.integration.test_examples import sim_action
+from tests.replays import drive, kept
+from tests.results import outcome, results
+
+ROOT = Path(__file__).parents[2]
+WEB = ROOT / "web"
+# `make test` brings Node.js along where the machine has none.
+NODE = shutil.which("node", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+
+missing = next(
+    (
+        words
+        for there, words in (
+            (NODE, "there is no Node.js"),
+            (BROWSER, "there is neither chromium nor google-chrome"),
+            ((WEB / "node_modules").exists(), "`npm ci` has not been run in web/"),
+            (document.viewer_script(), "the viewer has not been built: `make viewer`"),
+        )
+        if not there
+    ),
+    None,
+)
+pytestmark = pytest.mark.skipif(missing is not None, reason=str(missing))
+
+WALL = """\
+name: {name}
+robot: {{model: turtlebot3_burger}}
+world:
+  objects:
+    - {{name: wall, box: [0.1, 2.0, 0.5], pose: {{x: 1.0}}}}
+commands:
+  twist: [{{linear: 1.0}}]
+expect:
+  - travel: {{at_least: 1.5 m}}
+{more}time_limit: {limit}
+"""
+HOSTILE = '</script><img src=x onerror="globalThis.pwned=1"> \u2028\u202e \'"`<!-- <b>'
+
+
+@pytest.fixture(scope="session")
+def broken(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of two real runs into a wall, of which one ends there."""
+    folder = tmp_path_factory.mktemp("broken")
+    ends = WALL.format(name="burger drives straight", more="  - no_collision\n", limit="30 s")
+    goes_on = WALL.format(name="burger pushes on", more="", limit="30 s")
+    (folder / "a.sim.yml").write_text(ends, encoding="utf-8")
+    (folder / "b.sim.yml").write_text(goes_on, encoding="utf-8")
+    ran = sim_action(folder, "run", ".")
+    assert ran.returncode == 1, ran.stdout + ran.stderr
+    return folder / "sim-results/report.html"
+
+
+def look(check: str, report: Path) -> None:
+    ran = subprocess.run(
+        [str(NODE), str(WEB / "tests/check.mjs"), check, str(report), str(BROWSER)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def options(folder: Path) -> ReportOptions:
+    return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        "loads",
+        "opens where it failed",
+        "play moves the robot",
+        "scrubbing moves the cursor",
+        "a link opens at its time",
+        "the address tells what is seen",
+        "keys do what buttons do",
+        "every button has the focus in turn, and shows it",
+        "without WebGL it is seen from above",
+        "with scripts blocked verdict and drawing are there",
+        "a phone has no sideways scroll",
+    ],
+)
+def test_a_broken_run(check: str, broken: Path) -> None:
+    look(check, broken)
+
+
+def test_without_the_viewer(broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(broken.parent, tmp_path / "results")
+    monkeypatch.setattr(document, "viewer_script", lambda: "")
+    write_html(Results.read(broken.parent / "results.json"), options(tmp_path / "results"))
+    look("without the viewer it is seen from above", tmp_path / "results/report.html")
+
+
+def test_hostile_names(tmp_path: Path) -> None:
+    replay = drive(body=HOSTILE, robot=HOSTILE)
+    replay = replay.model_copy(
+        update={"signals": (replay.signals[0].model_copy(update={"name": HOSTILE, "unit": HOSTILE}),)}
+    )
+    name = kept(replay, tmp_path, "hostile")
+    failed = Verdict(passed=False, measured=1.0, limit=1.5, margin=-0.5, unit="m", time=2.0, message=HOSTILE)
+    ran = outcome("a.sim.yml", holds=False)
+    [expected] = ran.expectations
+    hostile = ran.model_copy(
+        update={
+            "name": HOSTILE,
+            "file": f"{HOSTILE}.sim.yml",
+            "group": HOSTILE,
+            "expectations": (expected.model_copy(update={"name": HOSTILE, "verdict": failed}),),
+            "notes": (HOSTILE,),
+            "output": HOSTILE,
+            "digest": HOSTILE,
+            "engine": HOSTILE,
+            "replay": name,
+        }
+    )
+    write_html(results(hostile, outcome(f"{HOSTILE}.sim.yml")), options(tmp_path))
+    look("hostile names stay text", tmp_path / "report.html")
+
+
+def test_a_hundred_scenarios(tmp_path: Path) -> None:
+    def ran(number: int) -> Outcome:
+        name = kept(drive(seconds=10.0, distance=number / 20 + 0.5), tmp_path, f"{number}")
+        return outcome(f"{number}.sim.yml", holds=number % 7 > 0).model_copy(
+            update={"name": f"number {number}", "replay": name}
+        )
+
+    write_html(results(*map(ran, range(100))), options(tmp_path))
+    assert (tmp_path / "report.html").stat().st_size < 4_000_000
+    look("many are filtered, and open quickly", tmp_path / "report.html")
+
+
+def test_one_scenario_fits_its_budget(broken: Path) -> None:
+    [longest] = [one for one in Results.read(broken.parent / "results.json").outcomes if one.name == "burger pushes on"]
+    alone = page(results(longest), options(broken.parent))
+    assert longest.sim_time == 30.0
+    assert len(alone.text().encode()) < 300_000

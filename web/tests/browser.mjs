@@ -1,0 +1,48 @@
+/** A real browser that looks at a page from the disk: no network, nothing kept, WebGL by the processor. */
+
+import { chromium } from "playwright-core";
+
+const QUIET = [
+  "--no-sandbox",
+  "--disable-gpu-sandbox",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+  "--no-first-run",
+];
+const WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+const NO_WEBGL = ["--disable-gpu", "--disable-3d-apis"];
+
+/**
+ * Opens a page, hands it to `look`, and tells what the console said and what was asked of the network.
+ * @param {string} address
+ * @param {{webgl?: boolean, scripts?: boolean, width?: number, height?: number, dark?: boolean, executable: string}} how
+ * @param {(page: import("playwright-core").Page) => Promise<void>} look
+ */
+export async function visit(address, how, look) {
+  const args = [...QUIET, ...(how.webgl === false ? NO_WEBGL : WEBGL)];
+  const browser = await chromium.launch({ executablePath: how.executable, args });
+  try {
+    const context = await browser.newContext({
+      viewport: { width: how.width ?? 1280, height: how.height ?? 900 },
+      colorScheme: how.dark ? "dark" : "light",
+      javaScriptEnabled: how.scripts ?? true,
+      reducedMotion: "reduce",
+    });
+    const page = await context.newPage();
+    const said = [];
+    const requests = [];
+    page.on("console", (message) => message.type() === "error" && said.push(message.text()));
+    page.on("pageerror", (error) => said.push(String(error)));
+    page.on("request", (request) => requests.push(request.url()));
+    page.on("dialog", (dialog) => {
+      said.push(`dialog: ${dialog.message()}`);
+      void dialog.dismiss();
+    });
+    await page.goto(address);
+    await look(page);
+    return { said, requests: requests.filter((url) => !url.startsWith("data:") && url.split("#")[0] !== address.split("#")[0]) };
+  } finally {
+    await browser.close();
+  }
+}

@@ -1,0 +1,211 @@
+/** `node check.mjs CHECK PAGE BROWSER`: one look at a page in a browser; says what is wrong, and ends with 1 then. */
+
+import assert from "node:assert/strict";
+import { pathToFileURL } from "node:url";
+import { visit } from "./browser.mjs";
+
+const READY = ".scenario.live .view canvas[data-kind]";
+const CLOCK = ".readout";
+
+/** @typedef {import("playwright-core").Page} Page */
+
+const time = async (/** @type {Page} */ page) => Number.parseFloat((await page.textContent(CLOCK)) ?? "");
+const cursor = (/** @type {Page} */ page) => page.$eval(".cursor", (element) => element.getBoundingClientRect().left);
+const picture = async (/** @type {Page} */ page) => (await page.locator(".view canvas").screenshot()).toString("base64");
+const kind = (/** @type {Page} */ page) => page.getAttribute(".view canvas", "data-kind");
+const text = (/** @type {Page} */ page) => page.evaluate(() => document.body.innerText);
+
+/** @type {Record<string, {how?: object, hash?: string, expected?: string[], look: (page: Page) => Promise<void>}>} */
+const CHECKS = {
+  loads: {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.equal(await kind(page), "3d");
+      assert.match(await text(page), /did not pass/);
+      assert.ok((await page.$$(".plot")).length >= 3);
+    },
+  },
+  "opens where it failed": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      const failed = Number(await page.getAttribute(".reason.failed button.moment", "data-time"));
+      assert.ok(failed > 0);
+      assert.ok(Math.abs((await time(page)) - failed) < 0.01);
+      assert.match((await page.textContent(".happening")) ?? "", /touches wall/);
+    },
+  },
+  "play moves the robot": {
+    // The longer run: a slow machine does not come to its end meanwhile.
+    hash: "#scenario=burger%20pushes%20on&t=0",
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      await page.keyboard.press("Home");
+      const [before, seen] = [await time(page), await picture(page)];
+      await page.click(".play");
+      await page.waitForFunction(() => Number.parseFloat(document.querySelector(".readout")?.textContent ?? "") > 0.7);
+      await page.click(".play");
+      assert.equal(await page.getAttribute(".play", "aria-label"), "Play");
+      const after = await time(page);
+      assert.ok(after > before);
+      assert.notEqual(await picture(page), seen);
+      await page.waitForTimeout(150);
+      assert.equal(await time(page), after);
+    },
+  },
+  "scrubbing moves the cursor": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      await page.keyboard.press("Home");
+      const before = await cursor(page);
+      await page.locator("input[type=range]").fill("0.5");
+      assert.ok(Math.abs((await time(page)) - 0.5) < 0.01);
+      const middle = await cursor(page);
+      assert.ok(middle > before + 10);
+      const frame = await page.locator(".plot .frame").first().boundingBox();
+      assert.ok(frame);
+      await page.mouse.move(frame.x + frame.width * 0.4, frame.y + 30);
+      await page.mouse.down();
+      await page.mouse.move(frame.x + frame.width * 0.8, frame.y + 30);
+      await page.mouse.up();
+      assert.ok((await cursor(page)) > middle + 10);
+      assert.ok((await time(page)) > 0.6);
+    },
+  },
+  "a link opens at its time": {
+    hash: "#scenario=burger%20pushes%20on&t=4.5",
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.equal(await page.textContent(".scenario.open h2"), "burger pushes on");
+      assert.equal(await time(page), 4.5);
+      await page.evaluate(() => {
+        location.hash = "#scenario=burger%20drives%20straight&t=0.5";
+      });
+      await page.waitForFunction(() => document.querySelector(".readout")?.textContent === "0.50 s");
+      assert.equal(await page.textContent(".scenario.open h2"), "burger drives straight");
+    },
+  },
+  "the address tells what is seen": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      await page.click("nav.scenarios a:not([aria-current])");
+      await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "burger pushes on");
+      await page.waitForSelector(READY);
+      await page.locator("input[type=range]").fill("2.25");
+      assert.equal(await page.evaluate(() => location.hash), "#scenario=burger%20pushes%20on&t=2.25");
+    },
+  },
+  "keys do what buttons do": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      await page.keyboard.press("Home");
+      assert.equal(await time(page), 0);
+      await page.keyboard.press("ArrowRight");
+      assert.ok(Math.abs((await time(page)) - 1 / 30) < 0.006);
+      await page.keyboard.press("End");
+      const end = await time(page);
+      await page.keyboard.press("Home");
+      await page.keyboard.press("1");
+      assert.ok(Math.abs((await time(page)) - end) < 0.02);
+      await page.keyboard.press("f");
+      assert.equal(await page.getAttribute(".tools [aria-pressed]", "aria-pressed"), "true");
+      await page.keyboard.press("Home");
+      await page.keyboard.press("Space");
+      await page.waitForFunction(() => Number.parseFloat(document.querySelector(".readout")?.textContent ?? "") > 0.2);
+      await page.keyboard.press("Space");
+      await page.keyboard.press("v");
+      await page.waitForSelector(".view canvas[data-kind=top]");
+    },
+  },
+  "every button has the focus in turn, and shows it": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      const met = new Set();
+      for (let i = 0; i < 40; i++) {
+        await page.keyboard.press("Tab");
+        met.add(await page.evaluate(() => {
+          const { activeElement } = document;
+          const outlined = activeElement && getComputedStyle(activeElement).outlineStyle !== "none";
+          return outlined ? activeElement.getAttribute("aria-label") ?? activeElement.textContent : "";
+        }));
+      }
+      for (const words of ["Play", "Time", "Speed", "Follow", "Copy"]) assert.ok(met.has(words), `no focus on ${words}`);
+    },
+  },
+  "without WebGL it is seen from above": {
+    how: { webgl: false },
+    // three.js says itself that there is none.
+    expected: ["WebGL"],
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.equal(await kind(page), "top");
+      assert.match((await page.textContent(".note")) ?? "", /no WebGL/);
+      await replays(page);
+    },
+  },
+  "without the viewer it is seen from above": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.equal(await kind(page), "top");
+      assert.match((await page.textContent(".note")) ?? "", /without its 3D viewer/);
+      await replays(page);
+    },
+  },
+  "hostile names stay text": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.equal(await page.$("img, iframe, object, b:not(.title b):not(.remarks b)"), null);
+      assert.equal(await page.evaluate(() => Reflect.get(globalThis, "pwned")), undefined);
+      assert.match(await text(page), /<\/script><img src=x onerror=/);
+      assert.match((await page.textContent(".happening")) ?? "", /<\/script>/);
+      const marks = await page.evaluate(() => /[\u202a-\u202e\u2066-\u2069\u2028]/.test(document.documentElement.textContent ?? ""));
+      assert.equal(marks, false);
+    },
+  },
+  "with scripts blocked verdict and drawing are there": {
+    how: { scripts: false },
+    look: async (page) => {
+      assert.ok(await page.isVisible("svg.drawing"));
+      assert.ok(await page.isVisible("text=base_footprint touched wall"));
+      assert.ok(await page.isVisible("text=travelled 0.913 m of 1.5 m in 30.0 s"));
+      const box = await page.locator("svg.drawing").first().boundingBox();
+      assert.ok(box && box.width > 300 && box.height > 100);
+    },
+  },
+  "a phone has no sideways scroll": {
+    how: { width: 390, height: 844 },
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      const [wide, seen] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+      assert.equal(wide, seen);
+      const small = await page.$$eval("button, select", (all) => all.filter((one) => one.getBoundingClientRect().right > innerWidth + 1).length);
+      assert.equal(small, 0);
+    },
+  },
+  "many are filtered, and open quickly": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.equal((await page.$$("nav.scenarios li a")).length, 100);
+      await page.fill("input[type=search]", "number 42");
+      assert.equal(await page.locator("nav.scenarios li:not([hidden]) a").count(), 1);
+      await page.click("nav.scenarios li:not([hidden]) a");
+      await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "number 42");
+      await page.fill("input[type=search]", "no such thing");
+      assert.ok(await page.isVisible("text=No scenario has these words."));
+    },
+  },
+};
+
+/** The replay works, whatever draws it. @param {Page} page */
+async function replays(page) {
+  await page.keyboard.press("Home");
+  const seen = await picture(page);
+  await page.locator("input[type=range]").fill("0.9");
+  assert.notEqual(await picture(page), seen);
+}
+
+const [name, file, executable] = process.argv.slice(2);
+const check = CHECKS[name];
+assert.ok(check, `there is no check "${name}", but: ${Object.keys(CHECKS).join(", ")}`);
+const { said, requests } = await visit(pathToFileURL(file).href + (check.hash ?? ""), { executable, ...check.how }, check.look);
+assert.deepEqual(said.filter((line) => !(check.expected ?? []).some((word) => line.includes(word))), []);
+assert.deepEqual(requests, [], "something was asked of a network");
