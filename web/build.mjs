@@ -3,6 +3,7 @@
 import { readFileSync, statSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
+import { lean } from "./shaders.mjs";
 
 const here = fileURLToPath(new URL(".", import.meta.url));
 // Whoever hands three.js on hands its licence on.
@@ -18,6 +19,7 @@ await build({
   format: "iife",
   target: "es2022",
   charset: "ascii",
+  plugins: [lean(`${here}node_modules/three`)],
   legalComments: "none",
   banner: { js: `/*! three.js\n${licence}\n*/` },
 });

@@ -94,7 +94,7 @@ export function mark(data: MarkData, colour: string): Group {
   const corners = data.kind === "polygon" ? data.points : ring(data);
   const area = new Area();
   corners.forEach(([x, y], i) => (i ? area.lineTo(x, y) : area.moveTo(x, y)));
-  const fill = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.16, side: DoubleSide, depthWrite: false });
+  const fill = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.08, side: DoubleSide, depthWrite: false });
   const floor = new Mesh(new ShapeGeometry(area), fill);
   floor.position.z = (data.kind === "circle" ? data.z : 0) + OVER_GROUND / 2;
   const height = floor.position.z + OVER_GROUND / 2;

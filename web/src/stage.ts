@@ -39,7 +39,7 @@ export function furnish(scene: Scene, seen: Box3, colours: Colours): Directional
 
 /** A cell a line, as long lines that begin behind the camera are not drawn everywhere. */
 function grid(extent: number, middle: Vector3, colours: Colours): LineSegments {
-  const step = extent > 40 ? 10 : extent > 8 ? 1 : extent > 1.5 ? 0.5 : 0.1;
+  const step = extent > 40 ? 10 : extent > 8 ? 1 : extent > 1 ? 0.5 : 0.1;
   const half = Math.min(40, Math.ceil((6 * extent) / step));
   const ends: number[] = [];
   for (let along = -half; along < half; along++) {

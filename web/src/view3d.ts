@@ -37,15 +37,16 @@ class View3D implements View {
     this.scene.add(robot);
     for (const body of this.bodies) this.scene.add(body);
     const size = this.sizeAt(run, run.start, robot);
-    this.seen = this.widened(this.everywhere(run, robot));
+    const marks = run.replay.marks.map((data) => {
+      const missed = data.expectation !== undefined && failed.has(data.expectation);
+      return mark(data, missed ? colours.bad : colours.accent);
+    });
+    this.seen = this.widened(this.everywhere(run, robot), marks);
     furnish(this.scene, this.seen, colours);
     this.way = new Way(run, colours.accent, 0.009 * this.seen.getSize(new Vector3()).length());
-    this.touches = new Touches(run.replay.contacts, colours.bad, 0.03 * size.getSize(new Vector3()).length());
+    this.touches = new Touches(run.replay.contacts, colours.bad, touchSize(size, this.seen));
     this.scene.add(this.way.group, this.touches.group);
-    for (const data of run.replay.marks) {
-      const missed = data.expectation !== undefined && failed.has(data.expectation);
-      this.scene.add(mark(data, missed ? colours.bad : colours.accent));
-    }
+    for (const drawn of marks) this.scene.add(drawn);
     this.controls = this.grabbed();
     this.home();
   }
@@ -133,13 +134,16 @@ class View3D implements View {
     return Math.max(0.3, 4 * size.getSize(new Vector3()).length());
   }
 
-  /** Bodies that stand near the way are seen, too; far and large ones are not what it is about. */
-  private widened(places: Box3): Box3 {
-    const near = places.clone().expandByScalar(0.15 * places.getSize(new Vector3()).length());
+  /** Goals and bodies near the way are seen, too; what is far and large is not what it is about. */
+  private widened(places: Box3, marks: Group[]): Box3 {
+    const length = places.getSize(new Vector3()).length();
+    const near = places.clone().expandByScalar(0.15 * length);
     const all = places.clone();
-    for (const body of this.bodies) {
-      const box = new Box3().setFromObject(body);
-      if (!box.isEmpty() && near.intersectsBox(box)) all.union(box.intersect(near));
+    for (const group of [...this.bodies, ...marks]) {
+      const box = new Box3().setFromObject(group);
+      const isGoal = marks.includes(group) && box.getSize(new Vector3()).length() < 1.5 * length;
+      if (isGoal) all.union(box);
+      else if (!box.isEmpty() && near.intersectsBox(box)) all.union(box.intersect(near));
     }
     return all;
   }
@@ -154,6 +158,12 @@ class View3D implements View {
     controls.addEventListener("change", () => this.canvas.dispatchEvent(new CustomEvent("viewmoved")));
     return controls;
   }
+}
+
+/** m: to be seen on the robot, and from far. */
+function touchSize(robot: Box3, seen: Box3): number {
+  const length = (box: Box3) => box.getSize(new Vector3()).length();
+  return Math.max(0.028 * length(robot), 0.0075 * length(seen));
 }
 
 globalThis.simActionView3D = (canvas, run, failed, colours) => new View3D(canvas, run, failed, colours);

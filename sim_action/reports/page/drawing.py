@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.outcome import Outcome
+from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.replay.marks import ArrowMark, CircleMark, MarkData, PolygonMark, PolylineMark
 from sim_action.replay.models import Replay
 from sim_action.reports.page.footprints import Frame, outline, robot_outlines
@@ -29,7 +29,7 @@ def drawing(replay: Replay, outcome: Outcome) -> Html:
     start, end = robot_outlines(replay, 0), robot_outlines(replay, replay.frames.count - 1)
     x, y, width, height = _view(np.concatenate([way, *start, *end, *_mark_points(replay.marks)]))
     box = (x, y, x + width, y + height)
-    failed = frozenset(number for number, expected in enumerate(outcome.expectations) if expected.failed)
+    failed = frozenset(number for number, expected in enumerate(outcome.expectations) if _missed(expected))
     return element(
         "svg",
         element("title", f"The way of the robot from above, {width:.2g} m wide"),
@@ -43,6 +43,10 @@ def drawing(replay: Replay, outcome: Outcome) -> Html:
         role="img",
         viewBox=f"{x:.3f} {-y - height:.3f} {width:.3f} {height:.3f}",
     )
+
+
+def _missed(expected: ExpectationOutcome) -> bool:
+    return expected.failed and not expected.verdict.cut_off
 
 
 def _way(replay: Replay) -> FloatArray:

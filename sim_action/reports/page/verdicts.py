@@ -69,7 +69,9 @@ def _reason(expected: ExpectationOutcome) -> Html:
 def _figures(verdict: Verdict) -> Html:
     """Measured, limit, missed by, when: only what there is."""
     measured, limit = _apart(verdict)
-    missed = "" if verdict.margin is None or verdict.margin >= 0 else units.display(-verdict.margin, verdict.unit)
+    # What is counted is missed by as much as is measured.
+    margin = 0.0 if verdict.margin is None or verdict.unit == "contacts" else verdict.margin
+    missed = units.display(-margin, verdict.unit) if margin < 0 else ""
     named = {"measured": measured, "limit": limit, "missed by": missed, "at": jump(verdict.time)}
     told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
     return element("dl", *told, class_="figures") if told else Html("")

@@ -9,7 +9,7 @@ class Player {
     this.motion = motion;
     this.entry = entry;
     this.clock = new Clock(motion.start, motion.end);
-    const failed = new Set(entry.expectations.flatMap((expected, i) => (expected.status === "failed" ? [i] : [])));
+    const failed = new Set(entry.expectations.flatMap((expected, i) => (expected.status === "failed" && !expected.cutOff ? [i] : [])));
     this.views = new Views(this.clock, motion, failed);
     this.controls = new Controls(this.clock, motion, entry.expectations);
     this.plots = curvesOf(motion, entry.expectations).map((curve) => new Plot(curve, this.clock));

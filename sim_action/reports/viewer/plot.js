@@ -132,7 +132,7 @@ function drawLimits(chart, curve) {
   context.strokeStyle = curve.status === "failed" && !curve.cutOff ? colours.bad : colours.faint;
   context.fillStyle = context.strokeStyle;
   context.font = "10.5px system-ui, sans-serif";
-  context.textAlign = "right";
+  context.textAlign = "left";
   for (const limit of [curve.lower, curve.upper]) {
     if (limit === null) continue;
     const at = y(limit);
@@ -142,7 +142,7 @@ function drawLimits(chart, curve) {
     context.stroke();
     const below = at < area.top + 14;
     context.textBaseline = below ? "top" : "bottom";
-    context.fillText(`${limit === curve.lower ? "at least" : "at most"} ${told(limit, curve.unit)}`, area.right, at + (below ? 3 : -2));
+    context.fillText(`${limit === curve.lower ? "at least" : "at most"} ${told(limit, curve.unit)}`, area.left + 4, at + (below ? 3 : -2));
   }
   context.setLineDash([]);
 }

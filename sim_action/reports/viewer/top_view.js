@@ -154,7 +154,7 @@ class TopView {
     const colour = failed ? this.colours.bad : this.colours.accent;
     if (mark.kind === "polyline") this.line(mark.points, colour, 1.5, [6, 5]);
     else if (mark.kind === "arrow") this.line(arrowPoints(mark), colour, 2);
-    else this.area(mark.kind === "polygon" ? mark.points : circlePoints(mark), `${colour}22`, colour);
+    else this.area(mark.kind === "polygon" ? mark.points : circlePoints(mark), `${colour}14`, colour);
   }
 
   /** @param {number[][]} corners @param {string} fill @param {string} edge */

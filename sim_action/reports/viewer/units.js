@@ -7,6 +7,8 @@ const DEGREES = 180 / Math.PI;
  * @returns {{factor: number, name: string}}
  */
 function shownUnit(unit) {
+  // What is counted needs no word, and no plural.
+  if (unit === "contacts") return { factor: 1, name: "" };
   return /^rad/.test(unit) ? { factor: DEGREES, name: unit.replace("rad", "deg") } : { factor: 1, name: unit };
 }
 
