@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 from sim_action.outcome import Outcome, Results
 from sim_action.replay import Replay
@@ -20,6 +21,9 @@ from sim_action.reports.wording import mood
 from sim_action.trace_files import stored_file
 from sim_action.whole_files import whole_file
 
+MOST_SCENARIOS: Final = 2_000
+"""What comes after these, a page only counts; failures come first."""
+
 
 def write_html(results: Results, options: ReportOptions) -> None:
     """Writes `report.html` into the output folder."""
@@ -30,7 +34,7 @@ def write_html(results: Results, options: ReportOptions) -> None:
 def page(results: Results, options: ReportOptions) -> Page:
     """The list, an article for each scenario, and the replays that there is room for."""
     found = worst_first(groups(results.outcomes))
-    ordered = [outcome for group in found for outcome in group.worst_first()]
+    ordered = [outcome for group in found for outcome in group.worst_first()][:MOST_SCENARIOS]
     ids = {id(outcome): f"s{number}" for number, outcome in enumerate(ordered)}
     parcel = Parcel()
     articles, entries = [], []

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.outcome import Outcome, Results
-from sim_action.reports import ReportOptions
+from sim_action.reports import ReportOptions, html
 from sim_action.reports.html import page, write_html
 from sim_action.reports.page import packing
 from sim_action.whole_files import whole_file
@@ -94,6 +94,17 @@ def test_what_finds_no_room_has_no_replay_and_says_so(
     assert "No room was left" in found.body
     assert "<svg" not in found.body
     assert not found.blocks
+
+
+def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
+    samples: Samples, make_results: MakeResults, options: ReportOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(html, "MOST_SCENARIOS", 2)
+    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
+    found = body(make_results(*outcomes), options)
+    assert re.findall(r"<h2[^>]*>(.*?)</h2>", found) == ["crash", "failed"]
+    assert "1 more are in results.json" in found
+    assert found.count('href="#s') == 2
 
 
 def test_variations_stand_together_with_their_count(samples: Samples, options: ReportOptions) -> None:

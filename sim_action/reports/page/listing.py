@@ -42,16 +42,22 @@ def head(results: Results) -> Html:
 
 
 def listing(found: list[Group], ids: Mapping[int, str]) -> Html:
-    """The list; `ids`: `id()` of an outcome -> its id on the page. Empty where there is nothing to choose from."""
+    """The list; empty where there is nothing to choose from.
+
+    `ids`: `id()` of an outcome -> its id on the page, of those that the page has.
+    """
     total = sum(len(group.outcomes) for group in found)
     if total < 2:
         return Html("")
+    left = total - len(ids)
+    more = element("p", f"{left} more are in results.json: a page has the worst {len(ids)}.", class_="faint none")
     return element(
         "nav",
         element(
             "details",
             element("summary", f"{total} scenarios"),
             element("ol", *(_entry(group, ids) for group in found)),
+            more if left else "",
             open=True,
         ),
         aria_label="Scenarios",
@@ -67,13 +73,16 @@ def gist(outcome: Outcome) -> str:
 
 
 def _entry(group: Group, ids: Mapping[int, str]) -> Html:
+    there = [outcome for outcome in group.worst_first() if id(outcome) in ids]
+    if not there:
+        return Html("")
     if not group.varies:
-        return _item(group.outcomes[0], group.outcomes[0].name, ids)
+        return _item(there[0], there[0].name, ids)
     title = joined(
         element("span", MARKS[group.mood], class_=f"mark {group.mood}", role="img", aria_label=group.mood),
         element("span", one_line(group.name), element("small", group.passed, class_="faint"), class_="name"),
     )
-    items = [_item(outcome, group.values(outcome), ids) for outcome in group.worst_first()]
+    items = [_item(outcome, group.values(outcome), ids) for outcome in there]
     fold = element("details", element("summary", title), element("ol", *items), open=group.mood != "passed")
     return element("li", fold, class_="group")
 

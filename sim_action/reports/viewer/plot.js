@@ -92,7 +92,10 @@ function rangeOf(curve) {
   if (bottom > 0 && bottom < 0.5 * top) bottom = 0;
   // Less than this is noise, and not to be blown up.
   const least = Math.max(curve.unit.startsWith("deg") ? 1 : 1e-3, 1e-6 * Math.abs(top));
-  if (top - bottom < least) top = bottom + least;
+  if (top - bottom < least) {
+    bottom = Math.min(bottom, Math.max(0, bottom - 1));
+    top += least;
+  }
   const room = 0.08 * (top - bottom);
   return [bottom === 0 ? 0 : bottom - room, top + room];
 }

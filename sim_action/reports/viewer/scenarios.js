@@ -55,6 +55,7 @@ class Scenarios {
     this.anchors.get(this.open.id)?.removeAttribute("aria-current");
     if (innerWidth <= 800) document.querySelector("nav.scenarios > details")?.removeAttribute("open");
     scrollTo(0, 0);
+    find(document, "main").scrollTo(0, 0);
   }
 
   /**
