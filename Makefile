@@ -10,7 +10,7 @@ WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
 PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
 
-VIEWER := sim_action/reports/viewer/viewer3d.js
+VIEWER := sim_action/reports/viewer/viewer3d.json
 # The machine's Node.js, or that of $(VENV)/.node.
 WITH_NODE = PATH="$(abspath $(BIN)):$$PATH"
 HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && $(WITH_NODE) npm --version >/dev/null 2>&1

@@ -9,7 +9,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-VIEWER = "sim_action/reports/viewer/viewer3d.js"
+VIEWER = "sim_action/reports/viewer/viewer3d.json"
 
 
 class ViewerBuildHook(BuildHookInterface[Any]):

@@ -32,7 +32,7 @@ missing = next(
             (NODE, "there is no Node.js"),
             (BROWSER, "there is neither chromium nor google-chrome"),
             ((WEB / "node_modules").exists(), "`npm ci` has not been run in web/"),
-            (document.viewer_script(), "the viewer has not been built: `make viewer`"),
+            (document.viewer(), "the viewer has not been built: `make viewer`"),
         )
         if not there
     ),
@@ -105,7 +105,7 @@ def test_a_broken_run(check: str, broken: Path) -> None:
 
 def test_without_the_viewer(broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(broken.parent, tmp_path / "results")
-    monkeypatch.setattr(document, "viewer_script", lambda: "")
+    monkeypatch.setattr(document, "viewer", lambda: None)
     write_html(Results.read(broken.parent / "results.json"), options(tmp_path / "results"))
     look("without the viewer it is seen from above", tmp_path / "results/report.html")
 

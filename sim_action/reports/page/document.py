@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -11,7 +12,6 @@ from importlib.resources import files
 from typing import Final
 
 from sim_action.reports.page.markup import Html, element, joined
-from sim_action.reports.page.packing import packed
 
 SCRIPTS: Final = (
     "dom.js",
@@ -37,7 +37,7 @@ SCRIPTS: Final = (
 )
 """In this order they are one script; those that stand first need none of the others to be there."""
 
-VIEWER: Final = "viewer3d.js"
+VIEWER: Final = "viewer3d.json"
 """What draws in three dimensions; built from `web/`, and not there where nobody has built it."""
 
 _REMARK: Final = re.compile(r"/\*\*.*?\*/|^ *// [^\n]*$", re.DOTALL | re.MULTILINE)
@@ -63,12 +63,13 @@ class Page:
         """The whole file."""
         style, script = _asset("page.css"), page_script()
         # Of no use where there is nothing to look at.
-        viewer = viewer_script() if self.blocks else ""
-        carried = dict(self.blocks) | ({"viewer3d": packed(viewer.encode())} if viewer else {})
+        built = viewer() if self.blocks else None
+        carried = dict(self.blocks) | ({"viewer3d": built.packed} if built else {})
+        scripts = [fingerprint(script), *([built.fingerprint] if built else [])]
         top = element(
             "head",
             element("meta", charset="utf-8"),
-            element("meta", http_equiv="Content-Security-Policy", content=policy(style, [script, viewer])),
+            element("meta", http_equiv="Content-Security-Policy", content=policy(fingerprint(style), scripts)),
             element("meta", name="viewport", content="width=device-width, initial-scale=1"),
             element("meta", name="color-scheme", content="light dark"),
             element("meta", name="generator", content="sim-action"),
@@ -83,10 +84,9 @@ class Page:
 
 
 def policy(style: str, scripts: Iterable[str]) -> str:
-    """Nothing is fetched, and nothing runs but these scripts, to the letter."""
-    allowed = " ".join(_fingerprint(script) for script in scripts if script)
+    """Nothing is fetched, and nothing runs but the scripts of these fingerprints, to the letter."""
     rest = "img-src data:; base-uri 'none'; form-action 'none'"
-    return f"default-src 'none'; script-src {allowed}; style-src {_fingerprint(style)}; {rest}"
+    return f"default-src 'none'; script-src {' '.join(scripts)}; style-src {style}; {rest}"
 
 
 def page_script() -> str:
@@ -94,12 +94,21 @@ def page_script() -> str:
     return "(() => {\n'use strict';\n" + "".join(_bare(_asset(name)) for name in SCRIPTS) + "})();\n"
 
 
-def viewer_script() -> str:
-    """What draws in three dimensions; empty where it is not there."""
+@dataclass(frozen=True, slots=True)
+class Viewer:
+    """What draws in three dimensions: its script, packed, and the fingerprint of it unpacked."""
+
+    packed: str
+    fingerprint: str
+
+
+def viewer() -> Viewer | None:
+    """None where it has not been built."""
     try:
-        return _asset(VIEWER)
+        built = json.loads(_asset(VIEWER))
     except FileNotFoundError:
-        return ""
+        return None
+    return Viewer(built["packed"], f"'sha256-{built['sha256']}'")
 
 
 def _bare(script: str) -> str:
@@ -111,5 +120,6 @@ def _asset(name: str) -> str:
     return (files("sim_action.reports") / "viewer" / name).read_text(encoding="utf-8")
 
 
-def _fingerprint(content: str) -> str:
+def fingerprint(content: str) -> str:
+    """Of a script or style sheet, as a policy names it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
