@@ -23,8 +23,8 @@ export class Way {
   readonly group = new Group();
   private readonly came: Mesh;
 
-  constructor(private readonly run: Run, colour: string, width: number) {
-    const geometry = ribbon(run, width);
+  constructor(private readonly run: Run, colour: string, clearance: number, width: number) {
+    const geometry = ribbon(run, clearance, width);
     const ahead = new Mesh(geometry, new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.28, side: DoubleSide }));
     this.came = new Mesh(geometry.clone(), new MeshBasicMaterial({ color: colour, side: DoubleSide }));
     this.came.position.z = OVER_GROUND / 4;
@@ -37,11 +37,9 @@ export class Way {
   }
 }
 
-/** On the ground, or where the base flies as high above that as it rises. */
-function ribbon(run: Run, width: number): BufferGeometry {
+/** Under the robot, whose lowest point is `clearance` under its base, in m, at first: on ramps and in the air, too. */
+function ribbon(run: Run, clearance: number, width: number): BufferGeometry {
   const [xs, ys, zs] = run.base;
-  const lowest = zs.reduce((low, z) => Math.min(low, z), Infinity);
-  const rises = zs.some((z) => z > lowest + 0.1);
   const points = new Float32Array(6 * run.count);
   const corners: number[] = [];
   let dx = 1, dy = 0;
@@ -50,7 +48,7 @@ function ribbon(run: Run, width: number): BufferGeometry {
     const length = Math.hypot(xs[next] - xs[before], ys[next] - ys[before]);
     // Where it stands still, the ribbon goes on as it went.
     if (length > 1e-3) [dx, dy] = [(xs[next] - xs[before]) / length, (ys[next] - ys[before]) / length];
-    const x = (-dy * width) / 2, y = (dx * width) / 2, z = OVER_GROUND + (rises ? zs[i] - lowest : 0);
+    const x = (-dy * width) / 2, y = (dx * width) / 2, z = OVER_GROUND + Math.max(0, zs[i] - clearance);
     points.set([xs[i] + x, ys[i] + y, z, xs[i] - x, ys[i] - y, z], 6 * i);
     if (i > 0) corners.push(2 * i - 2, 2 * i - 1, 2 * i, 2 * i, 2 * i - 1, 2 * i + 1);
   }

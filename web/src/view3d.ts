@@ -43,8 +43,9 @@ class View3D implements View {
     });
     this.seen = this.widened(this.everywhere(run, robot), marks);
     furnish(this.scene, this.seen, colours);
-    this.way = new Way(run, colours.accent, 0.009 * this.seen.getSize(new Vector3()).length());
-    this.touches = new Touches(run.replay.contacts, colours.bad, touchSize(size, this.seen));
+    const clearance = run.base[2][0] - size.min.z;
+    this.way = new Way(run, colours.accent, clearance, 0.009 * this.seen.getSize(new Vector3()).length());
+    this.touches = new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen));
     this.scene.add(this.way.group, this.touches.group);
     for (const drawn of marks) this.scene.add(drawn);
     this.controls = this.grabbed();

@@ -141,7 +141,7 @@ class TopView {
     for (const contact of this.motion.replay.contacts) {
       if (contact.time > time + 0.02) continue;
       const [x, y] = this.pixel(contact.position);
-      this.context.fillStyle = this.colours.bad;
+      this.context.fillStyle = this.failed.size ? this.colours.bad : this.colours.text;
       this.context.beginPath();
       this.context.arc(x, y, (time <= contact.until + 0.02 ? 5 : 2.5) * ratio, 0, 2 * Math.PI);
       this.context.fill();
