@@ -1,0 +1,64 @@
+"""The 3D viewer of report.html, built from web/: always the same bytes, from sources that name no registry."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+WEB = Path(__file__).parents[2] / "web"
+NODE = shutil.which("node", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    if NODE is None or not (WEB / "node_modules").exists():
+        pytest.skip("`npm ci` has not been run in web/, or there is no Node.js")
+    return build(tmp_path_factory.mktemp("built") / "viewer3d.json")
+
+
+def build(file: Path) -> bytes:
+    subprocess.run([str(NODE), str(WEB / "build.mjs"), str(file)], check=True, capture_output=True)
+    return file.read_bytes()
+
+
+def script(built: bytes) -> bytes:
+    return gzip.decompress(base64.b64decode(json.loads(built)["packed"]))
+
+
+def test_two_builds_are_the_same_to_the_byte(built: bytes, tmp_path: Path) -> None:
+    assert build(tmp_path / "viewer3d.json") == built
+
+
+def test_the_fingerprint_is_that_of_what_is_packed(built: bytes) -> None:
+    digest = base64.b64encode(hashlib.sha256(script(built)).digest()).decode()
+    assert json.loads(built)["sha256"] == digest
+
+
+def test_it_is_small_enough_for_every_report(built: bytes) -> None:
+    assert len(json.loads(built)["packed"]) < 200_000
+
+
+def test_it_carries_the_licence_of_what_it_is_made_of(built: bytes) -> None:
+    assert b"The MIT License" in script(built)[:2_000]
+
+
+def test_it_evaluates_no_text_and_asks_for_nothing_that_the_page_forbids(built: bytes) -> None:
+    assert b"new Function" not in script(built)
+    assert b"</script" not in script(built).lower()
+
+
+def test_the_lock_file_names_no_address() -> None:
+    lock = (WEB / "package-lock.json").read_text(encoding="utf-8")
+    assert "http://" not in lock
+    assert "https://" not in lock
+    packages = json.loads(lock)["packages"]
+    assert all("integrity" in package for name, package in packages.items() if name)
