@@ -17,6 +17,7 @@ WORDS: dict[Mood, str] = {
     "passed": "Passed",
     "warned": "Passed, with a warning",
     "failed": "Failed",
+    "flaky": "Flaky: its runs were not the same",
     "error": "No verdict",
     "skipped": "Not run",
 }

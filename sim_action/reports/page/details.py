@@ -8,7 +8,7 @@ from sim_action.outcome import Outcome, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.page.markup import Html, element, joined
 from sim_action.reports.reproduction import command
-from sim_action.reports.wording import factor, own_output, quantity
+from sim_action.reports.wording import factor, made_with, own_output, quantity, repeated
 
 _MOST_LINES = 200
 
@@ -62,8 +62,10 @@ def _facts(outcome: Outcome, results: Results) -> Html:
         "engine": outcome.engine or "",
         "seed": "" if outcome.seed is None else str(outcome.seed),
         "digest": outcome.digest or "",
-        "versions": f"sim-action {results.sim_action}, Python {results.python}, {results.platform}",
+        "repeated": repeated(outcome),
+        **(made_with(outcome.provenance) or {"made by": f"sim-action {results.sim_action}, Python {results.python}"}),
         "trace": outcome.trace or "",
+        "recordings": ", ".join(outcome.recordings),
     }
     told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
     return joined(element("h3", "How it ran"), element("dl", *told, class_="facts"))

@@ -10,7 +10,7 @@ from sim_action.reports.page.sources import source
 from sim_action.reports.wording import moment
 from sim_action.verdict import Verdict
 
-MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "error": "✕", "skipped": "·"}
+MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "flaky": "≠", "error": "✕", "skipped": "·"}
 
 _NUMBERS = ("Measured", "Limit", "Margin", "Decided")
 _MOST_FAILURES = 20
