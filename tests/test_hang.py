@@ -19,10 +19,10 @@ from pathlib import Path
 from sim_action.hang import note_before
 
 def inner():
-    while not Path(sys.argv[1]).read_text():
+    while "in <module>" not in Path(sys.argv[1]).read_text():
         pass
 
-note_before(time.monotonic() + 0.3, Path(sys.argv[1]))
+note_before(time.monotonic() + 0.5, Path(sys.argv[1]))
 threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
 inner()
 """
