@@ -20,6 +20,7 @@ from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
 from bench.lidar import lidar_cost
 from bench.recording_cost import recording_cost
+from bench.reporting import report_cost
 from bench.script_cost import script_costs
 from bench.watching import watching_cost
 from bench.world_cost import BOXES, world_costs
@@ -44,13 +45,17 @@ time_limit: 30 s
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """Two measured times in s, and what the one may be of the other; `at_most` tells which way is good."""
+    """Two measured times in s, and what the one may be of the other; `at_most` tells which way is good.
+
+    Or two sizes in MB, which are told in the thousandth of that.
+    """
 
     name: str
     ours: float
     theirs: float
     target: float
     at_most: bool = True
+    unit: str = "ms"
 
     @property
     def value(self) -> float:
@@ -64,7 +69,7 @@ class Ratio:
 
     def __str__(self) -> str:
         bound = "at most" if self.at_most else "at least"
-        times = f"{self.ours * 1000:.3g} ms / {self.theirs * 1000:.3g} ms"
+        times = f"{self.ours * 1000:.3g} {self.unit} / {self.theirs * 1000:.3g} {self.unit}"
         return f"{'ok  ' if self.met else 'MISS'} {self.name}: {self.value:.2f} ({bound} {self.target:g}; {times})"
 
 
@@ -247,6 +252,18 @@ def filming() -> Iterator[Ratio]:
         yield Ratio(f"{name}, against PyBullet's run", cost.added, cost.run, 0.25)
 
 
+def reporting() -> Iterator[Ratio]:
+    """What report.html takes, weighs, and keeps whoever opens it waiting for."""
+    cost = report_cost()
+    yield Ratio("report.html of a run of 30 s, against the run", cost.written, cost.run, 0.25)
+    one, many = cost.size / 1e6, cost.size_of_many / 1e6
+    yield Ratio("report.html of a run of 30 s, against what it may weigh", one, 0.3, 1, unit="kB")
+    yield Ratio("report.html of 100 runs of 10 s, against what it may weigh", many, 4, 1, unit="kB")
+    yield Ratio("what a further run of 10 s adds, against what it may", (many - one) / 99, 0.025, 1, unit="kB")
+    if cost.opened is not None:
+        yield Ratio("report.html of 100 runs opens in a headless browser, against 3 s", cost.opened, 3, 1)
+
+
 def recordings() -> Iterator[Ratio]:
     """What --record csv and --record mcap cost with what is kept for them, against a loop without; 30 s, 30 Hz."""
     # MuJoCo takes a fifth of the time for the same run, and what is kept of it is as much.
@@ -271,7 +288,7 @@ def main() -> None:
         folder = Path(name)
         ratios = []
         single = (measure(folder) for measure in (whole_process, further_scenario, variations, parallel))
-        told = itertools.chain(scripts(), lidars(), worlds(), watching(), filming(), recordings())
+        told = itertools.chain(scripts(), lidars(), worlds(), watching(), filming(), recordings(), reporting())
         for ratio in itertools.chain(start_up(folder), models(), single, told):
             print(ratio, flush=True)
             ratios.append(ratio)

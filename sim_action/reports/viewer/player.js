@@ -27,8 +27,8 @@ class Player {
   async open(time) {
     this.clock.seek(time ?? this.mattered());
     await this.views.open();
+    // It tells the first size, too.
     this.observer.observe(this.element);
-    this.resize();
   }
 
   /** When what matters happened: where something failed, else where it begins. */

@@ -25,6 +25,7 @@ class Views {
     this.motion = motion;
     this.failed = failed;
     this.following = false;
+    this.pending = 0;
     /** @type {View | null} */
     this.view = null;
     this.canvas = make("canvas");
@@ -100,7 +101,15 @@ class Views {
     this.draw();
   }
 
+  /** Soon, and once, however often it is asked for until then. */
   draw() {
+    this.pending ||= requestAnimationFrame(() => {
+      this.pending = 0;
+      this.drawNow();
+    });
+  }
+
+  drawNow() {
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
@@ -109,6 +118,7 @@ class Views {
   }
 
   dispose() {
+    cancelAnimationFrame(this.pending);
     this.view?.dispose();
     this.view = null;
   }
