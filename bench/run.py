@@ -261,7 +261,9 @@ def reporting() -> Iterator[Ratio]:
     yield Ratio("report.html of 100 runs of 10 s, against what it may weigh", many, 4, 1, unit="kB")
     yield Ratio("what a further run of 10 s adds, against what it may", (many - one) / 99, 0.025, 1, unit="kB")
     if cost.opened is not None:
-        yield Ratio("report.html of 100 runs opens in a headless browser, against 3 s", cost.opened, 3, 1)
+        yield Ratio(
+            "report.html of 100 runs shows verdict and plots in a headless browser, against 3 s", cost.opened, 3, 1
+        )
 
 
 def recordings() -> Iterator[Ratio]:

@@ -1,4 +1,4 @@
-/** `node opening.mjs PAGE BROWSER`: ms from asking for the page to the picture of its first run, the least of three. */
+/** `node opening.mjs PAGE BROWSER`: ms from asking for the page to the verdict and plots of its first run, the least of three. */
 
 import { pathToFileURL } from "node:url";
 import { visit } from "./browser.mjs";
@@ -7,10 +7,18 @@ const [file, executable] = process.argv.slice(2);
 const times = [];
 for (let round = 0; round < 3; round++) {
   await visit("about:blank", { executable }, async (page) => {
-    const started = performance.now();
+    await page.addInitScript(() => {
+      const look = () => {
+        const plot = document.querySelector(".scenario.live .plot canvas");
+        if (plot instanceof HTMLCanvasElement && plot.width > 300) Reflect.set(globalThis, "shown", performance.now());
+        else requestAnimationFrame(look);
+      };
+      requestAnimationFrame(look);
+    });
     await page.goto(pathToFileURL(file).href);
-    await page.waitForSelector(".scenario.live .view canvas[data-kind]");
-    times.push(performance.now() - started);
+    // Asked in the page itself: what drives it from outside waits until the picture is made, too.
+    await page.waitForFunction(() => Reflect.get(globalThis, "shown"));
+    times.push(await page.evaluate(() => Reflect.get(globalThis, "shown")));
   });
 }
 console.log(Math.min(...times));

@@ -26,9 +26,10 @@ class Player {
   /** Once it is on the page. @param {number | null} time */
   async open(time) {
     this.clock.seek(time ?? this.mattered());
-    await this.views.open();
-    // It tells the first size, too.
+    // It tells the first size, too, and with it the plots are drawn: they are to be seen before the picture is ready.
     this.observer.observe(this.element);
+    await painted();
+    if (this.element.isConnected) await this.views.open();
   }
 
   /** When what matters happened: where something failed, else where it begins. */
@@ -61,6 +62,11 @@ class Player {
     this.views.dispose();
     this.element.remove();
   }
+}
+
+/** Once the browser has shown what there is. */
+function painted() {
+  return new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
 }
 
 function keysHint() {
