@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+from collections.abc import Mapping
 from pathlib import Path
 
 from sim_action.outcome import RESULTS_FILE, Results
@@ -11,10 +12,15 @@ from sim_action.reports import ReportOptions
 
 def write_outputs(results: Results, options: ReportOptions) -> None:
     """Appends what later steps can ask for to the file behind `GITHUB_OUTPUT`, if there is one."""
-    file = options.environment.get("GITHUB_OUTPUT")
+    append_outputs(outputs(results, options), options.environment)
+
+
+def append_outputs(values: Mapping[str, str], environment: Mapping[str, str]) -> None:
+    """Appends names and values to that file. Raises OSError."""
+    file = environment.get("GITHUB_OUTPUT")
     if not file:
         return
-    entries = "".join(_entry(name, value) for name, value in outputs(results, options).items())
+    entries = "".join(_entry(name, value) for name, value in values.items())
     # Paths need not be UTF-8; they go out as they came in.
     with Path(file).open("a", encoding="utf-8", errors="surrogateescape", newline="\n") as stream:
         stream.write(entries)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import secrets
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -15,6 +13,7 @@ from rich.text import Text
 from sim_action.errors import ExitCode
 from sim_action.outcome import RESULTS_FILE, ExpectationOutcome, Failure, Outcome, Results
 from sim_action.reports import ReportOptions
+from sim_action.reports.console import console
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.groups import WORST_FIRST, Group, groups
 from sim_action.reports.paths import stored_trace
@@ -53,53 +52,12 @@ _MOST_VARIATIONS: Final = 20
 def print_results(results: Results, options: ReportOptions, stream: TextIO | None = None) -> None:
     """Prints to a stream, standard output unless another is given."""
     stream = stream or sys.stdout
-    on_github = options.environment.get("GITHUB_ACTIONS") == "true"
-    with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
-        printer = _Printer(_console(stream, options), options)
+    with console(stream, options.environment) as shown:
+        printer = _Printer(shown, options)
         for group in sorted(groups(results.outcomes), key=lambda group: _MOODS.index(group.mood)):
             if options.verbosity != "quiet" or group.mood in _UNHAPPY:
                 printer.group(group)
         printer.closing(results)
-
-
-class _Console(Console):
-    def on_broken_pipe(self) -> None:
-        """Where rich would end the process with a failure: who stops reading has not changed the verdict."""
-        raise BrokenPipeError
-
-
-def _console(stream: TextIO, options: ReportOptions) -> Console:
-    plain = bool(options.environment.get("NO_COLOR"))
-    # GitHub's log is no terminal, but shows colours.
-    colourful = options.environment.get("GITHUB_ACTIONS") == "true" and not plain
-    return _Console(
-        file=stream,
-        force_terminal=True if colourful else None,
-        color_system="standard" if colourful else "auto",
-        no_color=plain or None,
-        highlight=False,
-        markup=False,
-        emoji=False,
-        legacy_windows=False,
-    )
-
-
-@contextmanager
-def _no_workflow_commands(stream: TextIO) -> Iterator[None]:
-    """GitHub obeys no command in what is printed meanwhile; nobody else knows the token that ends this."""
-    token = secrets.token_hex(16)
-    stream.write(f"::stop-commands::{token}\n")
-    try:
-        yield
-    finally:
-        stream.write(f"::{token}::\n")
-        stream.flush()
-
-
-@contextmanager
-def _as_it_is(stream: TextIO) -> Iterator[None]:
-    yield
-    stream.flush()
 
 
 class _Printer:

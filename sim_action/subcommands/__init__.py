@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sim_action.subcommands.compare import compare
 from sim_action.subcommands.init import init
 from sim_action.subcommands.inspect import inspect
 from sim_action.subcommands.listings import assertions, commands, models, schema, sensors
@@ -23,6 +24,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     validate,
     matrix,
     merge,
+    compare,
     init,
     inspect,
     models,

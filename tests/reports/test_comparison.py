@@ -1,0 +1,103 @@
+"""A comparison, as people read it in a terminal and in a pull request."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from markdown_it import MarkdownIt
+
+from sim_action.comparison import Comparison, compared
+from sim_action.outcome import Outcome, Results
+from sim_action.reports.comparison_markdown import MOST_CHARACTERS, comparison_markdown
+from sim_action.reports.comparison_rows import headline, rows
+from sim_action.reports.comparison_terminal import print_comparison
+
+Samples = dict[str, Results]
+
+
+@pytest.fixture
+def several(samples: Samples) -> Comparison:
+    """Some of everything."""
+    passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
+    tight, fast = _with_margin(passed, 0.3), {"real_time_factor": 40.0, "sim_time": 60.0, "digest": "f0"}
+    slow = _with_margin(passed, 0.1).model_copy(update={**fast, "real_time_factor": 10.0, "digest": "f1"})
+    crash = samples["crash"].outcomes[0]
+    old = [_named("breaks", passed), _named("mended", failed), _named("tight", tight.model_copy(update=fast))]
+    old += [_named("gone", passed), _named("same", passed), _named("still", failed), _named("otherwise", failed)]
+    new = [_named("breaks", failed), _named("mended", passed), _named("tight", slow), _named("same", passed)]
+    new += [_named("still", failed), _named("new", passed), _named("otherwise", crash)]
+    return compared(old, new)
+
+
+def _named(name: str, outcome: Outcome) -> Outcome:
+    return outcome.model_copy(update={"name": name})
+
+
+def _with_margin(outcome: Outcome, margin: float) -> Outcome:
+    (expected,) = outcome.expectations
+    verdict = replace(expected.verdict, margin=margin)
+    return outcome.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
+
+
+def printed(comparison: Comparison, environment: dict[str, str] | None = None) -> str:
+    stream = io.StringIO()
+    print_comparison(comparison, environment or {}, stream)
+    return stream.getvalue()
+
+
+def test_golden_terminal(several: Comparison, golden: Callable[[str, str], None]) -> None:
+    golden("comparison.txt", printed(several))
+
+
+def test_golden_markdown(several: Comparison, golden: Callable[[str, str], None]) -> None:
+    golden("comparison.md", comparison_markdown(several))
+
+
+def test_the_worst_is_first_in_markdown_and_last_above_the_prompt(several: Comparison) -> None:
+    looks = [row.look for row in rows(several)]
+    assert looks == sorted(looks, key=["bad", "warning", "note", "good"].index)
+    *_, worst, closing = printed(several).splitlines()
+    assert "newly fails" in worst
+    assert closing == headline(several)
+
+
+def test_runs_that_are_alike_have_a_headline_alone(samples: Samples) -> None:
+    same = compared(samples["passed"].outcomes, samples["passed"].outcomes)
+    assert printed(same) == "1 still passes\n"
+    assert comparison_markdown(same).startswith("## ✅ Nothing newly fails\n")
+    assert "|" not in comparison_markdown(same)
+    assert headline(compared([], [])) == "no scenario"
+
+
+def test_hostile_text_is_text_in_markdown(samples: Samples) -> None:
+    hostile = samples["hostile"].outcomes
+    (table,) = comparison_markdown(compared([], hostile)).split("\n\n")[2:]
+    assert {line.count("|") for line in table.splitlines()} == {5}
+    html = MarkdownIt("commonmark").enable("table").render(table)
+    assert "<b>" not in html.replace("<b>&", "")
+    assert "<a " not in html
+    assert "@octocat" not in html
+    assert html.count("<strong>") == len(hostile)
+
+
+def test_hostile_text_gives_a_log_no_command(samples: Samples) -> None:
+    text = printed(compared([], samples["hostile"].outcomes), {"GITHUB_ACTIONS": "true", "NO_COLOR": "1"})
+    first, *lines, last = text.splitlines()
+    assert first.startswith("::stop-commands::")
+    assert last == f"::{first.removeprefix('::stop-commands::')}::"
+    assert not any(line.startswith("::") or "##[" in line or "\x1b" in line for line in lines)
+
+
+def test_very_many_changes_fit_into_a_comment_the_worst_of_them(samples: Samples) -> None:
+    bad, good = samples["hostile"].outcomes[0], samples["passed"].outcomes[0]
+    new = [_named(f"good {place}", good) for place in range(3_000)] + [_named("bad", bad)]
+    text = comparison_markdown(compared([], new))
+    assert len(text) <= MOST_CHARACTERS
+    assert "**bad**" in text
+    assert "more changes are left out here" in text
+    shown = printed(compared([], new))
+    assert "2801 more are left out here" in shown
+    assert "newly fails" in shown
