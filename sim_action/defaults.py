@@ -41,6 +41,7 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "merge": _REPORTS,
     "validate": ("paths",),
     "matrix": ("paths",),
+    "view": ("output_dir",),
 }
 """Subcommand -> which of them it takes."""
 

@@ -141,7 +141,7 @@ def test_slower_runs(old: float, new: float, sim_time: float, found: Slower | No
     ],
 )
 def test_a_robot_that_moves_otherwise_with_the_same_seed_and_engine(fields: dict[str, Any], otherwise: bool) -> None:
-    made = {"seed": 1, "engine": "PyBullet 3.2.7", "digest": "f0"}
+    made: dict[str, Any] = {"seed": 1, "engine": "PyBullet 3.2.7", "digest": "f0"}
     change = changed(outcome(**made), outcome(**{**made, **fields}))
     assert change.behaves_otherwise is otherwise
     assert change.warnings == 0

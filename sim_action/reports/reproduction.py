@@ -60,5 +60,10 @@ def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = N
     """Where in the report a moment is, in s of sim time: `report.html#scenario=...&t=4.5`; empty if it is not there."""
     if outcome.replay is None or "report" in options.silenced:
         return ""
+    return f"{REPORT_FILE}{fragment(outcome.name, time)}"
+
+
+def fragment(scenario: str, time: float | None = None) -> str:
+    """What stands behind the address of a report to open it at a scenario, and at a moment, in s of sim time."""
     moment = "" if time is None else f"&t={round(time, 2):g}"
-    return f"{REPORT_FILE}#scenario={quote(outcome.name, safe='', errors='replace')}{moment}"
+    return f"#scenario={quote(scenario, safe='', errors='replace')}{moment}"

@@ -15,6 +15,7 @@ from sim_action.subcommands.matrix import matrix
 from sim_action.subcommands.merge import merge
 from sim_action.subcommands.run import run
 from sim_action.subcommands.validate import validate
+from sim_action.subcommands.view import view
 
 if TYPE_CHECKING:
     import click
@@ -25,6 +26,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     matrix,
     merge,
     compare,
+    view,
     init,
     inspect,
     models,
@@ -34,5 +36,5 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     schema,
 )
 
-TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge")
+TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "view")
 """Whose options may stand in pyproject.toml."""
