@@ -29,13 +29,13 @@ class Subcommand:
     """How inputs become a command line. An input that is left empty is left out.
 
     Attributes:
-        arguments: the input with one argument in each line.
+        arguments: inputs with one argument in each line.
         lists: input -> option that is given for each line.
         options: input -> option that takes its value.
         switches: input -> the options that stand for true and for false.
     """
 
-    arguments: str
+    arguments: tuple[str, ...]
     lists: Mapping[str, str]
     options: Mapping[str, str]
     switches: Mapping[str, tuple[str, ...]]
@@ -51,19 +51,21 @@ class Subcommand:
         for name, option in self.lists.items():
             yield from (f"{option}={line}" for line in lines(inputs[name]))
         yield "--"
-        yield from lines(inputs[self.arguments])
+        for name in self.arguments:
+            yield from lines(inputs[name])
 
 
 _REPORTS: Final = {"output-directory": "--output-dir", "junit-path": "--junit"}
 _SWITCHES: Final = {
     "junit-strict": ("--junit-strict",),
+    "report": ("--report", "--no-report"),
     "summary": ("--summary", "--no-summary"),
     "annotations": ("--annotations", "--no-annotations"),
 }
 _SELECTION: Final = {"only": "--only", "exclude": "--exclude", "tags": "--tag", "exclude-tags": "--exclude-tag"}
 SUBCOMMANDS: Final = {
     "run": Subcommand(
-        arguments="scenario",
+        arguments=("scenario",),
         lists=_SELECTION,
         options={
             **_REPORTS,
@@ -72,18 +74,25 @@ SUBCOMMANDS: Final = {
             "repeat": "--repeat",
             "jobs": "--jobs",
             "shard": "--shard",
+            "record": "--record",
             "allow-scripts": "--allow-scripts",
         },
         switches={**_SWITCHES, "fail-fast": ("--fail-fast",)},
     ),
     "matrix": Subcommand(
-        arguments="scenario",
+        arguments=("scenario",),
         lists=_SELECTION,
         options={"shards": "--shards", "durations": "--durations"},
         switches={},
     ),
+    "compare": Subcommand(
+        arguments=("old", "new"),
+        lists={},
+        options={"margin": "--margin", "slower": "--slower", "markdown": "--markdown"},
+        switches={"strict": ("--strict",), "summary": ("--summary", "--no-summary")},
+    ),
     "merge": Subcommand(
-        arguments="results", lists={**_SELECTION, "scenario": "--scenarios"}, options=_REPORTS, switches=_SWITCHES
+        arguments=("results",), lists={**_SELECTION, "scenario": "--scenarios"}, options=_REPORTS, switches=_SWITCHES
     ),
 }
 

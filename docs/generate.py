@@ -228,6 +228,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "matrix-inputs": lambda: _inputs("matrix/action.yml"),
     "matrix-outputs": lambda: _outputs("matrix/action.yml"),
     "merge-inputs": lambda: _inputs("merge/action.yml"),
+    "compare-inputs": lambda: _inputs("compare/action.yml"),
+    "compare-outputs": lambda: _outputs("compare/action.yml"),
     "templates": _templates,
     "example-base": lambda: _example("burger.base.yml"),
     "example-extends": lambda: _example("beside_wall.sim.yml"),

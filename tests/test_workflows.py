@@ -286,7 +286,7 @@ def test_a_bad_gitlab_template_is_refused(tmp_path: Path) -> None:
     assert_refused(lint_workflows(GITLAB=template), "'allways' is not one of")
 
 
-@pytest.mark.parametrize("path", ["action.yml", "matrix/action.yml", "merge/action.yml"])
+@pytest.mark.parametrize("path", ["action.yml", "compare/action.yml", "matrix/action.yml", "merge/action.yml"])
 def test_every_input_reaches_the_command_and_every_output_comes_back(path: str) -> None:
     action = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
     last = action["runs"]["steps"][-1]

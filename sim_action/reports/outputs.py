@@ -8,6 +8,7 @@ from pathlib import Path
 
 from sim_action.outcome import RESULTS_FILE, Results
 from sim_action.reports import ReportOptions
+from sim_action.reports.reproduction import REPORT_FILE, replay_link
 
 
 def write_outputs(results: Results, options: ReportOptions) -> None:
@@ -39,10 +40,22 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "skipped": str(results.count("skipped")),
         "junit-path": str(options.junit.absolute()),
         "results-path": str((options.folder / RESULTS_FILE).absolute()),
+        "report-path": "" if "report" in options.silenced else str((options.folder / REPORT_FILE).absolute()),
+        "report-fragment": _fragment(results, options),
         "travelled": "" if travelled is None else f"{travelled:.4f}",
         "duration": f"{results.wall_time:.3f}",
         "real-time-factor": "" if factor is None else f"{factor:.2f}",
     }
+
+
+def _fragment(results: Results, options: ReportOptions) -> str:
+    """What opens the report where it is worst: at the moment that decided why the scenario failed."""
+    worst = next(iter(results.worst_first()), None)
+    if worst is None or worst.status in ("passed", "skipped"):
+        return ""
+    times = [expected.verdict.time for expected in worst.causes_first if expected.failed]
+    link = replay_link(worst, options, next(iter(times), None))
+    return link.removeprefix(REPORT_FILE)
 
 
 def _entry(name: str, value: str) -> str:

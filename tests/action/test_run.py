@@ -27,6 +27,8 @@ INPUTS = {
     "repeat": "",
     "jobs": "",
     "shard": "2/3",
+    "report": "false",
+    "record": "tum, csv",
     "summary": "true",
     "annotations": "false",
     "fail-on-failure": "true",
@@ -38,7 +40,9 @@ def test_inputs_become_a_command_line() -> None:
     assert list(SUBCOMMANDS["run"].command_line(INPUTS)) == [
         "--output-dir=what came out",
         "--shard=2/3",
+        "--record=tum, csv",
         "--allow-scripts=auto",
+        "--no-report",
         "--summary",
         "--no-annotations",
         "--",
@@ -76,7 +80,20 @@ def test_merge_names_each_scenario_that_must_be_there() -> None:
     assert line[-2:] == ["--", "shards"]
 
 
-@pytest.mark.parametrize("name", ["summary", "annotations", "junit-strict", "fail-on-failure", "fail-fast"])
+def test_compare_names_the_earlier_results_first() -> None:
+    given = {"old": "before", "new": "--after", "margin": "0.3", "slower": "", "strict": "true", "markdown": "a.md"}
+    assert list(SUBCOMMANDS["compare"].command_line({**given, "summary": "false"})) == [
+        "--margin=0.3",
+        "--markdown=a.md",
+        "--strict",
+        "--no-summary",
+        "--",
+        "before",
+        "--after",
+    ]
+
+
+@pytest.mark.parametrize("name", ["report", "summary", "annotations", "junit-strict", "fail-on-failure", "fail-fast"])
 @pytest.mark.parametrize("value", ["", "yes", "True", "true\nfalse"])
 def test_switches_are_true_or_false(name: str, value: str) -> None:
     with pytest.raises(InputError, match=f"input {name} must be true or false, and is '{value}'"):

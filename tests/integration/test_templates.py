@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import parse_qs
 
 import pytest
 from junitparser import JUnitXml
 
+from sim_action.reports import REPORTS
 from tests.integration.conftest import ACTION, write
-from tests.integration.github import JobResult, WorkflowResult, run_workflow
+from tests.integration.github import CacheStore, JobResult, WorkflowResult, run_workflow
 
 TEMPLATES = ACTION / "examples/workflows"
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
@@ -68,6 +71,27 @@ def test_gate_keeps_the_results_of_failures(run_template: RunTemplate, repositor
     result = run_template("pull-request-gate", event_name="pull_request")
     assert result.conclusion == "failure"
     assert JUnitXml.fromfile(str(result.artifacts / "sim-results/junit.xml")).failures == 1
+
+
+@pytest.mark.skipif("report" not in REPORTS, reason="no report.html is written yet")
+def test_gate_links_the_report_at_the_moment_of_the_failure(run_template: RunTemplate, repository: Path) -> None:
+    write(repository / "simulation/b.sim.yml", STUCK.replace("burger drives straight", "stuck (again)"))
+    result = run_template("pull-request-gate", event_name="pull_request")
+    assert (result.artifacts / "report.html/report.html").is_file()
+    (link,) = re.findall(r"^\[Replays and plots.*\]\((\S+)\)$", result.jobs["simulation"].summary, re.MULTILINE)
+    address, _, fragment = link.partition("#")
+    assert address.startswith("https://github.com/")
+    assert parse_qs(fragment) == {"scenario": ["stuck (again)"], "t": ["2"]}
+
+
+def test_gate_tells_what_a_pull_request_changes(run_template: RunTemplate, repository: Path, tmp_path: Path) -> None:
+    cache = CacheStore(tmp_path / "caches")
+    write(repository / "simulation/a.sim.yml", STUCK)
+    assert "newly fail" not in run_template("pull-request-gate", cache=cache).jobs["simulation"].summary
+    write(repository / "simulation/b.sim.yml", STUCK)
+    changed = run_template("pull-request-gate", event_name="pull_request", cache=cache).jobs["simulation"]
+    assert "❌ 1 scenario newly fails" in changed.summary
+    assert "1 newly fails, 1 still fails, 2 still pass" in changed.summary
 
 
 def test_shards_are_reported_as_one_run(run_template: RunTemplate, repository: Path) -> None:

@@ -40,10 +40,24 @@ def test_what_later_steps_can_ask_for(samples: dict[str, Results], options: Repo
         "skipped": "0",
         "junit-path": str(tmp_path / "sim-results" / "junit.xml"),
         "results-path": str(tmp_path / "sim-results" / "results.json"),
+        "report-path": str(tmp_path / "sim-results" / "report.html"),
+        "report-fragment": "",
         "travelled": "",
         "duration": "1.250",
         "real-time-factor": "28.16",
     }
+
+
+def test_the_report_opens_at_what_decided_why_the_worst_scenario_failed(
+    samples: dict[str, Results], options: ReportOptions
+) -> None:
+    replayed = [outcome.model_copy(update={"replay": "replays/a.json.gz"}) for outcome in samples["cut"].outcomes]
+    found = samples["cut"].model_copy(update={"outcomes": (*samples["passed"].outcomes, *replayed)})
+    assert outputs(found, options)["report-fragment"] == "#scenario=burger%20hits%20the%20wall&t=3.2"
+    passed = found.model_copy(update={"outcomes": found.outcomes[:1]})
+    assert outputs(passed, options)["report-fragment"] == ""
+    told = outputs(found, replace(options, silenced=frozenset({"report"})))
+    assert (told["report-path"], told["report-fragment"]) == ("", "")
 
 
 def test_travelled_of_one_scenario(samples: dict[str, Results], options: ReportOptions) -> None:

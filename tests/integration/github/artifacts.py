@@ -5,23 +5,45 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
 from tests.integration.github.errors import StepFailed, UnsupportedFeature
 from tests.integration.github.machine import Machine
-from tests.integration.github.stand_in import NO_OUTPUTS, StandIn, one_path
+from tests.integration.github.stand_in import NO_OUTPUTS, StandIn, boolean, one_path
 from tests.integration.github.stores import ArtifactStore
+
+_NO_ADDRESS: Final = {"artifact-id": "", "artifact-url": ""}
 
 
 def _upload(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:
     store, folder = _store(machine), one_path(machine, inputs["path"])
+    if not boolean(inputs["archive"]):
+        return _upload_as_it_is(machine, store, folder)
     if folder.is_file():
         raise UnsupportedFeature(f"an artifact of the single file {folder}")
     files = {str(file.relative_to(folder)): file for file in folder.rglob("*") if _is_uploaded(file, folder)}
     if files:
         store.upload(inputs["name"], files)
-    else:
-        machine.record.complain(f"No files were found with the provided path: {inputs['path']}.", "warning")
-    return NO_OUTPUTS
+        return _address(machine, store)
+    machine.record.complain(f"No files were found with the provided path: {inputs['path']}.", "warning")
+    return _NO_ADDRESS
+
+
+def _upload_as_it_is(machine: Machine, store: ArtifactStore, file: Path) -> Mapping[str, str]:
+    """One file, whose name is that of the artifact, whatever the input says."""
+    if not file.exists():
+        machine.record.complain(f"No files were found with the provided path: {file}.", "warning")
+        return _NO_ADDRESS
+    if not file.is_file():
+        raise UnsupportedFeature(f"the folder {file} without an archive")
+    store.upload(file.name, {file.name: file})
+    return _address(machine, store)
+
+
+def _address(machine: Machine, store: ArtifactStore) -> Mapping[str, str]:
+    """Of the artifact that was uploaded last, in a run and with a number that nobody else has."""
+    number = str(len(store.names()))
+    return {"artifact-id": number, "artifact-url": f"https://github.com/robot/robot/actions/runs/1/artifacts/{number}"}
 
 
 def _is_uploaded(file: Path, folder: Path) -> bool:
@@ -48,5 +70,5 @@ def _store(machine: Machine) -> ArtifactStore:
     return machine.artifacts
 
 
-UPLOAD = StandIn(_upload, required=("path",), defaults={"name": "artifact"})
+UPLOAD = StandIn(_upload, required=("path",), defaults={"name": "artifact", "archive": "true"})
 DOWNLOAD = StandIn(_download, required=("path",), defaults={"name": "", "pattern": ""})

@@ -21,7 +21,8 @@ def _restore(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:
     else:
         machine.cache.restore(found, _everywhere(machine, path), path)
         machine.record.hear(f"Cache restored from key: {found}\n")
-    return NO_OUTPUTS
+        return {"cache-matched-key": found}
+    return {"cache-matched-key": ""}
 
 
 def _save(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import pytest
 
 from tests.integration.github import JobResult, UnsupportedFeature
-from tests.integration.github.conftest import Act, Perform, run, run_job, uses
+from tests.integration.github.conftest import Act, Perform, printed, run, run_job, uses
 
 UPLOAD = "actions/upload-artifact@043fb46d1a93c77aae656e7c1c64a875d1fc6a0a"
 DOWNLOAD = "actions/download-artifact@3e5f45b2cfb9172054b4087a40e8e0b5a5461e7c"
@@ -41,6 +41,17 @@ def test_paths_in_an_artifact(perform: Perform, path: str, files: list[str]) -> 
 def test_no_files_found(perform: Perform) -> None:
     ended = run_job(perform, upload("none"))
     assert (ended.result, [annotation.level for annotation in ended.annotations]) == ("success", ["warning"])
+
+
+def test_a_file_without_an_archive_is_an_artifact_of_its_name(perform: Perform) -> None:
+    assert uploaded(run_job(perform, MAKE, upload("out/a", archive="false", name="x"))) == ["a/a"]
+    assert uploaded(run_job(perform, upload("none", archive="false"))) == []
+
+
+def test_an_upload_says_where_it_is(perform: Perform) -> None:
+    tell = run("echo at ${{ steps.it.outputs.artifact-url }}")
+    assert "at https://github.com/" in printed(run_job(perform, MAKE, upload("out"), tell))
+    assert printed(run_job(perform, upload("none"), tell)).endswith("at\n")
 
 
 def test_a_name_is_there_once(perform: Perform) -> None:
@@ -104,7 +115,7 @@ def test_runs_do_not_see_the_artifacts_of_others(perform: Perform) -> None:
         upload("out\nout/deep"),
         upload("out/a"),
         upload("out", archive="false"),
-        upload("out") + run("echo ${{ steps.it.outputs.artifact-url }}"),
+        upload("out") + run("echo ${{ steps.it.outputs.artifact-digest }}"),
     ],
 )
 def test_what_is_not_known_is_refused(perform: Perform, step: str) -> None:

@@ -52,6 +52,13 @@ def test_the_newest_cache_with_a_prefix_is_found(perform: Perform, key: str, fou
     assert printed(result).endswith(f"{found}\n")
 
 
+def test_what_was_found_is_told(perform: Perform) -> None:
+    tell = run("echo found ${{ steps.it.outputs.cache-matched-key }}.")
+    assert printed(run_job(perform, restore(), tell)).endswith("found .\n")
+    run_job(perform, run("touch file"), save({**FILE, "key": "k-1"}))
+    assert printed(run_job(perform, restore(), tell)).endswith("found k-1.\n")
+
+
 @pytest.mark.parametrize(
     "step",
     [
