@@ -13,7 +13,6 @@ from pathlib import Path
 from sim_action import __version__
 from sim_action.aftermath import skipped
 from sim_action.agreement import compared
-from sim_action.errors import ExitCode
 from sim_action.execution import execute
 from sim_action.golden_writing import with_own_goldens
 from sim_action.interruption import Interruption
@@ -37,8 +36,8 @@ class RunRequest:
     repeat: int = 1
 
 
-def run(request: RunRequest, interruption: Interruption) -> ExitCode:
-    """Runs everything, writes every report, and returns what the process says to its caller."""
+def run(request: RunRequest, interruption: Interruption) -> Results:
+    """Runs everything, writes every report, and returns what came of it."""
     started = time.monotonic()
     found = planned(request.plan)
     options = report_options(request.reports)
@@ -54,7 +53,7 @@ def run(request: RunRequest, interruption: Interruption) -> ExitCode:
         outcomes=(*outcomes, *map(Outcome.of_nothing, found.empty)),
     )
     write_reports(results, options)
-    return results.exit_code
+    return results
 
 
 def _outcomes(request: RunRequest, plans: Sequence[Plan], folder: Path, interruption: Interruption) -> list[Outcome]:

@@ -27,7 +27,7 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Sui
     from sim_action.subcommands.selection_flags import taken_selection
     from sim_action.suite import Suite
 
-    named = [split(path) for path in paths or click.get_current_context().lookup_default("paths") or ["."]]
+    named = [split(path) for path in named_paths(paths)]
     found = discover(file for file, _ in named)
     # However it is spelled, it is one outcome.
     empty: dict[str, str] = {}
@@ -40,6 +40,11 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Sui
         # Beside others, it is in the reports.
         (note if files else complain)(f"no scenario in or at '{pattern}'")
     return Suite(files, tuple(empty.values()), numbers, selection)
+
+
+def named_paths(paths: Sequence[str]) -> Sequence[str]:
+    """What was typed, or else what stands in pyproject.toml, or else the current folder."""
+    return paths or click.get_current_context().lookup_default("paths") or ["."]
 
 
 def _numbers(

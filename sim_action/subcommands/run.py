@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sim_action.errors import ExitCode, UsageError
-from sim_action.subcommands.paths import ALLOW_OUTSIDE, PATHS, discovered
+from sim_action.subcommands.paths import ALLOW_OUTSIDE, PATHS, discovered, named_paths
 from sim_action.subcommands.report_flags import report_flags, report_request
 from sim_action.subcommands.selection_flags import selection_flags
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     help="Begin nothing more once a scenario has not passed.",
 )
 @click.option("--list", "list_only", is_flag=True, help="Print names, places and tags of scenarios, and run none.")
+@click.option("--watch", is_flag=True, help="Go on: run again what is touched when files change, until Ctrl-C.")
 @report_flags
 @click.option("--shard", metavar="I/N", help="Run every N-th of the list only, variations counted, from the I-th on.")
 @click.option(
@@ -87,6 +88,7 @@ def run(
     *,
     fail_fast: bool,
     list_only: bool,
+    watch: bool,
     shard: str | None,
     backend: str | None,
     seed: int | None,
@@ -120,7 +122,13 @@ def run(
         if list_only:
             return _listed(plan)
         request = running.RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat)
-        return running.run(request, interruption)
+        if not watch:
+            return running.run(request, interruption).exit_code
+        if shard is not None or update_golden:
+            raise UsageError("--watch runs what is touched: it goes with no --shard, and no --update-golden")
+        from sim_action import watching
+
+        return watching.watch(request, named_paths(paths), interruption)
 
 
 def _listed(request: PlanRequest) -> ExitCode:

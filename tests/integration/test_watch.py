@@ -1,0 +1,124 @@
+"""`run --watch` as people have it: a process that goes on, files that are saved, Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.integration.conftest import write
+
+SCENARIO = """\
+name: {name}
+robot: {{model: turtlebot3_burger}}
+commands: {{twist: [{{linear: 1.0}}]}}
+expect: [{{travel: {{at_least: 5 cm}}}}]
+time_limit: 3 s
+"""
+FORBIDDEN = "expect: [{max_speed: {linear: 1 mm/s}}]"
+# s; as long as nobody would wait for a line.
+PATIENCE = 120
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process of its own here")
+
+
+@contextmanager
+def watching(folder: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[str], Callable[[str], str]]]:
+    """The process, and what waits for a line with a text in it and returns all lines until then."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim_action", "run", "--watch", *arguments],
+        cwd=folder,
+        env={**os.environ, "GITHUB_ACTIONS": "", "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    lines = queue.Queue[str]()
+    assert process.stdout is not None
+    stream = process.stdout
+    reader = threading.Thread(target=lambda: [lines.put(line) for line in stream], daemon=True)
+    reader.start()
+
+    def until(text: str) -> str:
+        seen = ""
+        while text not in seen:
+            seen += lines.get(timeout=PATIENCE)
+        return seen
+
+    try:
+        yield process, until
+    finally:
+        process.kill()
+        process.wait()
+        reader.join()
+        stream.close()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two scenarios, one of which has a base."""
+    (tmp_path / ".git").mkdir()
+    write(tmp_path / "a.sim.yml", SCENARIO.format(name="first"))
+    write(tmp_path / "b.sim.yml", "extends: b.base.yml\nname: second\n")
+    write(tmp_path / "b.base.yml", SCENARIO.format(name="base"))
+    return tmp_path
+
+
+def test_what_is_touched_runs_again_and_what_changed_is_told(folder: Path) -> None:
+    with watching(folder) as (process, until):
+        assert "2 passed" in until("watching 3 files")
+        base = SCENARIO.format(name="base").replace("expect: [{travel: {at_least: 5 cm}}]", FORBIDDEN)
+        write(folder / "b.base.yml", base)
+        told = until("watching 3 files")
+        assert "changed: b.base.yml" in told
+        assert "1 failed" in told
+        assert re.search(r"newly fails +second", told)
+        assert "first" not in told
+        write(folder / "b.base.yml", SCENARIO.format(name="base"))
+        assert re.search(r"mended +second", until("watching 3 files"))
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+
+
+def test_a_new_scenario_is_run_and_one_that_is_gone_is_not(folder: Path) -> None:
+    with watching(folder, ".") as (process, until):
+        until("watching 3 files")
+        write(folder / "c.sim.yml", SCENARIO.format(name="third"))
+        told = until("watching 4 files")
+        assert re.search(r"new +third", told)
+        assert "second" not in told
+        (folder / "b.sim.yml").unlink()
+        write(folder / "a.sim.yml", SCENARIO.format(name="first") + "tags: [quick]\n")
+        told = until("watching")
+        assert "changed: a.sim.yml" in told
+        process.send_signal(signal.SIGTERM)
+        assert process.wait() == 130
+
+
+def test_a_file_that_is_broken_for_a_while_is_told_and_watched_on(folder: Path) -> None:
+    with watching(folder, "a.sim.yml", "--output-dir", "out") as (process, until):
+        until("watching 1 file;")
+        write(folder / "a.sim.yml", "name: [")
+        assert "newly fails" in until("watching 1 file;")
+        write(folder / "a.sim.yml", SCENARIO.format(name="first"))
+        assert "1 passed" in until("watching 1 file;")
+        results = json.loads((folder / "out/results.json").read_text(encoding="utf-8"))
+        assert [outcome["status"] for outcome in results["outcomes"]] == ["passed"]
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+
+
+def test_shards_are_not_watched(folder: Path) -> None:
+    with watching(folder, "--shard", "1/2") as (process, until):
+        assert "it goes with no --shard" in until("--update-golden")
+        assert process.wait() == 2
