@@ -13,10 +13,23 @@ from typing import Final, Literal
 from sim_action.errors import ExitCode
 from sim_action.outcome import ExpectationOutcome, Outcome
 
-Turn = Literal["newly fails", "gone", "not run", "fails otherwise", "mended", "new", "still fails", "still passes"]
-"""newly fails: it passed, was not run, or was not there; fails otherwise: it failed, too, but with another status."""
+Turn = Literal[
+    "newly fails",
+    "flaky",
+    "gone",
+    "not run",
+    "not repeated",
+    "fails otherwise",
+    "mended",
+    "new",
+    "still fails",
+    "still passes",
+]
+"""newly fails: it passed, was not run, or was not there; not repeated: it was flaky, and passed in a single run; fails
+otherwise: it failed, too, but with another status."""
 
-_WARNINGS: Final[frozenset[Turn]] = frozenset({"gone", "not run"})
+_FAILURES: Final[frozenset[Turn]] = frozenset({"newly fails", "flaky"})
+_WARNINGS: Final[frozenset[Turn]] = frozenset({"gone", "not run", "not repeated"})
 
 # Of the limit: a margin that loses less is as good as before.
 _LEAST_LOSS: Final = 0.01
@@ -70,6 +83,7 @@ class Change:
         old, new: None where it was not among the scenarios; never both.
         missed: expectations that held, and do so no longer, and that is not why the scenario newly fails.
         behaves_otherwise: whether the robot moved in another way with the same seed, on the same engine.
+        processors: of the machines, if they are not alike: how fast each was then tells nothing of the scenario.
     """
 
     turn: Turn
@@ -79,6 +93,7 @@ class Change:
     shrunk: tuple[Shrunk, ...] = ()
     slower: Slower | None = None
     behaves_otherwise: bool = False
+    processors: tuple[str, str] | None = None
 
     @property
     def outcome(self) -> Outcome:
@@ -90,12 +105,13 @@ class Change:
     @property
     def failed(self) -> bool:
         """Whether that is what nobody wants."""
-        return self.turn == "newly fails"
+        return self.turn in _FAILURES
 
     @property
     def warnings(self) -> int:
         """How many things should be looked at, though it did not newly fail."""
-        return (self.turn in _WARNINGS) + len(self.missed) + len(self.shrunk) + (self.slower is not None)
+        slower = self.slower is not None and self.processors is None
+        return (self.turn in _WARNINGS) + len(self.missed) + len(self.shrunk) + slower
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +122,7 @@ class Comparison:
 
     @property
     def failures(self) -> int:
-        """How many scenarios newly fail."""
+        """How many scenarios newly fail, or are flaky."""
         return sum(change.failed for change in self.changes)
 
     @property
@@ -167,10 +183,11 @@ def _change(old: Outcome | None, new: Outcome | None, thresholds: Thresholds) ->
         turn,
         old,
         new,
-        missed=() if turn == "newly fails" else tuple(_missed(pairs)),
+        missed=() if turn in _FAILURES else tuple(_missed(pairs)),
         shrunk=tuple(shrunk for pair in pairs if (shrunk := _shrunk(*pair, thresholds.margin))),
         slower=_slower(old, new, thresholds.speed),
         behaves_otherwise=_behaves_otherwise(old, new),
+        processors=_processors(old, new),
     )
 
 
@@ -179,11 +196,21 @@ def _turn(old: Outcome | None, new: Outcome | None) -> Turn:
         return "gone"
     if new.status == "skipped":
         return "not run"
+    if new.status == "flaky":
+        return "flaky"
     if new.status == "passed":
-        return "new" if old is None else "mended" if _is_bad(old) else "still passes"
+        return _turn_to_good(old, new)
     if old is None or not _is_bad(old):
         return "newly fails"
     return "still fails" if old.status == new.status else "fails otherwise"
+
+
+def _turn_to_good(old: Outcome | None, new: Outcome) -> Turn:
+    if old is None:
+        return "new"
+    if old.status == "flaky" and new.repeats is None:
+        return "not repeated"
+    return "mended" if _is_bad(old) else "still passes"
 
 
 def _is_bad(outcome: Outcome) -> bool:
@@ -238,5 +265,16 @@ def _slower(old: Outcome, new: Outcome, threshold: float) -> Slower | None:
 
 
 def _behaves_otherwise(old: Outcome, new: Outcome) -> bool:
-    made_alike = (old.seed, old.engine) == (new.seed, new.engine)
+    made_alike = _made_with(old) == _made_with(new)
     return made_alike and None not in (old.digest, new.digest) and old.digest != new.digest
+
+
+def _made_with(outcome: Outcome) -> tuple[int | None, str | None, str | None]:
+    build = outcome.provenance.engine_build if outcome.provenance else None
+    return outcome.seed, outcome.engine, build
+
+
+def _processors(old: Outcome, new: Outcome) -> tuple[str, str] | None:
+    if old.provenance is None or new.provenance is None or old.provenance.cpu == new.provenance.cpu:
+        return None
+    return old.provenance.cpu, new.provenance.cpu

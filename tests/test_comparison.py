@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from sim_action.comparison import Change, Comparison, Shrunk, Slower, Thresholds, Turn, compared
 from sim_action.errors import ExitCode
 from sim_action.location import Location
-from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Status
+from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Repeats, Status
+from sim_action.provenance import Provenance
 from sim_action.verdict import Verdict
 
-STATUSES: tuple[Status, ...] = ("passed", "failed", "error", "skipped")
+STATUSES: tuple[Status, ...] = ("passed", "failed", "flaky", "error", "skipped")
 
 
 def expected(name: str = "clearance", **verdict: Any) -> ExpectationOutcome:
@@ -25,11 +26,17 @@ def expected(name: str = "clearance", **verdict: Any) -> ExpectationOutcome:
 
 
 def outcome(name: str = "a", status: Status = "passed", *, file: str = "a.sim.yml", **fields: Any) -> Outcome:
+    if status == "flaky":
+        fields["failures"] = (Failure(kind="flaky", title="flaky", message="no two runs are the same"),)
     if status == "error":
         fields["failures"] = (Failure(kind="crash", title="SIGSEGV", message="it crashed"),)
     if status == "failed":
         fields.setdefault("expectations", (expected(passed=False, margin=-0.1),))
     return Outcome(name=name, file=file, status=status, **fields)
+
+
+def made_on(cpu: str, build: str = "a wheel") -> Provenance:
+    return Provenance(cpu=cpu, engine_build=build, sim_action="0", python="3.11", platform="Linux")
 
 
 def changed(old: Outcome | None, new: Outcome | None, thresholds: Thresholds | None = None) -> Change:
@@ -55,13 +62,25 @@ def changed(old: Outcome | None, new: Outcome | None, thresholds: Thresholds | N
         (None, "passed", "new"),
         (None, "failed", "newly fails"),
         (None, "skipped", "not run"),
+        ("passed", "flaky", "flaky"),
+        ("flaky", "flaky", "flaky"),
+        (None, "flaky", "flaky"),
+        ("flaky", "passed", "not repeated"),
+        ("flaky", "failed", "fails otherwise"),
     ],
 )
 def test_what_became_of_a_scenario(old: Status | None, new: Status | None, turn: Turn) -> None:
     change = changed(old and outcome(status=old), new and outcome(status=new))
     assert change.turn == turn
-    assert Comparison((change,)).exit_code() is (ExitCode.FAILED if turn == "newly fails" else ExitCode.PASSED)
-    assert change.warnings == (turn in ("gone", "not run"))
+    assert Comparison((change,)).exit_code() is (
+        ExitCode.FAILED if turn in ("newly fails", "flaky") else ExitCode.PASSED
+    )
+    assert change.warnings == (turn in ("gone", "not run", "not repeated"))
+
+
+def test_what_was_flaky_is_mended_once_several_runs_are_the_same() -> None:
+    repeats = Repeats(count=5, agreed=5, digests=1)
+    assert changed(outcome(status="flaky"), outcome(repeats=repeats)).turn == "mended"
 
 
 def test_warnings_fail_only_if_they_are_to() -> None:
@@ -130,6 +149,17 @@ def test_slower_runs(old: float, new: float, sim_time: float, found: Slower | No
     assert changed(before, now).slower == found
 
 
+def test_on_another_machine_slower_runs_are_no_warning() -> None:
+    before, now = (
+        outcome(real_time_factor=factor, sim_time=30.0, provenance=made_on(cpu))
+        for cpu, factor in (("Big", 100.0), ("Small", 10.0))
+    )
+    change = changed(before, now)
+    assert (change.slower, change.processors, change.warnings) == (Slower(100.0, 10.0), ("Big", "Small"), 0)
+    same = changed(before, now.model_copy(update={"provenance": before.provenance}))
+    assert (same.processors, same.warnings) == (None, 1)
+
+
 @pytest.mark.parametrize(
     ("fields", "otherwise"),
     [
@@ -138,10 +168,12 @@ def test_slower_runs(old: float, new: float, sim_time: float, found: Slower | No
         ({"digest": "f1", "seed": 2}, False),
         ({"digest": "f1", "engine": "MuJoCo 4.0"}, False),
         ({"digest": None}, False),
+        ({"digest": "f1", "provenance": made_on("Big", "another wheel")}, False),
+        ({"digest": "f1", "provenance": made_on("Small")}, True),
     ],
 )
 def test_a_robot_that_moves_otherwise_with_the_same_seed_and_engine(fields: dict[str, Any], otherwise: bool) -> None:
-    made: dict[str, Any] = {"seed": 1, "engine": "PyBullet 3.2.7", "digest": "f0"}
+    made: dict[str, Any] = {"seed": 1, "engine": "PyBullet 3.2.7", "digest": "f0", "provenance": made_on("Big")}
     change = changed(outcome(**made), outcome(**{**made, **fields}))
     assert change.behaves_otherwise is otherwise
     assert change.warnings == 0
@@ -179,5 +211,5 @@ def test_every_outcome_is_compared_once(old: list[Outcome], new: list[Outcome]) 
 @given(outcomes)
 def test_nothing_has_changed_since_the_same_run(same: list[Outcome]) -> None:
     comparison = compared(same, same)
-    assert comparison.failures == 0
-    assert all(change.turn in ("still passes", "still fails", "not run") for change in comparison.changes)
+    assert comparison.failures == comparison.count("flaky")
+    assert all(change.turn in ("still passes", "still fails", "not run", "flaky") for change in comparison.changes)

@@ -32,8 +32,12 @@ def comparison_markdown(comparison: Comparison) -> str:
 
 
 def _title(comparison: Comparison) -> str:
-    if count := comparison.failures:
-        return f"❌ {count} {'scenario newly fails' if count == 1 else 'scenarios newly fail'}"
+    flaky, failing = comparison.count("flaky"), comparison.count("newly fails")
+    if failing:
+        more = f", {flaky} flaky" if flaky else ""
+        return f"❌ {failing} {'scenario newly fails' if failing == 1 else 'scenarios newly fail'}{more}"
+    if flaky:
+        return f"🎲 {flaky} {'scenario is' if flaky == 1 else 'scenarios are'} flaky"
     if count := comparison.warnings:
         return f"⚠️ Nothing newly fails, {count} {'warning' if count == 1 else 'warnings'}"
     return "✅ Nothing newly fails"

@@ -14,8 +14,10 @@ Look = Literal["bad", "warning", "note", "good"]
 
 _LOOKS: Final[dict[Turn, Look]] = {
     "newly fails": "bad",
+    "flaky": "bad",
     "not run": "warning",
     "gone": "warning",
+    "not repeated": "warning",
     "fails otherwise": "note",
     "still fails": "note",
     "mended": "good",
@@ -45,6 +47,7 @@ def headline(comparison: Comparison) -> str:
     warnings = comparison.warnings
     named = (
         (comparison.count("newly fails"), "newly fails", "newly fail"),
+        (comparison.count("flaky"), "flaky", "flaky"),
         (warnings, "warning", "warnings"),
         (comparison.count("fails otherwise"), "fails otherwise", "fail otherwise"),
         (comparison.count("still fails"), "still fails", "still fail"),
@@ -63,10 +66,12 @@ def _rows_of(change: Change) -> Iterator[Row]:
         yield Row("warning", "holds no longer", change.outcome, f"{missed.name}: {missed.verdict.message}")
     for shrunk in change.shrunk:
         yield Row("warning", "margin shrinks", change.outcome, _shrunk(shrunk))
+    elsewhere = "" if change.processors is None else " (on another machine: {}, now {})".format(*change.processors)
     if slower := change.slower:
-        yield Row("warning", "slower", change.outcome, f"{factor(slower.old)}, now {factor(slower.new)}")
+        told = f"{factor(slower.old)}, now {factor(slower.new)}{elsewhere}"
+        yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
     if change.behaves_otherwise:
-        told = "another digest with the same seed, on the same engine"
+        told = f"another digest with the same seed, on the same engine{elsewhere}"
         yield Row("note", "moves otherwise", change.outcome, told)
 
 
@@ -74,6 +79,8 @@ def _told(change: Change) -> str:
     """Why it fails now, or why it did; of the rest, what it was."""
     if change.turn == "mended":
         return f"failed before: {_reason(change.old)}"
+    if change.turn == "not repeated":
+        return "was flaky, and has run once"
     if change.turn in ("gone", "not run"):
         return "" if change.old is None else f"was: {change.old.status}"
     reason = _reason(change.outcome)

@@ -35,7 +35,7 @@ def compare(
     """Tell what has changed between two runs: what newly fails, was mended, came nearer to its limit.
 
     OLD and NEW are results.json files, or folders with one or with those of all shards. Exit code: 0 nothing newly
-    fails, 1 a scenario newly fails, 2 there are no results, or none that can be read.
+    fails, 1 a scenario newly fails or is flaky, 2 there are no results, or none that can be read.
     """
     from sim_action import comparing
     from sim_action.comparison import Thresholds

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,7 +47,7 @@ def watching(folder: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[s
     lines = queue.Queue[str]()
     assert process.stdout is not None
     stream = process.stdout
-    reader = threading.Thread(target=lambda: [lines.put(line) for line in stream], daemon=True)
+    reader = threading.Thread(target=lambda: deque(map(lines.put, stream), maxlen=0), daemon=True)
     reader.start()
 
     def until(text: str) -> str:

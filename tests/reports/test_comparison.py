@@ -10,7 +10,8 @@ import pytest
 from markdown_it import MarkdownIt
 
 from sim_action.comparison import Comparison, compared
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Failure, Outcome, Results
+from sim_action.provenance import Provenance
 from sim_action.reports.comparison_markdown import MOST_CHARACTERS, comparison_markdown
 from sim_action.reports.comparison_rows import headline, rows
 from sim_action.reports.comparison_terminal import print_comparison
@@ -29,7 +30,21 @@ def several(samples: Samples) -> Comparison:
     old += [_named("gone", passed), _named("same", passed), _named("still", failed), _named("otherwise", failed)]
     new = [_named("breaks", failed), _named("mended", passed), _named("tight", slow), _named("same", passed)]
     new += [_named("still", failed), _named("new", passed), _named("otherwise", crash)]
+    old += [_named("elsewhere", passed.model_copy(update={**fast, "provenance": _made_on("Big")}))]
+    new += [_named("elsewhere", slow.model_copy(update={"provenance": _made_on("Small | 2")}))]
+    flaky = crash.model_copy(
+        update={
+            "status": "flaky",
+            "failures": (Failure(kind="flaky", title="flaky", message="no two of 5 runs the same"),),
+        }
+    )
+    old += [_named("shaky", passed), _named("once", flaky)]
+    new += [_named("shaky", flaky), _named("once", passed)]
     return compared(old, new)
+
+
+def _made_on(cpu: str) -> Provenance:
+    return Provenance(cpu=cpu, sim_action="0.1.0", python="3.11.7", platform="Linux")
 
 
 def _named(name: str, outcome: Outcome) -> Outcome:
@@ -60,8 +75,15 @@ def test_the_worst_is_first_in_markdown_and_last_above_the_prompt(several: Compa
     looks = [row.look for row in rows(several)]
     assert looks == sorted(looks, key=["bad", "warning", "note", "good"].index)
     *_, worst, closing = printed(several).splitlines()
-    assert "newly fails" in worst
+    assert worst.startswith("✗ newly fails")
     assert closing == headline(several)
+
+
+def test_a_flaky_scenario_is_in_the_title(samples: Samples) -> None:
+    flaky = samples["crash"].outcomes[0].model_copy(update={"status": "flaky"})
+    failed = samples["failed"].outcomes[0]
+    assert comparison_markdown(compared([], [flaky])).startswith("## 🎲 1 scenario is flaky\n")
+    assert comparison_markdown(compared([], [flaky, failed])).startswith("## ❌ 1 scenario newly fails, 1 flaky\n")
 
 
 def test_runs_that_are_alike_have_a_headline_alone(samples: Samples) -> None:
