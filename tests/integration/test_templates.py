@@ -12,7 +12,6 @@ from urllib.parse import parse_qs
 import pytest
 from junitparser import JUnitXml
 
-from sim_action.reports import REPORTS
 from tests.integration.conftest import ACTION, write
 from tests.integration.github import CacheStore, JobResult, WorkflowResult, run_workflow
 
@@ -20,6 +19,23 @@ TEMPLATES = ACTION / "examples/workflows"
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
 STUCK = TUTORIAL.replace("linear: 1.0", "linear: 0.0").replace("30 s", "2 s")
 ASSERTION_LINE = next(number for number, line in enumerate(TUTORIAL.splitlines(), 1) if "travel:" in line)
+FLAKY = """\
+name: shaky
+robot: {model: turtlebot3_burger}
+commands: {script: controller.py}
+expect: [{stay_within: {x: [-10, 10]}}]
+duration: 0.2 s
+time_limit: 1 s
+"""
+CONTROLLER = """\
+import os
+
+from sim_action import Twist
+
+
+def control(observation):
+    return Twist((os.urandom(1)[0] / 255, 0.0, 0.0), (0.0, 0.0, 0.0))
+"""
 REPORTERS = ["reporter-dorny", "reporter-enricomi", "reporter-mikepenz"]
 FROM_FORK = {"pull_request": {"number": 7, "head": {"repo": {"full_name": "stranger/robot"}}}}
 
@@ -73,7 +89,6 @@ def test_gate_keeps_the_results_of_failures(run_template: RunTemplate, repositor
     assert JUnitXml.fromfile(str(result.artifacts / "sim-results/junit.xml")).failures == 1
 
 
-@pytest.mark.skipif("report" not in REPORTS, reason="no report.html is written yet")
 def test_gate_links_the_report_at_the_moment_of_the_failure(run_template: RunTemplate, repository: Path) -> None:
     write(repository / "simulation/b.sim.yml", STUCK.replace("burger drives straight", "stuck (again)"))
     result = run_template("pull-request-gate", event_name="pull_request")
@@ -92,6 +107,17 @@ def test_gate_tells_what_a_pull_request_changes(run_template: RunTemplate, repos
     changed = run_template("pull-request-gate", event_name="pull_request", cache=cache).jobs["simulation"]
     assert "❌ 1 scenario newly fails" in changed.summary
     assert "1 newly fails, 1 still fails, 2 still pass" in changed.summary
+
+
+def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, repository: Path) -> None:
+    for name in "bcd":
+        (repository / f"simulation/{name}.sim.yml").unlink()
+    write(repository / "simulation/b.sim.yml", FLAKY)
+    write(repository / "simulation/controller.py", CONTROLLER)
+    result = run_template("nightly", event_name="workflow_dispatch")
+    assert result.conclusion == "failure"
+    assert "1 passed, 1 flaky" in result.jobs["repeats"].summary
+    assert "the same 20 times" in result.jobs["repeats"].summary
 
 
 def test_shards_are_reported_as_one_run(run_template: RunTemplate, repository: Path) -> None:
@@ -139,7 +165,7 @@ def test_reusable_workflow_hands_back_what_came_of_it(run_template: RunTemplate,
 
 
 def test_every_template_is_tried() -> None:
-    tried = {"simulation", "pull-request-gate", "sharded", *REPORTERS, "reusable", "reusable-caller"}
+    tried = {"simulation", "pull-request-gate", "nightly", "sharded", *REPORTERS, "reusable", "reusable-caller"}
     assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
 
 

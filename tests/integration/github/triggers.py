@@ -11,7 +11,14 @@ from tests.integration.github.expressions import evaluate
 from tests.integration.github.values import Known, Value, to_text
 
 # What an event may be said to need: who calls this says that there was one, and thereby that it is on the branch.
-_KEYS: Final = {"push": {"branches"}, "pull_request": set[str](), "workflow_call": {"inputs", "outputs"}}
+_KEYS: Final = {
+    "push": {"branches"},
+    "pull_request": set[str](),
+    "workflow_call": {"inputs", "outputs"},
+    "workflow_dispatch": set[str](),
+    # Its times are a list: only what else starts the workflow is known here.
+    "schedule": set[str](),
+}
 _INPUT_KEYS: Final = ("description", "default", "type")
 
 
