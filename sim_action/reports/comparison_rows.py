@@ -70,7 +70,8 @@ def _rows_of(change: Change) -> Iterator[Row]:
     if slower := change.slower:
         told = f"{factor(slower.old)}, now {factor(slower.new)}{elsewhere}"
         yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
-    if change.behaves_otherwise:
+    # Of a verdict that is another one, it is no news.
+    if change.behaves_otherwise and change.turn in ("still passes", "still fails"):
         told = f"another digest with the same seed, on the same engine{elsewhere}"
         yield Row("note", "moves otherwise", change.outcome, told)
 
@@ -99,10 +100,10 @@ def _reason(outcome: Outcome | None) -> str:
 
 
 def _before(change: Change) -> str:
-    """What was measured when it held."""
+    """What was measured when it held; nothing of what has no more than two values, such as whether it touched."""
     failed = next((expected for expected in change.outcome.causes_first if expected.failed), None)
     held = _same(change.old, failed)
-    told = "" if held is None else measurements(held.verdict)
+    told = measurements(held.verdict) if held and held.verdict.margin else ""
     return f"; before: {told}" if told else ""
 
 

@@ -79,6 +79,14 @@ def test_the_worst_is_first_in_markdown_and_last_above_the_prompt(several: Compa
     assert closing == headline(several)
 
 
+def test_a_digest_is_news_where_the_verdict_is_none(samples: Samples) -> None:
+    passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
+    again = passed.model_copy(update={"digest": "f1"})
+    assert [row.what for row in rows(compared([passed], [again]))] == ["moves otherwise"]
+    worse = failed.model_copy(update={"digest": "f1"})
+    assert [row.what for row in rows(compared([passed], [worse]))] == ["newly fails"]
+
+
 def test_a_flaky_scenario_is_in_the_title(samples: Samples) -> None:
     flaky = samples["crash"].outcomes[0].model_copy(update={"status": "flaky"})
     failed = samples["failed"].outcomes[0]
