@@ -645,3 +645,8 @@ def test_no_bad_model_ends_the_process(engine: str, tmp_path: Path) -> None:
     assert "REFUSED EngineError" not in lines
     assert lines.count("SIMULATED 49") >= 10
     assert len(lines) == 2 * sum(line.startswith("MODEL") for line in lines)
+
+
+def test_what_has_made_no_step_has_nothing_to_tell(tmp_path: Path, engine: str) -> None:
+    with running(engine, scene_of(tmp_path, BALL, Robot(model="robot.urdf"))) as backend:
+        assert len(backend.collect()) == 0

@@ -260,7 +260,7 @@ def test_signals_to_whom_it_descends_from_cost_the_script_its_own_scenario_only(
     tmp_path: Path, body: str, cause: str
 ) -> None:
     child = "subprocess.Popen(['sleep', '600'])\n"
-    script(tmp_path, "patricide", child + body, "wall_limit: 2 s")
+    script(tmp_path, "patricide", child + body, f"wall_limit: {2 if 'no verdict' in cause else 60} s")
     (tmp_path / "honest.sim.yml").write_text(HONEST.format(number=1))
     found = outcomes(tmp_path)
     assert found["honest 1"].status == "passed"

@@ -84,7 +84,7 @@ class States:
         """(T, 1 + P + V + J): the rows since the last call."""
         rows = np.empty((len(self._steps), self._width))
         rows[:, 0] = self._steps
-        rows[:, 1:] = np.frombuffer(b"".join(self._kept)).reshape(len(rows), -1)
+        rows[:, 1:] = np.frombuffer(b"".join(self._kept)).reshape(len(rows), self._width - 1)
         self._steps, self._kept = [], []
         return rows
 
