@@ -39,14 +39,20 @@ class _Watched:
         files: scenario file -> files that it is made of.
         folders: where others may come to be.
         seen: how all of these were when the last run began.
+        ignored: what the runs write themselves.
     """
 
     files: dict[Path, frozenset[Path]] = field(default_factory=dict)
     folders: frozenset[Path] = frozenset()
     seen: dict[Path, Stamp] = field(default_factory=dict)
+    ignored: set[Path] = field(default_factory=set)
 
     def paths(self) -> set[Path]:
-        return set(self.folders).union(*self.files.values())
+        return set(self.folders).union(*self.files.values()) - self.ignored
+
+    def changed(self) -> set[Path]:
+        """What is not as it was."""
+        return {path for path, stamp in stamps(self.seen).items() if stamp != self.seen[path]}
 
     def touched(self, changed: set[Path]) -> list[Path]:
         """The scenario files that are made of something that has changed."""
@@ -61,11 +67,13 @@ def watch(request: RunRequest, patterns: Sequence[str], interruption: Interrupti
     watched = _Watched()
     _look(watched, request, request.plan.suite.files, patterns)
     outcomes = _by_file(running.run(request, interruption))
+    written = _without_written(watched, set())
     _note_watched(watched)
     while changed := _wait(watched, interruption):
         if touched := _touched(watched, changed, request, patterns):
             _note(f"changed: {_told(changed - watched.folders)}")
             outcomes |= _rerun(request, touched, outcomes, interruption)
+            written = _without_written(watched, written)
             _note_watched(watched)
     return ExitCode.INTERRUPTED
 
@@ -77,6 +85,19 @@ def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], pattern
     folders = {Path(pattern) for pattern in patterns if Path(pattern).is_dir()}
     watched.folders = frozenset(folders | {file.parent for file in watched.files})
     watched.seen = stamps(watched.paths())
+
+
+def _without_written(watched: _Watched, before: set[Path]) -> set[Path]:
+    """What has changed while a run went on; what has done so in the run `before`, too, is looked at no longer.
+
+    Else a log that a scenario names would have it run for ever. People write scenarios: these are looked at always.
+    """
+    now = {path for path in watched.changed() - watched.folders if path.suffix not in (".yml", ".yaml")}
+    for path in sorted(now & before):
+        _note(f"{os.path.relpath(path)} changes whenever this runs, and is watched no longer")
+        watched.ignored.add(path)
+        del watched.seen[path]
+    return now
 
 
 def _wait(watched: _Watched, interruption: Interruption) -> set[Path]:

@@ -27,8 +27,20 @@ expect: [{{travel: {{at_least: 5 cm}}}}]
 time_limit: 3 s
 """
 FORBIDDEN = "expect: [{max_speed: {linear: 1 mm/s}}]"
+WRITES = """\
+from pathlib import Path
+
+from sim_action import Twist
+
+log = Path(__file__).with_name("run.log").open("a", buffering=1)
+
+
+def control(observation):
+    log.write("on\\n")
+    return Twist((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+"""
 # s; as long as nobody would wait for a line.
-PATIENCE = 120
+PATIENCE = 60
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process of its own here")
 
@@ -115,6 +127,18 @@ def test_a_file_that_is_broken_for_a_while_is_told_and_watched_on(folder: Path) 
         assert "1 passed" in until("watching 1 file;")
         results = json.loads((folder / "out/results.json").read_text(encoding="utf-8"))
         assert [outcome["status"] for outcome in results["outcomes"]] == ["passed"]
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+
+
+def test_what_the_runs_write_themselves_does_not_have_them_run_for_ever(folder: Path) -> None:
+    write(folder / "log.py", WRITES)
+    write(folder / "a.sim.yml", SCENARIO.format(name="run.log").replace("twist: [{linear: 1.0}]", "script: log.py"))
+    with watching(folder, "a.sim.yml") as (process, until):
+        assert "run.log changes whenever this runs, and is watched no longer" in until("watched no longer")
+        until("watching 2 files")
+        write(folder / "log.py", f"{WRITES}\n")
+        assert "changed: log.py\n" in until("watching 2 files")
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
 
