@@ -12,6 +12,7 @@
         ├── BadStart                   the robot cannot begin where the scenario puts it
         ├── BadSource             2    a command source cannot give what the scenario asks it for
         ├── SimulationUnstable         the simulated state is no longer physics
+        ├── SourceOver                 nobody is left who would command the robot: the run is over, and is judged
         └── ScriptError                code of the user's raised or answered nonsense
 
 Exit code 0 is a run in which all scenarios passed, 5 one that found none, 130 one that was interrupted.
@@ -176,3 +177,7 @@ class ScriptError(RunError):
     def __str__(self) -> str:
         when = "" if self.time is None else f"at {self.time:.6g} s of sim time, "
         return f"{when}{super().__str__()}"
+
+
+class SourceOver(RunError):
+    """Nobody is left who would command the robot: the run ends here, and what was simulated is judged."""

@@ -17,8 +17,8 @@ from sim_action.verdict import Verdict
 if TYPE_CHECKING:
     from sim_action.trace import Trace
 
-End = Literal["goals met", "broken", "duration", "time limit"]
-"""Why a run was over."""
+End = Literal["goals met", "broken", "duration", "time limit", "nobody left"]
+"""Why a run was over; nobody left: those have gone who commanded the robot."""
 
 
 @dataclass(frozen=True)

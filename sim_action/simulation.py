@@ -16,7 +16,7 @@ from sim_action.channels import Channels
 from sim_action.controls import Controls, padded
 from sim_action.digest import Digest
 from sim_action.drives import Drive, recognise
-from sim_action.errors import RunError
+from sim_action.errors import RunError, SourceOver
 from sim_action.footage import Footage
 from sim_action.missed import missed
 from sim_action.panel import End, Panel
@@ -155,6 +155,8 @@ class _Loop:
                 is_last = panel.end is not None or failure is not None
                 footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
                 progress(panel.time)
+            if isinstance(failure, SourceOver):
+                break
             if failure is not None and panel.end is None:
                 raise failure
         wall_time = time.perf_counter() - started
@@ -164,7 +166,7 @@ class _Loop:
         return SimulationRun(
             trace=kept,
             verdicts=panel.verdicts(),
-            end=panel.end,
+            end=panel.end or "nobody left",
             digest=digest.hexdigest(),
             travelled=float(kept.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
