@@ -1,0 +1,64 @@
+"""Plugins of lidars that sweep a plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from sensor_msgs.msg import LaserScan
+
+from sim_action.geometry import Pose, quaternion_from_rpy
+from sim_action.observation import Observation
+from sim_action.readings import LidarScan
+from sim_action.robot_model import RobotModel
+from sim_action.ros1.gazebo_tags import Plugin
+from sim_action.ros1.node.devices import TICKS, Device, Told, period_of
+from sim_action.ros1.node.messages import header
+from sim_action.ros1.node.publishing import publisher
+from sim_action.sensors.lidar import Lidar
+from sim_action.sensors.mounting import MountedSensor
+
+
+def open_laser(plugin: Plugin, model: RobotModel, told: Told) -> Iterable[Device]:
+    """gazebo_ros_laser, gazebo_ros_gpu_laser."""
+    sensor, name = plugin.sensor, f"laser {plugin.topic('topicName', default='scan')}"
+    sender = publisher(plugin.topic("topicName", default="scan"), LaserScan)
+    frame = plugin.own.text("frameName", default=plugin.link)
+    period = period_of(sensor.number("update_rate", default=0.0))
+
+    def publish(seconds: float, seen: Observation) -> None:
+        scan = seen.sensors[name]
+        assert isinstance(scan, LidarScan)
+        sender.publish(
+            LaserScan(
+                header=header(seconds, frame),
+                angle_min=scan.angle_min,
+                angle_max=scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1),
+                angle_increment=scan.angle_increment,
+                scan_time=period / TICKS,
+                range_min=scan.range_min,
+                range_max=scan.range_max,
+                ranges=scan.ranges.tolist(),
+            )
+        )
+
+    yield Device(period, publish, MountedSensor(_lidar(plugin), name, plugin.link, _pose(plugin), TICKS / period, False))
+
+
+def _lidar(plugin: Plugin) -> Lidar:
+    sensor, sweep = plugin.sensor, "ray/scan/horizontal"
+    first, last = (sensor.number(f"{sweep}/{end}_angle", default=0.0) for end in ("min", "max"))
+    return Lidar(
+        rays=max(1, round(sensor.number(f"{sweep}/samples", default=1))),
+        field_of_view=min(max(last - first, 1e-6), 2 * math.pi),
+        angle_min=first,
+        min_range=sensor.number("ray/range/min", default=0.0),
+        range=sensor.number("ray/range/max", default=10.0),
+        noise=sensor.number("ray/noise/stddev", default=plugin.own.number("gaussianNoise", default=0.0)),
+    )
+
+
+def _pose(plugin: Plugin) -> Pose:
+    words = (plugin.sensor.text("pose") or "0 0 0 0 0 0").split()
+    x, y, z, roll, pitch, yaw = map(float, words)
+    return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))

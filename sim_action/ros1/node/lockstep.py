@@ -1,0 +1,131 @@
+"""Sim time and nodes in step: nothing goes on before every node has dealt with all that it was told."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import rospy
+
+from sim_action.errors import SourceOver
+from sim_action.ros1.graph import Graph, Master
+from sim_action.ros1.quiet import Watched
+from sim_action.ros1.siblings import Children, descendants, is_written, name_of, test_result
+
+# In s of wall time: how long nodes may compute between two ticks, and how long processes may take to become nodes.
+PATIENCE: Final = 10.0
+# Once lock-step is lost, nobody waits long for it to come back.
+_HURRY: Final = 0.05
+_LOOK: Final = 0.01
+# How long nothing may change if nobody commands the robot, until the clock starts all the same.
+_CALM: Final = 2.0
+
+
+class TestOver(SourceOver):
+    """The test that rostest has started has judged."""
+
+
+class Lockstep:
+    """Holds the clock until all nodes wait."""
+
+    def __init__(self, master: Master, node: str) -> None:
+        self._master, self._node = master, node
+        self._watched = Watched(spared=threading.get_native_id())
+        self._launcher = Children(os.getppid())
+        self._siblings: frozenset[int] = frozenset()
+        self._given_up: set[int] = set()
+        self._tests: dict[int, Path] = {}
+        self._patience = PATIENCE
+        self.notes: list[str] = []
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether nodes were waited for all the time."""
+        return self._patience == PATIENCE
+
+    def begin(self, commands: frozenset[str]) -> None:
+        """Waits until everybody is there who is about to come; `commands`: topics by which the robot is driven."""
+        calm_since = time.monotonic()
+        before: Graph | None = None
+        while not self._is_everybody_there():
+            time.sleep(_LOOK)
+        while True:
+            graph = self._master.graph()
+            if graph != before:
+                before, calm_since = graph, time.monotonic()
+            is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands)
+            if self._master.is_connected(graph) and (is_driven or time.monotonic() - calm_since > _CALM):
+                break
+            self._end_if_over()
+            time.sleep(_LOOK)
+        self.settle(0.0)
+
+    def settle(self, seconds: float) -> None:
+        """Waits until nobody has anything to do at a sim time. Raises SourceOver when there is nobody left to wait for."""
+        while True:
+            if not self._watched.wait(self._patience):
+                self._lose(seconds)
+                return
+            self._end_if_over()
+            if not self._has_changed():
+                return
+            self._wait_for_newcomers()
+
+    def _has_changed(self) -> bool:
+        return self._launcher.look() != self._siblings
+
+    def _wait_for_newcomers(self) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not self._is_everybody_there():
+            self._end_if_over()
+            if time.monotonic() > deadline:
+                self._give_up()
+            time.sleep(_LOOK)
+        graph = self._master.graph()
+        while not self._master.is_connected(graph) and time.monotonic() < deadline:
+            time.sleep(_LOOK)
+            graph = self._master.graph()
+
+    def _is_everybody_there(self) -> bool:
+        """Whether all processes beside ours are nodes, or have started one."""
+        self._siblings = siblings = self._launcher.look()
+        self._note_tests(siblings)
+        graph = self._master.graph()
+        nodes = frozenset(graph.pids.values())
+        self._watched.watch({*nodes, graph.master, os.getpid()})
+        missing = siblings - nodes - self._given_up
+        return not any(nodes.isdisjoint(descendants(pid)) for pid in missing)
+
+    def _note_tests(self, siblings: frozenset[int]) -> None:
+        if self._tests and self._tests.keys().isdisjoint(siblings):
+            raise TestOver("the test is over")
+        self._tests = {pid: path for pid in siblings if (path := test_result(pid))}
+
+    def _give_up(self) -> None:
+        for pid in self._late():
+            self._given_up.add(pid)
+            self.notes.append(
+                f"'{name_of(pid)}' has not become a node of ROS within {PATIENCE:g} s of wall time; it is not waited for"
+            )
+
+    def _late(self) -> Iterator[int]:
+        nodes = frozenset(self._master.graph().pids.values())
+        return (pid for pid in self._siblings - nodes - self._given_up if nodes.isdisjoint(descendants(pid)))
+
+    def _lose(self, seconds: float) -> None:
+        if self.is_kept:
+            self.notes.append(
+                f"lock-step was lost at {seconds:g} s of sim time: nodes were still busy after {PATIENCE:g} s of wall "
+                "time; from there on the run is not deterministic"
+            )
+        self._patience = _HURRY
+
+    def _end_if_over(self) -> None:
+        if rospy.is_shutdown():
+            raise SourceOver("the nodes were told to leave")
+        if self._tests and all(map(is_written, self._tests.values())):
+            raise TestOver("the test is over")

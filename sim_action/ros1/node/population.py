@@ -1,0 +1,72 @@
+"""Who is in the world: the robot, and bodies that nodes have spawned, as data that a simulation can begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+from sim_action.geometry import Pose, rpy_from_quaternion
+from sim_action.world import Body, Placement, World
+
+
+@dataclass(frozen=True, slots=True)
+class SpawnedRobot:
+    """The robot, as it was spawned.
+
+    Attributes:
+        name: of its model among nodes.
+        description: URDF or SDF.
+        pose: of its base link; a height of less than its own is raised until it stands on the ground.
+        joints: where its joints are, in rad or m; those left out are at home.
+    """
+
+    name: str
+    description: str
+    pose: Pose
+    joints: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Population:
+    """All that there is; `robot` None: it is still to be spawned."""
+
+    world: World
+    robot: SpawnedRobot | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all models, the ground first, as Gazebo has it."""
+        bodies = tuple(body.name for body in self.world.objects)
+        return ("ground_plane", *bodies, *([self.robot.name] if self.robot else []))
+
+    def with_body(self, body: Body) -> Self:
+        """The same, and a body; one of its name gives way."""
+        others = tuple(each for each in self.world.objects if each.name != body.name)
+        return replace(self, world=self.world.model_copy(update={"objects": (*others, body)}))
+
+    def without(self, name: str) -> Self:
+        """The same without a model."""
+        if self.robot is not None and self.robot.name == name:
+            return replace(self, robot=None)
+        others = tuple(each for each in self.world.objects if each.name != name)
+        return replace(self, world=self.world.model_copy(update={"objects": others}))
+
+    def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
+        """The same with some models elsewhere; `joints`: where those of the robot are."""
+        objects = tuple(
+            body.model_copy(update={"pose": placement_of(poses[body.name])}) if body.name in poses else body
+            for body in self.world.objects
+        )
+        robot = self.robot
+        if robot is not None:
+            at = poses.get(robot.name, robot.pose)
+            robot = replace(robot, pose=at, joints=robot.joints if joints is None else joints)
+        return replace(self, world=self.world.model_copy(update={"objects": objects}), robot=robot)
+
+
+def placement_of(pose: Pose) -> Placement:
+    """The same as a placement."""
+    x, y, z = pose.position_xyz
+    roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
+    return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)

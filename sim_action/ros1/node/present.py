@@ -1,0 +1,30 @@
+"""The moment that a simulation has come to, for services that are asked about it in threads of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from sim_action.ros1.node.population import Population
+from sim_action.ros1.node.topics import States
+
+
+@dataclass
+class Present:
+    """What is known of it; changed by the loop alone, while all nodes wait.
+
+    Attributes:
+        time: s of sim time.
+        models: name of a model, without the ground -> pose and twist, world frame.
+        links: the same of links, each as `model::link`.
+        joints: of the robot -> rad, or m.
+    """
+
+    population: Population
+    time: float = 0.0
+    models: States = field(default_factory=dict)
+    links: States = field(default_factory=dict)
+    joints: dict[str, float] = field(default_factory=dict)
+
+    def carried_on(self) -> Population:
+        """The population, where everything is now."""
+        return self.population.moved({name: pose for name, (pose, _) in self.models.items()}, self.joints)

@@ -1,0 +1,65 @@
+"""Where everything is: the links of the robot and the bodies around it, read from the engine at every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+from sim_action import geometry
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import Observation
+from sim_action.sensors import Measure, Mount, Sensor, Sight
+from sim_action.sensors.mounting import MountedSensor
+
+_NAME: Final = "states"
+
+
+@dataclass(frozen=True, slots=True)
+class WorldStates:
+    """A reading: name -> pose and twist in the world frame, of links and of bodies.
+
+    Attributes:
+        time: sim time in s.
+    """
+
+    time: float
+    links: Mapping[str, tuple[Pose, Twist]]
+    bodies: Mapping[str, tuple[Pose, Twist]]
+
+
+class StatesSensor(Sensor):
+    """Reads them. No key of a scenario leads here."""
+
+    key: ClassVar[str] = "states"
+
+    def open(self, mount: Mount) -> Measure:
+        """See Sensor.open."""
+        links = tuple(mount.scene.model.links_by_name)
+        bodies = tuple(body.name for body in mount.scene.world.objects)
+        before: dict[str, Pose] = {}
+
+        def measure(sight: Sight) -> WorldStates:
+            probe = sight.probe
+            poses = {body: probe.body_pose(body) for body in bodies}
+            moved = {
+                body: (pose, geometry.twist_between(before.get(body, pose), pose, 1 / mount.rate))
+                for body, pose in poses.items()
+            }
+            before.update(poses)
+            placed = {link: (probe.link_pose(link), probe.link_twist(link)) for link in links}
+            return WorldStates(sight.time, placed, moved)
+
+        return measure
+
+
+def states_sensor(rate: float) -> MountedSensor:
+    """The one that `states_in` finds the reading of."""
+    return MountedSensor(StatesSensor(), _NAME, None, Pose(), rate, trace=False)
+
+
+def states_in(seen: Observation) -> WorldStates:
+    """The latest reading."""
+    reading = seen.sensors[_NAME]
+    assert isinstance(reading, WorldStates)
+    return reading
