@@ -134,6 +134,7 @@ class Outcome(FrozenModel):
         trace: path of the stored trace, seen from the results file.
         replay: path of the stored replay, likewise.
         recordings: paths of what was recorded of it for other tools, likewise.
+        call: the words of the command line that runs it again; empty: it is a scenario, and `sim-action run` does.
     """
 
     name: str
@@ -161,6 +162,7 @@ class Outcome(FrozenModel):
     trace: str | None = None
     replay: str | None = None
     recordings: tuple[str, ...] = ()
+    call: tuple[str, ...] = ()
 
     @property
     def simulated(self) -> float:

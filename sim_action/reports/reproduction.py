@@ -25,6 +25,8 @@ def command(outcome: Outcome, options: ReportOptions) -> str:
     """What to type in the workspace to see it again; empty if there is nothing to run."""
     if not outcome.file or any(failure.kind == "missing" for failure in outcome.failures):
         return ""
+    if outcome.call:
+        return " ".join(_quoted(one_line(word)) for word in outcome.call)
     file = one_line(seen_from(options.workspace, outcome.file))
     if outcome.name == Path(outcome.file).name:
         # It could not be read: nobody knows how its scenarios are called.

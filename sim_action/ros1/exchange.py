@@ -1,20 +1,34 @@
-"""What the command and the node `gazebo`, which roslaunch starts, say to each other: files in a folder of the run."""
+"""What the command and the node `gazebo`, which roslaunch starts, say to each other: files in a folder of the call.
+
+request.json                what is asked of every simulation
+1/, 2/ ...                  one for each time that the node is started: rostest starts it anew for each test
+    process                 the id of its process
+    run.json                what became of the simulation
+    trace.npz, replay.json.gz
+"""
 
 from __future__ import annotations
 
+from itertools import count
 from pathlib import Path
 from typing import Final, Literal
 
+from pydantic import ValidationError
+
 from sim_action.outcome import Failure
 from sim_action.quantities import FrozenModel
+from sim_action.regular_files import read_at_most
 
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
-"""Names the folder of the run to the node."""
+"""Names the folder of the call to the node."""
 
 REQUEST_FILE: Final = "request.json"
+PROCESS_FILE: Final = "process"
 RUN_FILE: Final = "run.json"
 TRACE_FILE: Final = "trace.npz"
 REPLAY_FILE: Final = "replay.json.gz"
+
+_MOST_BYTES: Final = 16_000_000
 
 End = Literal["test over", "nodes gone", "time limit", "failed"]
 
@@ -74,3 +88,29 @@ class NodeRun(FrozenModel):
         part = path.with_suffix(".part")
         part.write_text(self.model_dump_json(indent=2), encoding="utf-8")
         part.replace(path)
+
+    @classmethod
+    def read(cls, folder: Path) -> NodeRun | None:
+        """What a node has told; None: nothing, or nothing that can be understood."""
+        try:
+            data = read_at_most(folder / RUN_FILE, _MOST_BYTES)
+            return None if data is None else cls.model_validate_json(data)
+        except (OSError, ValidationError):
+            return None
+
+
+def new_run(folder: Path) -> Path:
+    """A folder for one more start of the node, below that of the call."""
+    for number in count(1):
+        try:
+            (made := folder / str(number)).mkdir()
+        except FileExistsError:
+            continue
+        return made
+    raise AssertionError
+
+
+def runs_in(folder: Path) -> list[Path]:
+    """Those of all starts, the first one first."""
+    numbers = sorted(int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir())
+    return [folder / str(number) for number in numbers]

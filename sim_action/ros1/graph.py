@@ -41,7 +41,6 @@ class Graph:
     master: int
 
 
-
 class Master:
     """A running master; `caller`: the node that asks."""
 

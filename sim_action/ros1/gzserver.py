@@ -6,18 +6,20 @@ import os
 import sys
 from pathlib import Path
 
-from sim_action.ros1.exchange import FOLDER_VARIABLE, REQUEST_FILE, Request
+from sim_action.ros1.exchange import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, Request, new_run
 
 
 def main() -> None:
     """The entry of a fresh interpreter."""
     folder = Path(os.environ[FOLDER_VARIABLE])
     request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
+    run = new_run(folder)
+    (run / PROCESS_FILE).write_text(str(os.getpid()))
     # Behind what is ours: the distribution's other packages are for another Python.
     sys.path.append(request.modules)
     from sim_action.ros1.node.gzserver import serve
 
-    serve(folder, request)
+    serve(run, request)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ PACKAGES: Final = (
 )
 """What Debian and Ubuntu call what is needed of ROS."""
 
-INSTALLING: Final = f"apt-get install --no-install-recommends {' '.join(PACKAGES)}"
+INSTALLING: Final = f"sudo apt-get install --no-install-recommends {' '.join(PACKAGES)}"
 
 PYTHON: Final = Path("/usr/bin/python3")
 """The one that the distribution's packages are for, whichever is first on PATH."""
@@ -44,28 +44,40 @@ class Ros:
     Attributes:
         python: an interpreter that has its modules.
         modules: the folder that they are in.
-        share: the folder that has a folder for each of its packages.
     """
 
     python: Path
     modules: Path
-    share: Path = Path("/usr/share")
+
+    @property
+    def prefix(self) -> Path:
+        """What it was installed below: /usr, or /opt/ros/noetic where that has been sourced."""
+        return self.modules.parents[2]
+
+    @property
+    def share(self) -> Path:
+        """The folder that has a folder for each of its packages."""
+        return self.prefix / "share"
+
+    def program(self, name: str) -> Path:
+        """One of its programs, such as rostest."""
+        return self.prefix / "bin" / name
 
 
-def find_ros() -> Ros:
+def find_ros(python: Path = PYTHON) -> Ros:
     """The distribution's. Raises UsageError if it is not here, or not whole."""
-    missing, rospy = _look() if PYTHON.exists() else (["rospy"], "")
-    definitions = Path("/usr/share/geometry_msgs/msg/Pose.msg")
-    if not missing and not definitions.exists():
-        missing = [str(definitions)]
-    if missing:
-        raise UsageError(
-            f"ROS 1 is not installed here: {PYTHON} has no {', no '.join(missing)}; on Debian 12 and Ubuntu: {INSTALLING}"
-        )
-    return Ros(PYTHON, Path(rospy).parent)
+    missing, modules = _look(python) if python.exists() else (["rospy"], None)
+    if modules and not missing:
+        ros = Ros(python, modules)
+        needed = ros.share / "geometry_msgs/msg/Pose.msg"
+        if needed.exists():
+            return ros
+        missing = [str(needed)]
+    raise UsageError(f"ROS 1 is not installed here: {python} has no {', no '.join(missing)}; {INSTALLING}")
 
 
-def _look() -> tuple[list[str], str]:
-    told = subprocess.run([PYTHON, "-c", _LOOK], capture_output=True, text=True, check=False, cwd="/").stdout
+def _look(python: Path) -> tuple[list[str], Path | None]:
+    command = [python, "-c", _LOOK]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, cwd="/").stdout  # noqa: S603 - that one
     missing, _, rospy = told.partition("\n")
-    return [name for name in missing.split(",") if name], rospy.strip()
+    return [name for name in missing.split(",") if name], Path(rospy.strip()).parent if rospy.strip() else None

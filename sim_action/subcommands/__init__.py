@@ -13,6 +13,7 @@ from sim_action.subcommands.inspect import inspect
 from sim_action.subcommands.listings import assertions, commands, models, schema, sensors
 from sim_action.subcommands.matrix import matrix
 from sim_action.subcommands.merge import merge
+from sim_action.subcommands.ros import roslaunch, rostest
 from sim_action.subcommands.run import run
 from sim_action.subcommands.validate import validate
 from sim_action.subcommands.view import view
@@ -27,6 +28,8 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     merge,
     compare,
     view,
+    rostest,
+    roslaunch,
     init,
     inspect,
     models,

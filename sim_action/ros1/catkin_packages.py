@@ -1,0 +1,51 @@
+"""Packages of catkin, as they lie in folders: which there are, and which folder each is in."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree as ET
+
+PACKAGE_FILE: Final = "package.xml"
+
+# Left by a build, or not to be looked into.
+_NOT_SOURCES: Final = frozenset({"build", "devel", "install", "logs", "node_modules"})
+_IGNORED: Final = "CATKIN_IGNORE"
+
+
+def packages_below(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Name and folder of each package in a folder or below it; what a build has left is passed over."""
+    for parent, folders, files in os.walk(folder):
+        if _IGNORED in files:
+            folders.clear()
+        elif PACKAGE_FILE in files:
+            yield package_name(Path(parent)), Path(parent)
+            folders.clear()
+        folders[:] = sorted(name for name in folders if name not in _NOT_SOURCES and name[0] != ".")
+
+
+def package_name(folder: Path) -> str:
+    """As its package.xml says, else as its folder is called."""
+    try:
+        name = ET.parse(folder / PACKAGE_FILE).findtext("name")  # noqa: S314 - of the user's own package
+    except ET.ParseError:
+        name = None
+    return (name or folder.name).strip()
+
+
+def packages_of(paths: Iterable[Path | str]) -> dict[str, Path]:
+    """Packages that are right below these folders, or are these; the first of a name counts."""
+    found: dict[str, Path] = {}
+    for path in map(Path, paths):
+        for package in sorted([path / PACKAGE_FILE, *path.glob(f"*/{PACKAGE_FILE}")]):
+            if package.is_file():
+                found.setdefault(package.parent.name, package.parent)
+    return found
+
+
+def sources(workspace: Path) -> Path:
+    """Where the packages of a workspace are: in its `src`, if it has one."""
+    below = workspace / "src"
+    return below if below.is_dir() and not (workspace / PACKAGE_FILE).exists() else workspace
