@@ -41,6 +41,7 @@ class Graph:
     master: int
 
 
+
 class Master:
     """A running master; `caller`: the node that asks."""
 

@@ -61,9 +61,7 @@ def _bodies(world: Element, folders: tuple[Path, ...], notes: list[str]) -> Iter
             continue
         model = _included(uri, folders)
         if model is None:
-            notes.append(
-                f"model://{uri} was not found in {', '.join(map(str, folders)) or 'any folder'}; it is left out"
-            )
+            notes.append(f"model://{uri} was not found in {', '.join(map(str, folders)) or 'any folder'}; it is left out")
             continue
         name = (include.findtext("name") or model.get("name") or uri).strip()
         yield from _bodies_of(model, name, geometry.compose(_pose(include), _pose(model)), notes)
