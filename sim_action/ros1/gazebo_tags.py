@@ -12,7 +12,6 @@ from pathlib import PurePath
 from xml.etree.ElementTree import Element
 
 
-
 @dataclass(frozen=True, slots=True)
 class Tags:
     """The tags below an element, each with its text, by their names; several of one name are `texts`."""

@@ -5,12 +5,12 @@ Spoken in XML-RPC, as ROS's Master and Slave API have it (wiki.ros.org/ROS/Maste
 
 from __future__ import annotations
 
-import socket
 import xmlrpc.client
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 _SUCCESS: Final = 1
@@ -27,19 +27,18 @@ class _Transport(xmlrpc.client.Transport):
         return connection
 
 
-def _server(uri: str) -> xmlrpc.client.ServerProxy:
+def _server(uri: str) -> Any:
     return xmlrpc.client.ServerProxy(uri, transport=_Transport())
 
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """What a master knows: topic -> names of nodes, and node -> id of its process."""
+    """What a master knows: topic -> names of nodes, and node -> id of its process; of nodes that live."""
 
     publishers: Mapping[str, frozenset[str]]
     subscribers: Mapping[str, frozenset[str]]
     pids: Mapping[str, int]
     master: int
-
 
 
 class Master:
@@ -58,7 +57,7 @@ class Master:
         pids = {name: pid for name in sorted(names) if (pid := self._pid(name)) is not None}
         if not self._master_pid:
             self._master_pid = self._ask("getPid")
-        return Graph(_by_topic(publishers), _by_topic(subscribers), pids, self._master_pid)
+        return Graph(_by_topic(publishers, pids), _by_topic(subscribers, pids), pids, self._master_pid)
 
     def is_connected(self, graph: Graph) -> bool:
         """Whether every node hears everybody who publishes what it listens to."""
@@ -72,8 +71,8 @@ class Master:
     def _heard(self, node: str) -> Iterator[str]:
         """The topic of each connection by which a node listens."""
         with suppress(OSError, xmlrpc.client.Error, LookupError):
-            _, _, connections = _server(self._pids[node][0]).getBusInfo(self._caller)  # type: ignore[misc]
-            for _, _, direction, _, topic, connected, *_ in connections:  # type: ignore[misc]
+            _, _, connections = _server(self._pids[node][0]).getBusInfo(self._caller)
+            for _, _, direction, _, topic, connected, *_ in connections:
                 if direction == _INBOUND and connected:
                     yield str(topic)
 
@@ -81,20 +80,21 @@ class Master:
         with suppress(OSError, xmlrpc.client.Error, LookupError):
             uri = self._ask("lookupNode", node)
             if self._pids.get(node, ("", 0))[0] != uri:
-                code, _, pid = _server(uri).getPid(self._caller)  # type: ignore[misc] # untyped by nature
-                self._pids[node] = (uri, int(pid))  # type: ignore[call-overload]
-            return self._pids[node][1]
+                _, _, pid = _server(uri).getPid(self._caller)
+                self._pids[node] = (uri, int(pid))
+            return self._pids[node][1] if Path("/proc", str(self._pids[node][1])).exists() else None
         return None
 
     def _ask(self, method: str, *arguments: object) -> Any:
         try:
             code, message, value = getattr(self._master, method)(self._caller, *arguments)
-        except (xmlrpc.client.Error, socket.error) as error:
+        except (OSError, xmlrpc.client.Error) as error:
             raise OSError(f"the master does not answer: {error}") from None
         if code != _SUCCESS:
             raise LookupError(message)
         return value
 
 
-def _by_topic(pairs: list[list[Any]]) -> dict[str, frozenset[str]]:
-    return {topic: frozenset(nodes) for topic, nodes in pairs}
+def _by_topic(pairs: list[list[Any]], alive: Collection[str]) -> dict[str, frozenset[str]]:
+    """Those of nodes that live: a master keeps what others have left behind."""
+    return {topic: frozenset(nodes).intersection(alive) for topic, nodes in pairs}

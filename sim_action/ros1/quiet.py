@@ -81,9 +81,9 @@ class Watched:
         threads = [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]
         thread = None
         try:
-            before = []
+            before: list[bytes] = []
             for thread in threads:
-                before.append(thread.ran())
+                before.append(thread.ran())  # noqa: PERF401 - it must be known which one has gone
             for thread, ran in zip(threads, before, strict=True):
                 if not thread.is_asleep() or thread.ran() != ran:
                     return thread
@@ -102,7 +102,7 @@ class Watched:
     def _threads_of(self, pid: int) -> Iterable[_Thread]:
         """Those that there are now."""
         try:
-            count = os.stat(f"/proc/{pid}/task").st_nlink
+            count = os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
             if count != self._counts[pid]:
                 self._find_threads(pid)
                 self._counts[pid] = count

@@ -1,10 +1,10 @@
-"""The processes that roslaunch has started beside the simulation: nodes, tests, and what starts nodes (Linux, /proc)."""
+"""The processes that roslaunch has started beside the simulation: nodes, tests, what starts nodes (Linux, /proc)."""
 
 from __future__ import annotations
 
 import os
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Final
 
 _PROC: Final = Path("/proc")
@@ -24,7 +24,7 @@ class Children:
     def look(self) -> frozenset[int]:
         """Those that are there now, and those that have ended and were not asked after by their parent yet."""
         try:
-            count = os.stat(self._tasks).st_nlink
+            count = os.stat(self._tasks).st_nlink  # noqa: PTH116 - looked at thousands of times
             if count != self._count:
                 self._reopen()
                 self._count = count
@@ -84,5 +84,5 @@ def name_of(pid: int) -> str:
     """What was called: the first words of its command line that tell it from others."""
     with suppress(OSError):
         words = (_PROC / str(pid) / "cmdline").read_bytes().decode(errors="replace").split("\0")
-        return " ".join(os.path.basename(word) for word in words[:2] if word)
+        return " ".join(PurePath(word).name for word in words[:2] if word)
     return f"process {pid}"

@@ -22,7 +22,7 @@ class BadWorld(Exception):
 
 
 def read_world(path: Path, folders: tuple[Path, ...]) -> tuple[World, list[str]]:
-    """A .world file, and what to say of what was left out; `folders`: where `model://` is looked for. Raises BadWorld."""
+    """A .world file, and what was left out of it; `folders`: where `model://` is looked for. Raises BadWorld."""
     try:
         root = ET.parse(path).getroot()  # noqa: S314 - a world that the user names
     except (OSError, ET.ParseError) as error:
@@ -59,12 +59,13 @@ def _bodies(world: Element, folders: tuple[Path, ...], notes: list[str]) -> Iter
         uri = (include.findtext("uri") or "").strip().removeprefix("model://")
         if uri in {"ground_plane", "sun"}:
             continue
-        model = _included(uri, folders)
-        if model is None:
-            notes.append(f"model://{uri} was not found in {', '.join(map(str, folders)) or 'any folder'}; it is left out")
+        if (found := _included(uri, folders)) is None:
+            notes.append(
+                f"model://{uri} was not found in {', '.join(map(str, folders)) or 'any folder'}; it is left out"
+            )
             continue
-        name = (include.findtext("name") or model.get("name") or uri).strip()
-        yield from _bodies_of(model, name, geometry.compose(_pose(include), _pose(model)), notes)
+        name = (include.findtext("name") or found.get("name") or uri).strip()
+        yield from _bodies_of(found, name, geometry.compose(_pose(include), _pose(found)), notes)
 
 
 def _included(uri: str, folders: tuple[Path, ...]) -> Element | None:

@@ -15,6 +15,7 @@ from sim_action.ros1.node.changes import BeginAnew, Changes
 from sim_action.ros1.node.devices import TICKS, Device, Told
 from sim_action.ros1.node.lockstep import Lockstep
 from sim_action.ros1.node.present import Present
+from sim_action.ros1.node.publishing import Traffic
 from sim_action.ros1.node.topics import Topics
 from sim_action.ros1.node.world_states import states_in
 
@@ -42,6 +43,7 @@ class Session:
     """What lasts as long as the node does, through all changes of the world."""
 
     present: Present
+    traffic: Traffic
     topics: Topics
     lockstep: Lockstep
     changes: Changes
@@ -54,14 +56,15 @@ class Bridge:
 
     def __init__(self, session: Session, robot: str, devices: Iterable[Device], told: Told) -> None:
         self._session, self._robot = session, robot
-        self._devices, self._told = tuple(devices), told
+        self._devices, self.told = tuple(devices), told
         self._start = session.present.time
         self.first_command: float | None = None
         self.over: SourceOver | None = None
 
     def begin(self) -> None:
         """The clock is about to start."""
-        self._told.begin()
+        self.told.begin()
+        self._session.traffic.clear()
 
     def tick(self, seen: Observation) -> Answer:
         """Tells nodes of a moment, waits until they have dealt with it, and returns what they say to it.
@@ -86,17 +89,15 @@ class Bridge:
         if session.changes.are_waiting():
             raise BeginAnew("the world has changed")
         session.pace.keep(seconds)
-        if self.first_command is None and self._told.twist is not None:
+        if self.first_command is None and self.told.twist is not None:
             self.first_command = seconds
-        return self._told.twist
+        return self.told.twist
 
     def _tell(self, seconds: float, tick: int, seen: Observation) -> bool:
-        due = [device for device in self._devices if tick % device.period == 0]
-        for device in due:
-            device.publish(seconds, seen)
+        """Returns whether somebody listens."""
         topics, present = self._session.topics, self._session.present
-        heard = topics.tell_models(present.models), topics.tell_links(present.links)
-        return bool(due) or any(heard)
+        heard = [device.tell(tick, seconds, seen) for device in self._devices]
+        return any([*heard, topics.tell_models(present.models), topics.tell_links(present.links)])
 
     def _note(self, seconds: float, seen: Observation) -> None:
         states, present = states_in(seen), self._session.present

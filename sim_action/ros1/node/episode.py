@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal, cast
 from xml.etree import ElementTree as ET
 
 from pydantic import PrivateAttr
@@ -17,18 +17,18 @@ from sim_action.robot_model import RobotModel
 from sim_action.ros1.exchange import Request
 from sim_action.ros1.gazebo_tags import plugins_of
 from sim_action.ros1.node.bridge import Bridge, Session
-from sim_action.ros1.node.devices import DEVICES, TICKS, Device, Told
+from sim_action.ros1.node.devices import DEVICES, TICKS, Device, Told, Wiring
 from sim_action.ros1.node.population import SpawnedRobot, placement_of
 from sim_action.ros1.node.world_states import states_sensor
 from sim_action.scenario import DrivenRobot, Scenario
 from sim_action.scene import Scene
 from sim_action.simulation import SimulationRun, simulate
-from sim_action.world import Physics
 from sim_action.workspace import Workspace
+from sim_action.world import Physics
 
 _DESCRIPTION: Final = "robot.urdf"
-# Of sim time, in s: a day, if nobody says how long.
-_LONGEST: Final = 86_400.0
+# Of sim time, in s, if nobody says how long: a replay of more would have less than 30 moments a second.
+_LONGEST: Final = 6_600.0
 
 
 class NodeCommands(CommandSource):
@@ -54,14 +54,12 @@ class Episode:
 
     Attributes:
         footage: what there is of it, also when it was cut short.
-        notes: what is odd about the robot.
     """
 
     scenario: Scenario
     scene: Scene
     footage: Footage
     bridge: Bridge
-    notes: list[str] = field(default_factory=list)
 
     def run(self) -> SimulationRun:
         """Raises RunError."""
@@ -94,7 +92,7 @@ class Stage:
             sensors=(states_sensor(TICKS), *(device.sensor for device in devices if device.sensor is not None)),
             expect=(),
             time_limit=left or _LONGEST,
-            backend=self._request.backend,
+            backend=cast(Literal["auto", "pybullet", "mujoco"], self._request.backend),
             seed=self._request.seed,
         )
         scene = Scene(robot, model, population.world, scenario.physics, workspace, scenario.seed)
@@ -115,6 +113,6 @@ class Stage:
     def _open(self, description: str, model: RobotModel, told: Told) -> Iterator[Device]:
         for plugin in plugins_of(ET.fromstring(description)):  # noqa: S314 - of the robot that is simulated
             if plugin.name in DEVICES:
-                yield from DEVICES.load(plugin.name)(plugin, model, told)
+                yield from DEVICES.load(plugin.name)(plugin, Wiring(model, told, self._session.traffic))
             else:
                 self.notes.append(f"the plugin {plugin.name} of the robot is not known here and does nothing")

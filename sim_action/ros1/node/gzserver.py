@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import os
 import time
+from collections import Counter
 from pathlib import Path
 from threading import Event
 from typing import Final
 
 import rospy
 
-from sim_action.errors import ModelError, RunError, SourceOver
+from sim_action.errors import BadStart, ModelError, RunError, SimulationUnstable, SourceOver
 from sim_action.outcome import Failure
-from sim_action.replay.build import replay_of
-from sim_action.replay.storage import write
-from sim_action.ros1.exchange import REPLAY_FILE, TRACE_FILE, End, NodeRun, Request
+from sim_action.ros1.exchange import End, NodeRun, Request
 from sim_action.ros1.graph import Master
 from sim_action.ros1.node.bridge import Pace, Session
 from sim_action.ros1.node.changes import BeginAnew, Changes
@@ -22,11 +21,11 @@ from sim_action.ros1.node.episode import Episode, Stage
 from sim_action.ros1.node.lockstep import Lockstep, TestOver
 from sim_action.ros1.node.population import Population
 from sim_action.ros1.node.present import Present
+from sim_action.ros1.node.record import Record
 from sim_action.ros1.node.services import Services
 from sim_action.ros1.node.topics import Topics
 from sim_action.ros1.worlds import BadWorld, model_folders, read_world
 from sim_action.simulation import SimulationRun
-from sim_action.trace_storage import save_trace
 from sim_action.world import World
 
 NAME: Final = "/gazebo"
@@ -37,14 +36,7 @@ _LOOK: Final = 0.01
 def serve(folder: Path, request: Request) -> None:
     """Runs the node until the launch is over; writes what became of the simulation when that is known."""
     rospy.init_node(NAME.strip("/"))
-    server = _Server(folder, request)
-    try:
-        run = server.run()
-    except (RunError, ModelError, BadWorld) as error:
-        kind = "invalid" if isinstance(error, ModelError | BadWorld) else "engine"
-        failure = Failure(kind=kind, title=f"{kind} error", message=str(error))
-        run = NodeRun(end="failed", failure=failure, notes=tuple(server.notes))
-    run.write(folder)
+    _Server(folder, request).run().write(folder)
     # Whoever is left may still ask; what tells it to leave is roslaunch.
     rospy.spin()
 
@@ -53,88 +45,131 @@ class _Server:
     def __init__(self, folder: Path, request: Request) -> None:
         self._folder, self._request = folder, request
         self._began = time.monotonic()
-        self.notes: list[str] = []
-        world = self._world()
-        paused = Event()
-        if rospy.get_param("/gazebo/paused", False):
+        self._started: float | None = None
+        self._notes: list[str] = []
+        self._record = Record()
+        self._traffic = Counter[str]()
+        self._changes, self._present = Changes(), Present(Population(World()))
+        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME)
+        paused, topics = Event(), Topics(self._traffic)
+        if rospy.get_param("/gazebo/paused", default=False):
             paused.set()
-        present, changes = Present(Population(world)), Changes()
-        lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME)
-        self._session = Session(present, Topics(), lockstep, changes, paused, Pace(request.real_time_factor))
-        self._services = Services(present, changes, paused)
+        self._session = Session(
+            self._present,
+            self._traffic,
+            topics,
+            self._lockstep,
+            self._changes,
+            paused,
+            Pace(request.real_time_factor),
+        )
         self._stage = Stage(self._session, request, folder)
+
+    def run(self) -> NodeRun:
+        """To its end, whatever that is."""
+        end: End = "failed"
+        failure: Failure | None = None
+        try:
+            self._present.population = Population(self._world())
+            self._services = Services(self._present, self._changes, self._session.paused)
+            end = self._simulate()
+        except TestOver:
+            end = "test over"
+        except SourceOver:
+            end = "nodes gone"
+        except (RunError, ModelError, BadWorld, OSError) as error:
+            failure = _failure_of(error)
+        self._record.store(self._folder)
+        return self._told(end, failure)
 
     def _world(self) -> World:
         """As the launch file names it; one that is Gazebo's own, and not here, is empty. Raises BadWorld."""
         named = Path(str(rospy.get_param("/gazebo/world_name", "worlds/empty.world")))
         if not named.is_absolute() or not named.exists():
             if named.name != "empty.world":
-                self.notes.append(f"the world '{named}' is not here; the robot is in an empty one")
+                self._notes.append(f"the world '{named}' is not here; the robot is in an empty one")
             return World()
         world, notes = read_world(named, model_folders())
-        self.notes += notes
+        self._notes += notes
         return world
 
-    def run(self) -> NodeRun:
-        """Raises RunError, ModelError."""
+    def _simulate(self) -> End:
+        """Raises RunError; SourceOver if everybody leaves before there is a robot."""
         self._await_robot()
-        limit, first_command = self._request.sim_time_limit, None
-        started: float | None = None
         while True:
-            present = self._session.present
-            step = 1 / self._request.physics_rate
-            episode = self._stage.episode(left=None if limit is None else max(limit - present.time, step))
-            if started is None:
-                self._session.lockstep.begin(frozenset({"/cmd_vel"}))
+            episode = self._stage.episode(left=self._left())
+            if self._started is None:
+                self._lockstep.begin(frozenset(episode.bridge.told.topics), self._changes.are_waiting)
+                if self._changes.are_waiting():
+                    self._make_changes()
+                    continue
                 episode.bridge.begin()
-                started = time.monotonic()
-            run = episode.run()
-            first_command = episode.bridge.first_command if first_command is None else first_command
-            if not isinstance(episode.bridge.over, BeginAnew):
-                break
-            self._begin_anew()
-        self._store(episode)
-        return self._told(run, episode, first_command, started)
+                self._started = time.monotonic()
+            self._run(episode)
+            over = episode.bridge.over
+            if not isinstance(over, BeginAnew):
+                return _end_of(over)
+            self._notes.append(f"{over} at {self._present.time:g} s of sim time: all that moved went on from rest")
+            self._make_changes()
 
-    def _told(self, run: SimulationRun, episode: Episode, first_command: float | None, started: float) -> NodeRun:
-        lockstep, sim_time = self._session.lockstep, self._session.present.time
-        ends: dict[bool, End] = {True: "time limit", False: "nodes gone"}
-        end: End = "test over" if isinstance(episode.bridge.over, TestOver) else ends[episode.bridge.over is None]
-        wall_time = time.monotonic() - started
-        return NodeRun(
-            end=end,
-            sim_time=sim_time,
-            first_command=first_command,
-            travelled=run.travelled,
-            digest=run.digest,
-            real_time_factor=sim_time / wall_time if wall_time else None,
-            starting=started - self._began,
-            engine=run.engine,
-            notes=(*self.notes, *self._stage.notes, *run.notes, *lockstep.notes),
-            in_step=lockstep.is_kept,
-        )
+    def _run(self, episode: Episode) -> None:
+        """Raises RunError."""
+        self._record.begin(episode)
+        run: SimulationRun | None = None
+        try:
+            run = episode.run()
+        finally:
+            self._record.end(episode, run)
+
+    def _left(self) -> float | None:
+        """How much sim time there is, in s."""
+        limit = self._request.sim_time_limit
+        return None if limit is None else max(limit - self._present.time, 1 / self._request.physics_rate)
 
     def _await_robot(self) -> None:
         """Raises SourceOver if none comes before everybody leaves."""
-        present, changes = self._session.present, self._session.changes
-        while present.population.robot is None:
+        while self._present.population.robot is None:
             if rospy.is_shutdown():
                 raise SourceOver("the nodes have left before a robot was spawned")
-            present.population, _ = changes.make(present.population)
+            self._present.population, _ = self._changes.make(self._present.population)
             time.sleep(_LOOK)
 
-    def _begin_anew(self) -> None:
+    def _make_changes(self) -> None:
         """Makes what was asked for, of the world as it is now."""
-        present = self._session.present
-        present.population, restarts = self._session.changes.make(present.carried_on())
+        self._present.population, restarts = self._changes.make(self._present.carried_on())
         if restarts:
-            present.time = 0.0
+            self._present.time = 0.0
+        self._present.began = self._present.time
         self._await_robot()
 
-    def _store(self, episode: Episode) -> None:
-        """What there is to be seen: of the last episode, if there were several."""
-        trace, film = episode.footage.trace(), episode.footage.film()
-        if trace is not None:
-            save_trace(trace, self._folder / TRACE_FILE)
-        if film is not None:
-            write(replay_of(episode.scene, film), self._folder / REPLAY_FILE)
+    def _told(self, end: End, failure: Failure | None) -> NodeRun:
+        now, record = time.monotonic(), self._record
+        started = now if self._started is None else self._started
+        return NodeRun(
+            end=end,
+            failure=failure,
+            sim_time=self._present.time,
+            first_command=record.first_command,
+            travelled=record.travelled,
+            digest=record.digest,
+            real_time_factor=self._present.time / (now - started) if now > started else None,
+            starting=started - self._began,
+            engine=record.engine,
+            notes=tuple(dict.fromkeys((*self._notes, *self._stage.notes, *record.notes, *self._lockstep.notes))),
+            messages=dict(sorted(self._traffic.items())),
+            in_step=self._lockstep.is_kept,
+        )
+
+
+def _end_of(over: SourceOver | None) -> End:
+    if isinstance(over, TestOver):
+        return "test over"
+    return "time limit" if over is None else "nodes gone"
+
+
+def _failure_of(error: Exception) -> Failure:
+    if isinstance(error, SimulationUnstable):
+        return Failure(kind="unstable", title="simulation unstable", message=str(error))
+    if isinstance(error, ModelError | BadStart | BadWorld):
+        return Failure(kind="invalid", title="the simulation cannot begin", message=str(error))
+    return Failure(kind="engine", title="the simulation failed", message=str(error))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -47,25 +47,28 @@ class Lockstep:
         """Whether nodes were waited for all the time."""
         return self._patience == PATIENCE
 
-    def begin(self, commands: frozenset[str]) -> None:
-        """Waits until everybody is there who is about to come; `commands`: topics by which the robot is driven."""
+    def begin(self, commands: frozenset[str], is_wanted: Callable[[], bool]) -> None:
+        """Waits until everybody is there who is about to come.
+
+        `commands`: topics by which the robot is driven; `is_wanted`: whether there is something better to do.
+        """
+        self._wait_for_newcomers(is_wanted)
         calm_since = time.monotonic()
         before: Graph | None = None
-        while not self._is_everybody_there():
-            time.sleep(_LOOK)
-        while True:
+        while not is_wanted():
             graph = self._master.graph()
             if graph != before:
                 before, calm_since = graph, time.monotonic()
+            calm = time.monotonic() - calm_since
             is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands)
-            if self._master.is_connected(graph) and (is_driven or time.monotonic() - calm_since > _CALM):
+            if calm > PATIENCE or (self._master.is_connected(graph) and (is_driven or calm > _CALM)):
                 break
             self._end_if_over()
             time.sleep(_LOOK)
         self.settle(0.0)
 
     def settle(self, seconds: float) -> None:
-        """Waits until nobody has anything to do at a sim time. Raises SourceOver when there is nobody left to wait for."""
+        """Waits until nobody has anything to do at a sim time. Raises SourceOver when nobody is left to wait for."""
         while True:
             if not self._watched.wait(self._patience):
                 self._lose(seconds)
@@ -78,9 +81,9 @@ class Lockstep:
     def _has_changed(self) -> bool:
         return self._launcher.look() != self._siblings
 
-    def _wait_for_newcomers(self) -> None:
+    def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> None:
         deadline = time.monotonic() + PATIENCE
-        while not self._is_everybody_there():
+        while not self._is_everybody_there() and not is_wanted():
             self._end_if_over()
             if time.monotonic() > deadline:
                 self._give_up()
@@ -109,7 +112,7 @@ class Lockstep:
         for pid in self._late():
             self._given_up.add(pid)
             self.notes.append(
-                f"'{name_of(pid)}' has not become a node of ROS within {PATIENCE:g} s of wall time; it is not waited for"
+                f"'{name_of(pid)}' has not become a node of ROS within {PATIENCE:g} s of wall time; nobody waits for it"
             )
 
     def _late(self) -> Iterator[int]:

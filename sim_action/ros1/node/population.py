@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from sim_action.geometry import Pose, rpy_from_quaternion
-from sim_action.world import Body, Placement, World
+from sim_action.world import Body, Disturbance, Placement, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +29,16 @@ class SpawnedRobot:
 
 @dataclass(frozen=True, slots=True)
 class Population:
-    """All that there is; `robot` None: it is still to be spawned."""
+    """All that there is.
+
+    Attributes:
+        robot: None: it is still to be spawned.
+        homes: name of a model -> where it was when it came; those left out have not moved.
+    """
 
     world: World
     robot: SpawnedRobot | None = None
+    homes: Mapping[str, Pose] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -42,15 +48,17 @@ class Population:
 
     def with_body(self, body: Body) -> Self:
         """The same, and a body; one of its name gives way."""
-        others = tuple(each for each in self.world.objects if each.name != body.name)
-        return replace(self, world=self.world.model_copy(update={"objects": (*others, body)}))
+        others = self.without(body.name)
+        objects = (*others.world.objects, body)
+        return replace(others, world=others.world.model_copy(update={"objects": objects}))
 
     def without(self, name: str) -> Self:
         """The same without a model."""
+        homes = {model: pose for model, pose in self.homes.items() if model != name}
         if self.robot is not None and self.robot.name == name:
-            return replace(self, robot=None)
+            return replace(self, robot=None, homes=homes)
         others = tuple(each for each in self.world.objects if each.name != name)
-        return replace(self, world=self.world.model_copy(update={"objects": others}))
+        return replace(self, world=self.world.model_copy(update={"objects": others}), homes=homes)
 
     def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
         """The same with some models elsewhere; `joints`: where those of the robot are."""
@@ -58,11 +66,33 @@ class Population:
             body.model_copy(update={"pose": placement_of(poses[body.name])}) if body.name in poses else body
             for body in self.world.objects
         )
+        homes = {body.name: _pose_of(body.pose) for body in self.world.objects}
         robot = self.robot
         if robot is not None:
+            homes[robot.name] = robot.pose
             at = poses.get(robot.name, robot.pose)
             robot = replace(robot, pose=at, joints=robot.joints if joints is None else joints)
-        return replace(self, world=self.world.model_copy(update={"objects": objects}), robot=robot)
+        world = self.world.model_copy(update={"objects": objects})
+        return replace(self, world=world, robot=robot, homes={**homes, **self.homes})
+
+    def later(self, seconds: float) -> Self:
+        """The same after a time: of what pushes, that which is left."""
+        left = (_later(push, seconds) for push in self.world.disturbances if push.end > seconds)
+        return replace(self, world=self.world.model_copy(update={"disturbances": tuple(left)}))
+
+    def at_home(self) -> Self:
+        """The same with all models where they were when they came, and nothing that pushes them."""
+        back = self.moved(self.homes, {})
+        return replace(back, world=back.world.model_copy(update={"disturbances": ()}))
+
+
+def _later(push: Disturbance, seconds: float) -> Disturbance:
+    begins = max(0.0, push.at - seconds)
+    return push.model_copy(update={"at": begins, "duration": push.end - seconds - begins})
+
+
+def _pose_of(placement: Placement) -> Pose:
+    return Pose((placement.x, placement.y, placement.z or 0.0), placement.orientation_xyzw)
 
 
 def placement_of(pose: Pose) -> Placement:

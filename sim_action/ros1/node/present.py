@@ -14,6 +14,7 @@ class Present:
 
     Attributes:
         time: s of sim time.
+        began: s of sim time at which what is simulated began.
         models: name of a model, without the ground -> pose and twist, world frame.
         links: the same of links, each as `model::link`.
         joints: of the robot -> rad, or m.
@@ -21,10 +22,12 @@ class Present:
 
     population: Population
     time: float = 0.0
+    began: float = 0.0
     models: States = field(default_factory=dict)
     links: States = field(default_factory=dict)
     joints: dict[str, float] = field(default_factory=dict)
 
     def carried_on(self) -> Population:
         """The population, where everything is now."""
-        return self.population.moved({name: pose for name, (pose, _) in self.models.items()}, self.joints)
+        moved = self.population.moved({name: pose for name, (pose, _) in self.models.items()}, self.joints)
+        return moved.later(self.time - self.began)

@@ -3,12 +3,36 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from typing import Any
 
 import rospy
 
+Traffic = Counter[str]
+"""Topic -> messages that were sent on it, or heard, since the clock started."""
 
-def publisher(topic: str, kind: type[Any], *, latch: bool = False) -> rospy.Publisher:
+
+class Sender:
+    """Messages of one kind on one topic; what nobody listens to is neither sent nor counted."""
+
+    def __init__(self, topic: str, kind: type[Any], traffic: Traffic) -> None:
+        self._topic, self._traffic = topic, traffic
+        self._publisher = _publisher(topic, kind)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether a node listens: else a message need not be made."""
+        return bool(self._publisher.get_num_connections())
+
+    def send(self, message: Any) -> None:
+        """Returns when all who listen have it."""
+        if not self.is_heard:
+            return
+        self._traffic[self._topic] += 1
+        self._publisher.publish(message)
+
+
+def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
     """Of messages of a kind.
 
     rospy warns of publishers that have no queue, since a node that hangs holds them up. In lock-step it does so anyway,
@@ -16,4 +40,4 @@ def publisher(topic: str, kind: type[Any], *, latch: bool = False) -> rospy.Publ
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)
-        return rospy.Publisher(topic, kind, queue_size=None, latch=latch, tcp_nodelay=True)
+        return rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True)

@@ -1,11 +1,11 @@
-"""The services of Gazebo's ROS interface (gazebo_ros_api_plugin), which nodes ask to look at the world or to change it."""
+"""Services of Gazebo's ROS interface (gazebo_ros_api_plugin), by which nodes look at the world and change it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from threading import Event
-from typing import Any
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 import rospy
@@ -28,7 +28,8 @@ from sim_action.ros1.node.present import Present
 from sim_action.ros1.worlds import BadWorld, body_of
 from sim_action.world import Disturbance
 
-_WORLD_FRAMES = frozenset({"", "world", "map", "/map", "ground_plane"})
+_FOR_EVER: Final = 1e5
+_WORLD_FRAMES: Final = frozenset({"", "world", "map", "/map", "ground_plane"})
 
 
 class Services:
@@ -36,7 +37,6 @@ class Services:
 
     def __init__(self, present: Present, changes: Changes, paused: Event) -> None:
         self._present, self._changes, self._paused = present, changes, paused
-        self._first = present.population
         for name, kind, answer in (
             ("spawn_urdf_model", SpawnModel, self._spawn),
             ("spawn_sdf_model", SpawnModel, self._spawn),
@@ -101,13 +101,15 @@ class Services:
             _refuse_unknown(model, population)
             robot = population.robot
             is_robot = robot is not None and robot.name == model
-            if seconds <= 0:
-                raise ValueError("a wrench needs a duration of more than 0 s")
+            if is_robot and link and request.body_name not in self._present.links:
+                raise ValueError(f"there is no link '{link}' in '{model}'")
+            if seconds == 0:
+                raise ValueError("a wrench needs a duration; a negative one is for ever")
             begins = max(0.0, request.start_time.to_sec() - self._present.time)
             disturbance = Disturbance.model_validate(
                 {
                     "at": begins,
-                    "for": seconds,
+                    "for": seconds if seconds > 0 else _FOR_EVER,
                     **({"link": link or None} if is_robot else {"body": model}),
                     "force": (force.x, force.y, force.z),
                     "torque": (torque.x, torque.y, torque.z),
@@ -121,18 +123,8 @@ class Services:
         return self._answer(alter, "the wrench acts")
 
     def _reset(self, *, restarts: bool) -> tuple[()]:
-        def alter(population: Population) -> Population:
-            robot = population.robot and replace(population.robot, joints={})
-            first = {body.name: body for body in self._first.world.objects}
-            bodies = (first.get(body.name, body) for body in population.world.objects)
-            world = population.world.model_copy(update={"objects": tuple(bodies), "disturbances": ()})
-            return Population(world, robot and replace(robot, pose=self.spawned_at or robot.pose))
-
-        self._changes.ask(alter, restarts=restarts)
+        self._changes.ask(Population.at_home, restarts=restarts)
         return ()
-
-    spawned_at: Pose | None = None
-    """Where the robot was spawned."""
 
     def _get_state(self, request: Any) -> Any:
         found = self._present.models.get(request.model_name)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 from gazebo_msgs.msg import LinkStates, ModelStates
 from rosgraph_msgs.msg import Clock
 
 from sim_action.geometry import Pose, Twist
 from sim_action.ros1.node.messages import pose_message, time_of, twist_message
-from sim_action.ros1.node.publishing import publisher
+from sim_action.ros1.node.publishing import Sender, Traffic
 
 GROUND: Final = "ground_plane"
 """What Gazebo calls the ground."""
@@ -24,27 +24,30 @@ _STILL: Final = Pose(), Twist()
 class Topics:
     """Tells, if somebody listens."""
 
-    def __init__(self) -> None:
-        self._clock = publisher("/clock", Clock)
-        self._models = publisher("/gazebo/model_states", ModelStates)
-        self._links = publisher("/gazebo/link_states", LinkStates)
+    def __init__(self, traffic: Traffic) -> None:
+        self._clock = Sender("/clock", Clock, traffic)
+        self._models = Sender("/gazebo/model_states", ModelStates, traffic)
+        self._links = Sender("/gazebo/link_states", LinkStates, traffic)
 
     def tell_time(self, seconds: float) -> None:
         """Publishes the clock."""
-        self._clock.publish(Clock(time_of(seconds)))
+        self._clock.send(Clock(time_of(seconds)))
 
     def tell_models(self, models: States) -> bool:
         """Publishes where models are; returns whether somebody listens."""
-        return _tell(self._models, {GROUND: _STILL, **models})
+        if not self._models.is_heard:
+            return False
+        self._models.send(ModelStates(*_columns({GROUND: _STILL, **models})))
+        return True
 
     def tell_links(self, links: States) -> bool:
         """Publishes where links are, each called after its model and itself; returns whether somebody listens."""
-        return _tell(self._links, {f"{GROUND}::link": _STILL, **links})
+        if not self._links.is_heard:
+            return False
+        self._links.send(LinkStates(*_columns({f"{GROUND}::link": _STILL, **links})))
+        return True
 
 
-def _tell(topic: Any, states: States) -> bool:
-    if not topic.get_num_connections():
-        return False
+def _columns(states: States) -> tuple[list[str], list[object], list[object]]:
     poses, twists = zip(*states.values(), strict=True)
-    topic.publish(list(states), list(map(pose_message, poses)), list(map(twist_message, twists)))
-    return True
+    return list(states), list(map(pose_message, poses)), list(map(twist_message, twists))

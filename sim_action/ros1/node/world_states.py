@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
+from numpy.typing import ArrayLike
+
 from sim_action import geometry
 from sim_action.geometry import Pose, Twist
 from sim_action.observation import Observation
@@ -26,6 +28,10 @@ class WorldStates:
     time: float
     links: Mapping[str, tuple[Pose, Twist]]
     bodies: Mapping[str, tuple[Pose, Twist]]
+
+    def columns(self) -> Mapping[str, ArrayLike]:
+        """See Reading.columns: no trace keeps it."""
+        return {}
 
 
 class StatesSensor(Sensor):

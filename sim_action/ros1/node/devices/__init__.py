@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Final, Protocol
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol
 
 from sim_action.geometry import Twist
 from sim_action.observation import Observation
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
 from sim_action.ros1.gazebo_tags import Plugin
+from sim_action.ros1.node.publishing import Sender, Traffic
 from sim_action.sensors.mounting import MountedSensor
 
 TICKS: Final = 100
@@ -23,10 +24,12 @@ class Told:
 
     Attributes:
         is_latched: whether its publisher keeps it for those who come later.
+        topics: on which they tell it.
     """
 
     twist: Twist | None = None
     is_latched: bool = False
+    topics: set[str] = field(default_factory=set)
 
     def begin(self) -> None:
         """Forgets what was said before the clock started: whether it was heard depends on who came up first.
@@ -38,25 +41,53 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
+class Wiring:
+    """What plugins are opened with.
+
+    Attributes:
+        model: of the robot that they are of.
+        told: where what nodes say to the robot goes to.
+        traffic: counts messages.
+    """
+
+    model: RobotModel
+    told: Told
+    traffic: Traffic
+
+    def sender(self, topic: str, kind: type[Any]) -> Sender:
+        """A topic for what a plugin tells."""
+        return Sender(topic, kind, self.traffic)
+
+
+@dataclass(frozen=True, slots=True)
 class Device:
     """The live half of a plugin, or of a part of it.
 
     Attributes:
         period: ticks from one call of `publish` to the next.
-        publish: tells nodes what there is to tell of a moment, at a sim time in s.
+        senders: its topics.
+        publish: tells nodes what there is to tell of a moment, at a sim time in s; called if a node listens.
         sensor: what it reads; its reading is in the observation.
     """
 
     period: int
+    senders: tuple[Sender, ...]
     publish: Callable[[float, Observation], None]
     sensor: MountedSensor | None = None
+
+    def tell(self, tick: int, seconds: float, seen: Observation) -> bool:
+        """Publishes, if it is time to; returns whether somebody listens."""
+        if tick % self.period or not any(sender.is_heard for sender in self.senders):
+            return False
+        self.publish(seconds, seen)
+        return True
 
 
 class Opener(Protocol):
     """What the table's entries are."""
 
-    def __call__(self, plugin: Plugin, model: RobotModel, told: Told) -> Iterable[Device]:
-        """Opens a plugin's topics. What is said on them to the robot goes to `told`."""
+    def __call__(self, plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+        """Opens a plugin's topics."""
 
 
 _DRIVE: Final = "sim_action.ros1.node.devices.drive:open_drive"

@@ -10,22 +10,20 @@ from sensor_msgs.msg import Imu as ImuMessage
 from sim_action.geometry import Pose
 from sim_action.observation import Observation
 from sim_action.readings import ImuReading
-from sim_action.robot_model import RobotModel
 from sim_action.ros1.gazebo_tags import Plugin
-from sim_action.ros1.node.devices import TICKS, Device, Told, period_of
+from sim_action.ros1.node.devices import TICKS, Device, Wiring, period_of
 from sim_action.ros1.node.messages import header
-from sim_action.ros1.node.publishing import publisher
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.mounting import MountedSensor
 
 
-def open_imu(plugin: Plugin, model: RobotModel, told: Told) -> Iterable[Device]:
+def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_imu, which names its link, and gazebo_ros_imu_sensor, which is of a sensor on one."""
     topic = plugin.topic("topicName", default="imu")
-    link = plugin.own.text("bodyName", default=plugin.link or model.root)
+    link = plugin.own.text("bodyName", default=plugin.link or wiring.model.root)
     frame = plugin.own.text("frameName", default=link)
     rate = plugin.own.number("updateRate", "updateRateHZ", default=plugin.sensor.number("update_rate", default=0.0))
-    sender, period = publisher(topic, ImuMessage), period_of(rate)
+    sender, period = wiring.sender(topic, ImuMessage), period_of(rate)
     noise = plugin.own.number("gaussianNoise", default=0.0)
     sensor = MountedSensor(
         Imu(gyro_noise=noise, accelerometer_noise=noise), f"imu {topic}", link, Pose(), TICKS / period, trace=False
@@ -34,7 +32,7 @@ def open_imu(plugin: Plugin, model: RobotModel, told: Told) -> Iterable[Device]:
     def publish(seconds: float, seen: Observation) -> None:
         reading = seen.sensors[sensor.name]
         assert isinstance(reading, ImuReading)
-        sender.publish(
+        sender.send(
             ImuMessage(
                 header=header(seconds, frame),
                 orientation=Quaternion(*reading.orientation_xyzw),
@@ -43,4 +41,4 @@ def open_imu(plugin: Plugin, model: RobotModel, told: Told) -> Iterable[Device]:
             )
         )
 
-    yield Device(period, publish, sensor)
+    yield Device(period, (sender,), publish, sensor)

@@ -10,26 +10,24 @@ from sensor_msgs.msg import LaserScan
 from sim_action.geometry import Pose, quaternion_from_rpy
 from sim_action.observation import Observation
 from sim_action.readings import LidarScan
-from sim_action.robot_model import RobotModel
 from sim_action.ros1.gazebo_tags import Plugin
-from sim_action.ros1.node.devices import TICKS, Device, Told, period_of
+from sim_action.ros1.node.devices import TICKS, Device, Wiring, period_of
 from sim_action.ros1.node.messages import header
-from sim_action.ros1.node.publishing import publisher
 from sim_action.sensors.lidar import Lidar
 from sim_action.sensors.mounting import MountedSensor
 
 
-def open_laser(plugin: Plugin, model: RobotModel, told: Told) -> Iterable[Device]:
+def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_laser, gazebo_ros_gpu_laser."""
     sensor, name = plugin.sensor, f"laser {plugin.topic('topicName', default='scan')}"
-    sender = publisher(plugin.topic("topicName", default="scan"), LaserScan)
+    sender = wiring.sender(plugin.topic("topicName", default="scan"), LaserScan)
     frame = plugin.own.text("frameName", default=plugin.link)
     period = period_of(sensor.number("update_rate", default=0.0))
 
     def publish(seconds: float, seen: Observation) -> None:
         scan = seen.sensors[name]
         assert isinstance(scan, LidarScan)
-        sender.publish(
+        sender.send(
             LaserScan(
                 header=header(seconds, frame),
                 angle_min=scan.angle_min,
@@ -42,7 +40,8 @@ def open_laser(plugin: Plugin, model: RobotModel, told: Told) -> Iterable[Device
             )
         )
 
-    yield Device(period, publish, MountedSensor(_lidar(plugin), name, plugin.link, _pose(plugin), TICKS / period, False))
+    sensor_of = MountedSensor(_lidar(plugin), name, plugin.link, _pose(plugin), TICKS / period, trace=False)
+    yield Device(period, (sender,), publish, sensor_of)
 
 
 def _lidar(plugin: Plugin) -> Lidar:
