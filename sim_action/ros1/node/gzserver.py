@@ -15,6 +15,7 @@ from sim_action.errors import BadStart, ModelError, RunError, SimulationUnstable
 from sim_action.outcome import Failure
 from sim_action.ros1.exchange import End, NodeRun, Request
 from sim_action.ros1.graph import Master
+from sim_action.ros1.node import leaving
 from sim_action.ros1.node.bridge import Pace, Session
 from sim_action.ros1.node.changes import BeginAnew, Changes
 from sim_action.ros1.node.episode import Episode, Stage
@@ -35,7 +36,7 @@ _LOOK: Final = 0.01
 
 def serve(folder: Path, request: Request) -> None:
     """Runs the node until the launch is over; writes what became of the simulation when that is known."""
-    rospy.init_node(NAME.strip("/"))
+    leaving.begin(NAME.strip("/"))
     _Server(folder, request).run().write(folder)
     # Whoever is left may still ask; what tells it to leave is roslaunch.
     rospy.spin()
