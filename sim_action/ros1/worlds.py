@@ -12,6 +12,8 @@ from typing import Any
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
+from pydantic import ValidationError
+
 from sim_action import geometry
 from sim_action.geometry import Pose, quaternion_from_rpy, rpy_from_quaternion
 from sim_action.world import Body, World
@@ -25,11 +27,16 @@ def read_world(path: Path, folders: tuple[Path, ...]) -> tuple[World, list[str]]
     """A .world file, and what was left out of it; `folders`: where `model://` is looked for. Raises BadWorld."""
     try:
         root = ET.parse(path).getroot()  # noqa: S314 - a world that the user names
-    except (OSError, ET.ParseError) as error:
-        raise BadWorld(f"{path}: {error}") from None
-    world = root if root.tag == "world" else root.find("world")
-    if world is None:
-        raise BadWorld(f"{path} has no <world>")
+        world = root if root.tag == "world" else root.find("world")
+        if world is None:
+            raise BadWorld(f"{path} has no <world>")
+        return _read(world, folders)
+    except (OSError, ET.ParseError, ValueError) as error:
+        raise BadWorld(f"{path}: {_said(error)}") from None
+
+
+def _read(world: Element, folders: tuple[Path, ...]) -> tuple[World, list[str]]:
+    """Raises ValueError, ET.ParseError, OSError."""
     notes: list[str] = []
     bodies: dict[str, Body] = {}
     for body in _bodies(world, folders, notes):
@@ -37,19 +44,29 @@ def read_world(path: Path, folders: tuple[Path, ...]) -> tuple[World, list[str]]
     kept: dict[str, Any] = {"objects": tuple(bodies.values())}
     if (gravity := world.findtext("gravity")) is not None:
         kept["gravity"] = tuple(map(float, gravity.split()))
-    return World().model_copy(update=kept), notes
+    return World.model_validate(kept), notes
 
 
 def body_of(name: str, description: str, pose: Pose) -> Body:
-    """A body, from the SDF of a model with one link. Raises BadWorld, ET.ParseError."""
-    root = ET.fromstring(description)  # noqa: S314 - of what is simulated
-    model = root if root.tag == "model" else root.find("model")
-    if model is None:
-        raise BadWorld("it has no <model>")
-    found = list(_bodies_of(model, name, pose, []))
+    """A body, from the SDF of a model with one link. Raises BadWorld."""
+    try:
+        root = ET.fromstring(description)  # noqa: S314 - of what is simulated
+        model = root if root.tag == "model" else root.find("model")
+        if model is None:
+            raise BadWorld("it has no <model>")
+        found = list(_bodies_of(model, name, pose, []))
+    except (ET.ParseError, ValueError) as error:
+        raise BadWorld(_said(error)) from None
     if len(found) != 1:
         raise BadWorld(f"a body of one collision shape is wanted, and it has {len(found)}")
     return found[0]
+
+
+def _said(error: Exception) -> str:
+    """In a line."""
+    if not isinstance(error, ValidationError):
+        return str(error)
+    return "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors(include_url=False))
 
 
 def _bodies(world: Element, folders: tuple[Path, ...], notes: list[str]) -> Iterator[Body]:
@@ -80,9 +97,12 @@ def _included(uri: str, folders: tuple[Path, ...]) -> Element | None:
 def _bodies_of(model: Element, name: str, pose: Pose, notes: list[str]) -> Iterator[Body]:
     is_static = (model.findtext("static") or "").strip().lower() in {"1", "true"}
     shapes = [(link, collision) for link in model.findall("link") for collision in link.findall("collision")]
+    if len(shapes) > 1 and not is_static:
+        notes.append(f"'{name}' has {len(shapes)} shapes, and what moves has one here: it does not move")
+        is_static = True
     for index, (link, collision) in enumerate(shapes):
         shape = _shape(collision.find("geometry"))
-        called = name if index == 0 else f"{name}::{index + 1}"
+        called = name if index == 0 else f"{name}_{index + 1}"
         if shape is None:
             if collision.find("geometry/plane") is None:
                 notes.append(f"a shape of '{name}' is neither box, cylinder nor sphere; it is left out")
@@ -90,7 +110,7 @@ def _bodies_of(model: Element, name: str, pose: Pose, notes: list[str]) -> Itera
         at = geometry.compose(pose, geometry.compose(_pose(link), _pose(collision)))
         x, y, z = at.position_xyz
         roll, pitch, yaw = rpy_from_quaternion(at.orientation_xyzw)
-        mass = None if is_static or index else float(link.findtext("inertial/mass") or 1.0)
+        mass = None if is_static else float(link.findtext("inertial/mass") or 1.0)
         placed = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}
         yield Body.model_validate({"name": called, **shape, "pose": placed, **({"mass": mass} if mass else {})})
 

@@ -68,7 +68,7 @@ class Services:
                 return replace(population, robot=SpawnedRobot(name, request.model_xml, pose))
             try:
                 return population.with_body(body_of(name, request.model_xml, pose))
-            except (BadWorld, ET.ParseError) as error:
+            except BadWorld as error:
                 raise ValueError(f"'{name}' cannot be spawned: {error}") from None
 
         return self._answer(alter, f"'{name}' is spawned")
