@@ -100,7 +100,7 @@ class Lockstep:
         graph = self._master.graph()
         nodes = frozenset(graph.pids.values())
         self._watched.watch({*nodes, graph.master, os.getpid()})
-        missing = siblings - nodes - self._given_up
+        missing = siblings - nodes - self._given_up - {graph.master}
         return not any(nodes.isdisjoint(descendants(pid)) for pid in missing)
 
     def _note_tests(self, siblings: frozenset[int]) -> None:
@@ -116,8 +116,10 @@ class Lockstep:
             )
 
     def _late(self) -> Iterator[int]:
-        nodes = frozenset(self._master.graph().pids.values())
-        return (pid for pid in self._siblings - nodes - self._given_up if nodes.isdisjoint(descendants(pid)))
+        graph = self._master.graph()
+        nodes = frozenset(graph.pids.values())
+        missing = self._siblings - nodes - self._given_up - {graph.master}
+        return (pid for pid in missing if nodes.isdisjoint(descendants(pid)))
 
     def _lose(self, seconds: float) -> None:
         if self.is_kept:

@@ -1,0 +1,109 @@
+"""Packages of ROS 1 on real roscore, rospy and rostest: the examples, ROBOTIS's layout, and all that goes wrong."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_action.outcome import Outcome, Results
+from sim_action.ros1.exchange import TRACE_FILE, NodeRun
+from sim_action.ros1.findings import Findings
+from sim_action.ros1.request import RosRequest
+from sim_action.trace_storage import load_trace
+from tests.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
+
+pytestmark = needs_ros
+
+TESTS = ["mover", "go_to_point", "stop_before_wall"]
+
+
+@contextmanager
+def loaded() -> Iterator[None]:
+    """All processors have other work."""
+    command = [sys.executable, "-c", "while True: pass"]
+    busy = [subprocess.Popen(command) for _ in range(os.cpu_count() or 1)]
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+
+
+def example(folder: Path, name: str, workspace: Path = EXAMPLES) -> Findings:
+    return launched(folder, RosRequest("rostest", "robot_driver", f"{name}.test", workspace=workspace))
+
+
+def outcomes(folder: Path) -> tuple[Outcome, ...]:
+    """As the command has written them."""
+    return Results.model_validate_json((folder / "sim-results/results.json").read_bytes()).outcomes
+
+
+def copied(folder: Path) -> Path:
+    """The examples, to be changed."""
+    return shutil.copytree(EXAMPLES, folder / "ws")
+
+
+def changed(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize("name", TESTS)
+def test_examples_pass(name: str, tmp_path: Path) -> None:
+    done = rostest(tmp_path, EXAMPLES, "robot_driver", f"{name}.test")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    (outcome,) = outcomes(tmp_path)
+    assert outcome.status == "passed"
+    assert outcome.end == "test over"
+    assert outcome.trace is not None
+    assert outcome.replay is not None
+
+
+def test_the_mover_comes_as_far_as_physics_says(tmp_path: Path) -> None:
+    """It speeds up by 1 m/s^2 to 1 m/s: half a metre in the first second, one in the next."""
+    findings = example(tmp_path / "run", "mover")
+    run = told(findings)
+    assert run.first_command is not None
+    trace = load_trace(findings.runs[0].folder / TRACE_FILE)
+    way = np.interp([run.first_command + 1, run.first_command + 2], trace.time, trace.planar_distance_to(0, 0))
+
+    assert way == pytest.approx([0.5, 1.5], abs=0.02)
+
+
+def seen(run: NodeRun) -> tuple[object, ...]:
+    assert run.in_step
+    return run.digest, run.messages, run.sim_time, run.first_command, run.travelled
+
+
+@pytest.mark.parametrize("name", ["mover", "go_to_point"])
+def test_runs_are_the_same_however_busy_the_machine_is(name: str, tmp_path: Path) -> None:
+    runs = [told(example(tmp_path / f"idle {number}", name)) for number in range(3)]
+    with loaded():
+        runs += [told(example(tmp_path / f"busy {number}", name)) for number in range(3)]
+
+    assert runs[0].messages["/clock"] > 100
+    assert [seen(run) for run in runs] == [seen(runs[0])] * 6
+
+
+def test_a_mover_that_does_not_move_fails_with_how_far_it_came(tmp_path: Path) -> None:
+    workspace = copied(tmp_path)
+    changed(workspace / "src/robot_driver/mover.py", "linear.x = 1.0", "linear.x = 0.0")
+
+    done = rostest(tmp_path, workspace, "robot_driver", "mover.test", "--sim-time-limit", "5")
+
+    assert done.returncode == 1, done.stdout + done.stderr
+    (outcome,) = outcomes(tmp_path)
+    told_by = [expected.verdict.message for expected in outcome.expectations]
+    assert any(re.search(r"had come 0\.00 m", message) for message in told_by), told_by
