@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.regular_files import read_at_most
-from sim_action.ros1.exchange import PROCESS_FILE, NodeRun, runs_in
+from sim_action.ros1.exchange import PROCESS_FILE, REQUEST_FILE, NodeRun, Request, runs_in
 from sim_action.ros1.launch_file import TestTag
 from sim_action.ros1.printed import plain
 from sim_action.ros1.result_xml import Case, Suite, read_suite
@@ -45,25 +45,26 @@ class TestFound:
     """
 
     name: str
-    tag: TestTag | None
-    methods: Suite | None
-    launched: Case | None
-    run: Run | None
+    tag: TestTag | None = None
+    methods: Suite | None = None
+    launched: Case | None = None
+    run: Run | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What there is of a launch; `text`: all that was printed, without colours."""
+    """What there is of a launch; `text`: all that was printed, without colours; `sim_time_limit`: s of a simulation."""
 
     ending: Ending
     exit_code: int | None
     tests: tuple[TestFound, ...]
     runs: tuple[Run, ...]
     text: str
+    sim_time_limit: float
 
 
-def find(folder: Path, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
-    """Reads what is in the folder of a call."""
+def find(folder: Path, share: str, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
+    """Reads what is in the folder of a call; `share`: where its processes saw packages, which says nothing to anybody."""
     results = folder / RESULTS
     told = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
     launched = {case.name.removeprefix("test"): case for suite in told for case in suite.cases}
@@ -82,8 +83,11 @@ def find(folder: Path, tags: Sequence[TestTag], ending: Ending, exit_code: int |
         for name in names
     )
     output = read_at_most(folder / "output.txt", _MOST_OUTPUT) or b""
+    request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
     text = "\n".join((*(suite.output for suite in told), output.decode(errors="replace")))
-    return Findings(ending, exit_code, tests, tuple(runs), plain(text))
+    return Findings(
+        ending, exit_code, tests, tuple(runs), plain(text).replace(f"{share}/", ""), request.sim_time_limit or 0.0
+    )
 
 
 def _runs_of(names: Sequence[str], written: dict[str, Path], runs: Sequence[Run]) -> dict[str, Run]:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import PurePath
+from signal import Signals
 from typing import Final
 
 # Colours, as they are and as rosunit writes them.
-_COLOURS: Final = re.compile(r"(?:\x1b|&#x001B;)(?:\[[0-9;]*m|\][^\x07]*\x07)")
-_DEAD: Final = re.compile(r"\[([\w/.-]+?)-\d+\] process has died \[pid \d+, exit code (-?\d+), cmd (\S+)")
-_REQUIRED: Final = re.compile(
-    r"REQUIRED process \[([\w/.-]+?)-\d+\] has died!\s+process has (?:died \[pid \d+, exit code (-?\d+)|(finished cleanly))"
-)
+_COLOURS: Final = re.compile(r"(?:\x1b|&#x001B;)(?:\[[0-9;]*m|\][^\x07\n]*(?:\x07|&#x0007;))")
+# Of a folder that is gone by the time that anybody reads it.
+_LOGS: Final = re.compile(r"^(?:log file: .*\*\.log|\.\.\. logging to .*|rostest log file is in .*)\n?", re.MULTILINE)
+_NODE: Final = r"\[([\w/.-]+?)-\d+\]"
+_HOW: Final = r"process has (?:died \[pid \d+, exit code (-?\d+), cmd (\S+)|finished cleanly)"
+_DEAD: Final = re.compile(rf"{_NODE} {_HOW}")
+_REQUIRED: Final = re.compile(rf"REQUIRED process {_NODE} has died!\s+{_HOW}")
+_NO_PACKAGE: Final = re.compile(r"^(?:rospkg\.\w+\.)?(?:ResourceNotFound|Resource not found): *(\S+)$", re.MULTILINE)
 _REFUSED: Final = (
-    re.compile(r"^(?:roslaunch\.\w+\.)?(?:RLException|XmlParseException|LaunchParamException): *(.+)$", re.MULTILINE),
-    re.compile(r"^(?:rospkg\.common\.|rospkg\.)?ResourceNotFound: *(.+)$", re.MULTILINE),
     re.compile(r"^ERROR: (cannot launch node of type .+)$", re.MULTILINE),
+    re.compile(r"^(?:roslaunch\.\w+\.)?(?:RLException|XmlParseException|LaunchParamException): *(.+)$", re.MULTILINE),
 )
 _EXCEPTION: Final = re.compile(r"^[A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Exit)(?:: .*)?$", re.MULTILINE)
 _XACRO: Final = re.compile(r"^xacro: (.+)$", re.MULTILINE)
@@ -26,35 +30,40 @@ _LAST: Final = 4_000
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """A node that has ended on its own; `exit_code` negative: the number of a signal."""
+    """A node that has ended on its own; `exit_code` negative: the number of a signal; `program`: empty if not known."""
 
     node: str
     exit_code: int
-    required: bool = False
+    program: str = ""
 
     def __str__(self) -> str:
         return f"the node '{self.node}' ended with {_ended(self.exit_code)}"
 
 
 def plain(text: str) -> str:
-    """Without colours and titles of windows."""
-    return _COLOURS.sub("", text).replace("\r", "")
+    """Without colours, titles of windows, and places of logs."""
+    return _LOGS.sub("", _COLOURS.sub("", text).replace("\r", ""))
+
+
+def required_deaths(text: str) -> Iterator[Death]:
+    """Of nodes that nothing goes on without."""
+    return (Death(name, int(code or 0), program) for name, code, program in _REQUIRED.findall(text))
 
 
 def deaths(text: str) -> Iterator[Death]:
-    """Of nodes, those that are required first."""
-    for name, code, clean in _REQUIRED.findall(text):
-        yield Death(name, 0 if clean else int(code), required=True)
-    for name, code, _ in _DEAD.findall(text):
-        yield Death(name, int(code))
+    """Of nodes that did not end well."""
+    return (Death(name, int(code), program) for name, code, program in _DEAD.findall(text) if code)
+
+
+def missing_package(text: str) -> str | None:
+    """What a launch file has looked for and not found."""
+    found = _NO_PACKAGE.search(text)
+    return found[1] if found else None
 
 
 def refused(text: str) -> str | None:
     """Why a launch file cannot be launched."""
-    for pattern in _REFUSED:
-        if found := pattern.search(text):
-            return found[1].strip()
-    return None
+    return next((found[1].strip() for pattern in _REFUSED if (found := pattern.search(text))), None)
 
 
 def xacro_error(text: str) -> str | None:
@@ -63,10 +72,12 @@ def xacro_error(text: str) -> str | None:
     return found[1] if found else None
 
 
-def last_exception(text: str) -> str | None:
-    """The last line that is one of Python's exceptions."""
-    found = _EXCEPTION.findall(text)
-    return found[-1] if found else None
+def last_exception(text: str, program: str) -> str | None:
+    """The exception that a program of Python ended with: the one that follows the last mention of its file."""
+    name = PurePath(program).name
+    place = text.rfind(f'{name}", line ') if name else -1
+    found = _EXCEPTION.search(text, place) if place >= 0 else None
+    return found[0] if found else None
 
 
 def last_words(text: str) -> str:
@@ -75,4 +86,6 @@ def last_words(text: str) -> str:
 
 
 def _ended(code: int) -> str:
-    return f"exit code {code}" if code >= 0 else f"signal {-code}"
+    if code >= 0:
+        return f"exit code {code}"
+    return Signals(-code).name if -code in set(Signals) else f"signal {-code}"

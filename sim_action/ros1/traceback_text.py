@@ -21,7 +21,7 @@ def location_in(text: str, workspace: Path) -> Location | None:
         except OSError:
             continue
         if path.is_relative_to(root):
-            return Location(_shown(path), int(line))
+            return Location(shown_path(path), int(line))
     return None
 
 
@@ -34,7 +34,7 @@ def first_line(kind: str, text: str) -> str:
     return f"{kind}: {said.strip()}" if kind and said.strip() else said.strip() or kind
 
 
-def _shown(path: Path) -> str:
+def shown_path(path: Path) -> str:
     """As seen from the current folder, if it is below."""
     here = Path.cwd().resolve()
     return file_name(path.relative_to(here) if path.is_relative_to(here) else path)
