@@ -105,7 +105,9 @@ def _lay_out(name: str, source: Path, target: Path) -> None:
         (target / path.name).symlink_to(path)
     for (package, node), module in _NODES.items():
         if package == name:
-            variables = f"PYTHONPATH={shlex.quote(OUR_MODULES)}:$PYTHONPATH"
+            # Models are looked for where an overlay's packages are, which are links: of ROS 2's path they are followed.
+            prefix = shlex.quote(str(target.parent.parent))
+            variables = f"PYTHONPATH={shlex.quote(OUR_MODULES)}:$PYTHONPATH AMENT_PREFIX_PATH={prefix}"
             _write_program(target / node, f'{variables} exec {shlex.quote(sys.executable)} -m {module} "$@"')
 
 

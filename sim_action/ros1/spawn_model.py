@@ -1,20 +1,22 @@
-import os, sys, json
+"""What the overlay's `spawn_model` runs: makes rospy known to this interpreter, then spawns."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
 from pathlib import Path
-from sim_action.ros1.exchange import FOLDER_VARIABLE, REQUEST_FILE, Request
-
-sys.path.append(Request.model_validate_json((Path(os.environ[FOLDER_VARIABLE]) / REQUEST_FILE).read_bytes()).modules)
-import rospy
-from gazebo_msgs.srv import SpawnModel, SpawnModelRequest
 
 
-def main():
-    a = rospy.myargv()[1:]
-    rospy.init_node("spawn_model")
-    rospy.wait_for_service("/gazebo/spawn_urdf_model")
-    r = SpawnModelRequest()
-    r.model_name = a[a.index("-model") + 1]
-    r.model_xml = rospy.get_param(a[a.index("-param") + 1])
-    print(rospy.ServiceProxy("/gazebo/spawn_urdf_model", SpawnModel)(r).success)
+def main() -> int:
+    """The entry of a fresh interpreter; returns the exit code."""
+    # As `exchange` has it, which takes longer to import than all that is done here.
+    request = Path(os.environ["SIM_ACTION_ROS_RUN"]) / "request.json"
+    sys.path.append(json.loads(request.read_bytes())["modules"])
+    from sim_action.ros1.node.spawning import spawn
+
+    return spawn()
 
 
-main()
+if __name__ == "__main__":
+    sys.exit(main())

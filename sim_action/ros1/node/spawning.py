@@ -1,0 +1,97 @@
+"""The node `spawn_model` of gazebo_ros: asks the simulation for a model that is in a parameter or in a file."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import rospy
+from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
+from geometry_msgs.msg import Point, Pose, Quaternion
+from std_srvs.srv import Empty
+
+from sim_action.geometry import quaternion_from_rpy
+
+_PLACE: Final = ("x", "y", "z", "R", "P", "Y")
+
+
+def spawn(words: Sequence[str] | None = None) -> int:
+    """Returns the exit code."""
+    rospy.init_node("spawn_model", anonymous=True)
+    asked = _parser().parse_args(rospy.myargv()[1:] if words is None else words)
+    try:
+        description = _description(asked)
+    except (OSError, KeyError) as error:
+        return _complain(f"there is no model to spawn: {error}")
+    space = asked.gazebo_namespace.rstrip("/")
+    answer = _asked(space, asked, description)
+    if not answer.success:
+        return _complain(answer.status_message)
+    if asked.joints:
+        names, values = zip(*asked.joints, strict=True)
+        answer = _service(space, "set_model_configuration", SetModelConfiguration)(
+            asked.model, asked.param or "", list(names), list(map(float, values))
+        )
+        if not answer.success:
+            return _complain(answer.status_message)
+    if asked.unpause:
+        _service(space, "unpause_physics", Empty)()
+    return 0
+
+
+def _asked(space: str, asked: argparse.Namespace, description: str) -> Any:
+    x, y, z, roll, pitch, yaw = (getattr(asked, name) for name in _PLACE)
+    pose = Pose(Point(x, y, z), Quaternion(*quaternion_from_rpy(roll, pitch, yaw)))
+    kind = "sdf" if asked.sdf else "urdf"
+    call = _service(space, f"spawn_{kind}_model", SpawnModel)
+    return call(asked.model, description, asked.robot_namespace, pose, asked.reference_frame)
+
+
+def _service(space: str, name: str, kind: Any) -> Any:
+    rospy.wait_for_service(f"{space}/{name}")
+    return rospy.ServiceProxy(f"{space}/{name}", kind)
+
+
+def _description(asked: argparse.Namespace) -> str:
+    """Raises OSError, KeyError."""
+    if asked.param:
+        return str(rospy.get_param(asked.param))
+    if asked.file:
+        return Path(asked.file).read_text(encoding="utf-8")
+    if asked.database:
+        return _of_database(asked.database).read_text(encoding="utf-8")
+    return sys.stdin.read()
+
+
+def _of_database(name: str) -> Path:
+    """Raises FileNotFoundError."""
+    folders = [Path(folder) for folder in os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep) if folder]
+    for folder in folders:
+        if (path := folder / name / "model.sdf").is_file():
+            return path
+    raise FileNotFoundError(f"GAZEBO_MODEL_PATH has no model '{name}'; nothing is fetched")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("spawn_model", prefix_chars="-", allow_abbrev=False)
+    for flag in ("-urdf", "-sdf", "-gazebo", "-unpause", "-stdin", "-b", "-package_to_model"):
+        parser.add_argument(flag, action="store_true")
+    for name in ("-param", "-file", "-database"):
+        parser.add_argument(name)
+    parser.add_argument("-model", required=True)
+    for name in _PLACE:
+        parser.add_argument(f"-{name}", type=float, default=0.0)
+    parser.add_argument("-J", dest="joints", nargs=2, action="append")
+    parser.add_argument("-reference_frame", default="")
+    parser.add_argument("-robot_namespace", default=rospy.get_namespace())
+    parser.add_argument("-gazebo_namespace", default="/gazebo")
+    return parser
+
+
+def _complain(message: str) -> int:
+    rospy.logerr("spawn_model: %s", message)
+    return 1
