@@ -89,9 +89,9 @@ def seen(run: NodeRun) -> tuple[object, ...]:
 
 @pytest.mark.parametrize("name", ["mover", "go_to_point"])
 def test_runs_are_the_same_however_busy_the_machine_is(name: str, tmp_path: Path) -> None:
-    runs = [told(example(tmp_path / f"idle {number}", name)) for number in range(3)]
+    runs = [told(example(tmp_path / f"idle{number}", name)) for number in range(3)]
     with loaded():
-        runs += [told(example(tmp_path / f"busy {number}", name)) for number in range(3)]
+        runs += [told(example(tmp_path / f"busy{number}", name)) for number in range(3)]
 
     assert runs[0].messages["/clock"] > 100
     assert [seen(run) for run in runs] == [seen(runs[0])] * 6
