@@ -20,6 +20,7 @@ from sim_action.ros1.findings import Findings
 from sim_action.ros1.request import RosRequest
 from sim_action.trace_storage import load_trace
 from tests.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
+from tests.ros1.robotis import lay_out
 
 pytestmark = needs_ros
 
@@ -107,3 +108,23 @@ def test_a_mover_that_does_not_move_fails_with_how_far_it_came(tmp_path: Path) -
     (outcome,) = outcomes(tmp_path)
     told_by = [expected.verdict.message for expected in outcome.expectations]
     assert any(re.search(r"had come 0\.00 m", message) for message in told_by), told_by
+
+
+def test_packages_that_are_laid_out_as_those_of_robotis_count_before_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TURTLEBOT3_MODEL", "burger")
+    workspace = copied(tmp_path)
+    lay_out(workspace)
+
+    findings = example(tmp_path / "run", "mover", workspace)
+
+    run = told(findings)
+    assert findings.exit_code == 0, findings.text
+    assert run.end == "test over"
+    assert run.travelled is not None
+    assert run.travelled > 1.5
+    trace = load_trace(findings.runs[0].folder / TRACE_FILE)
+    assert trace.joint_names == ("wheel_left_joint", "wheel_right_joint")
+    # It is theirs that is simulated: its base is drawn by a mesh.
+    assert b"burger_controller" in (findings.runs[0].folder / "robot.urdf").read_bytes()
