@@ -13,7 +13,7 @@ from itertools import count
 from pathlib import Path
 from typing import Final, Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from sim_action.outcome import Failure
 from sim_action.quantities import FrozenModel
@@ -79,7 +79,7 @@ class NodeRun(FrozenModel):
     starting: float = 0.0
     engine: str | None = None
     notes: tuple[str, ...] = ()
-    messages: dict[str, int] = {}
+    messages: dict[str, int] = Field(default_factory=dict)
     in_step: bool = True
 
     def write(self, folder: Path) -> None:

@@ -64,7 +64,7 @@ class Findings:
 
 
 def find(folder: Path, share: str, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
-    """Reads what is in the folder of a call; `share`: where its processes saw packages, which says nothing to anybody."""
+    """Reads what is in the folder of a call; `share`: where its processes saw packages, which is left out."""
     results = folder / RESULTS
     told = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
     launched = {case.name.removeprefix("test"): case for suite in told for case in suite.cases}

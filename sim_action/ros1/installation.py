@@ -77,7 +77,7 @@ def find_ros(python: Path = PYTHON) -> Ros:
 
 
 def _look(python: Path) -> tuple[list[str], Path | None]:
-    command = [python, "-c", _LOOK]
+    command = [str(python), "-c", _LOOK]
     told = subprocess.run(command, capture_output=True, text=True, check=False, cwd="/").stdout  # noqa: S603 - that one
     missing, _, rospy = told.partition("\n")
     return [name for name in missing.split(",") if name], Path(rospy.strip()).parent if rospy.strip() else None

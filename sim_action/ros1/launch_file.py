@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.parsers.expat
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -44,10 +45,9 @@ def test_tags(path: Path) -> tuple[TestTag, ...]:
             found.append(_tag(parser.CurrentLineNumber, given))
 
     parser.StartElementHandler = begun
-    try:
+    # What is wrong with it, roslaunch says.
+    with suppress(OSError, xml.parsers.expat.ExpatError):
         parser.Parse(read_at_most(path, _MOST_BYTES) or b"", True)
-    except (OSError, xml.parsers.expat.ExpatError):
-        pass  # What is wrong with it, roslaunch says.
     return tuple(found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -72,7 +73,9 @@ class Call:
         request = self.request
         seen = Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / request.package
         inside = seen / file.relative_to(self.overlay.packages[request.package])
-        return [str(self.ros.program(request.program)), str(inside), *request.arguments]
+        # rostest finds a port for its master by itself.
+        master = ["-p", str(_free_port())] if request.program == "roslaunch" else []
+        return [str(self.ros.program(request.program)), *master, str(inside), *request.arguments]
 
     def _asked(self, tags: Iterable[TestTag]) -> Request:
         """Of the node. Sim time ends where a test's own limit would end it in a simulation at real time."""
@@ -89,6 +92,12 @@ class Call:
 
     def _invalid(self, message: str) -> InvalidScenario:
         return InvalidScenario([Problem(Location(self.request.file), escaped_line(message))])
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
 
 
 def _wall_limit(tags: Sequence[TestTag]) -> float:

@@ -46,7 +46,7 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
         (modules / name / "__init__.py").write_text(_INIT)
     includes = {name: [str(folder / "msg")] for name, folder in known.items() if (folder / "msg").is_dir()}
     task = json.dumps({"packages": written, "modules": str(modules), "includes": includes})
-    command = [ros.python, "-c", _GENERATION]
+    command = [str(ros.python), "-c", _GENERATION]
     made = subprocess.run(command, input=task, capture_output=True, text=True, check=False, cwd="/")  # noqa: S603
     if made.returncode:
         said = (made.stderr.strip() or made.stdout.strip()).splitlines()[-1:]

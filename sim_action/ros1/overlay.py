@@ -69,8 +69,8 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path) -> Overlay:
     generate_messages({**users, "gazebo_msgs": ours["gazebo_msgs"]}, packages, modules, ros)
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
-    path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))
-    return Overlay(_variables(folder, ros, workspace), path, packages)
+    python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))
+    return Overlay(_variables(folder, ros, workspace), python_path, packages)
 
 
 def _variables(folder: Path, ros: Ros, workspace: Path) -> dict[str, str]:

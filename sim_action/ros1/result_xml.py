@@ -75,7 +75,7 @@ def _parsed(data: bytes) -> ET.Element | None:
 def _case(element: ET.Element) -> Case:
     name = element.get("name", "")
     for problem in _problems(element):
-        return Case(name, problem.tag, problem.get("type", ""), problem.text or problem.get("message", ""))
+        return Case(name, problem.tag, problem.get("type", ""), problem.text or problem.get("message") or "")
     return Case(name)
 
 

@@ -13,11 +13,10 @@ import pytest
 
 from sim_action.errors import UsageError
 from sim_action.interruption import Interruption
-from sim_action.ros1 import testing
 from sim_action.ros1.exchange import NodeRun
 from sim_action.ros1.findings import Findings
 from sim_action.ros1.installation import Ros, find_ros
-from sim_action.ros1.launch_file import test_tags as tags_of
+from sim_action.ros1.launching import Call
 from sim_action.ros1.overlay import build_overlay
 from sim_action.ros1.request import RosRequest
 from tests.ros_workspace import ros_package, written
@@ -59,9 +58,9 @@ def launched(folder: Path, request: RosRequest) -> Findings:
     overlay_folder.mkdir(parents=True)
     call.mkdir()
     overlay = build_overlay(overlay_folder, ros(), request.workspace.resolve())
-    file = testing._found(request, overlay)
+    made = Call(request, ros(), overlay, call)
     with Interruption() as interruption:
-        return testing._launched(request, ros(), overlay, call, file, tags_of(file), interruption)
+        return made.launched(made.file(), interruption)
 
 
 def told(findings: Findings) -> NodeRun:

@@ -14,6 +14,7 @@ from gazebo_msgs.srv import (
     DeleteModel,
     GetModelState,
     GetWorldProperties,
+    SetModelConfiguration,
     SetModelState,
     SpawnModel,
 )
@@ -42,6 +43,7 @@ class Services:
             ("spawn_sdf_model", SpawnModel, self._spawn),
             ("delete_model", DeleteModel, self._delete),
             ("set_model_state", SetModelState, self._set_state),
+            ("set_model_configuration", SetModelConfiguration, self._set_joints),
             ("get_model_state", GetModelState, self._get_state),
             ("get_world_properties", GetWorldProperties, self._properties),
             ("apply_body_wrench", ApplyBodyWrench, self._press),
@@ -91,6 +93,17 @@ class Services:
             return population.moved({name: self._in_world(pose_of(state.pose), state.reference_frame)})
 
         return self._answer(alter, f"'{name}' is where it was to be")
+
+    def _set_joints(self, request: Any) -> tuple[bool, str]:
+        positions = dict(zip(request.joint_names, request.joint_positions, strict=False))
+
+        def alter(population: Population) -> Population:
+            robot = population.robot
+            if robot is None or robot.name != request.model_name:
+                raise ValueError(f"there is no robot '{request.model_name}'")
+            return replace(population, robot=replace(robot, joints={**robot.joints, **positions}))
+
+        return self._answer(alter, f"joints of '{request.model_name}' are where they were to be")
 
     def _press(self, request: Any) -> tuple[bool, str]:
         model, _, link = request.body_name.partition("::")
