@@ -75,7 +75,7 @@ def xacro_error(text: str) -> str | None:
 def last_exception(text: str, program: str) -> str | None:
     """The exception that a program of Python ended with: the one that follows the last mention of its file."""
     name = PurePath(program).name
-    place = text.rfind(f'{name}", line ') if name else -1
+    place = text.rfind(f'/{name}", line ') if name else -1
     found = _EXCEPTION.search(text, place) if place >= 0 else None
     return found[0] if found else None
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from junitparser import JUnitXml
 
 from sim_action.outcome import Outcome, Results
 from sim_action.ros1.exchange import TRACE_FILE, NodeRun
@@ -128,3 +129,39 @@ def test_packages_that_are_laid_out_as_those_of_robotis_count_before_ours(
     assert trace.joint_names == ("wheel_left_joint", "wheel_right_joint")
     # It is theirs that is simulated: its base is drawn by a mesh.
     assert b"burger_controller" in (findings.runs[0].folder / "robot.urdf").read_bytes()
+
+
+MOVER, TEST, LAUNCH = (f"src/robot_driver/{name}" for name in ("mover.py", "test_mover.py", "mover.test"))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "causes"),
+    [
+        pytest.param(TEST, "way < 1.5", "way < 9e9", ["20 s", "the robot had come"], id="the test never ends"),
+        pytest.param(TEST, "rospy.sleep(0.5)", "import time; time.sleep(600)", ["time"], id="the test hangs"),
+        pytest.param(MOVER, "    rate =", "    1 / 0\n    rate =", ["mover", "ZeroDivisionError"], id="a node crashes"),
+        pytest.param(MOVER, "import rospy", "import rospy_", ["mover", "No module named 'rospy_'"], id="no module"),
+        pytest.param(LAUNCH, 'pkg="robot_driver" name="mover"', 'pkg="robo" name="mover"', ["robo"], id="no package"),
+        pytest.param(LAUNCH, 'type="mover.py"', 'type="moover.py"', ["moover.py"], id="no node of this name"),
+        pytest.param(LAUNCH, "turtlebot3_empty_world", "turtlebot3_house", ["turtlebot3_house"], id="no launch file"),
+        pytest.param(LAUNCH, "</launch>", "", ["no element found"], id="no XML"),
+        pytest.param(TEST, "def look(self, states):", "def look(self, states:", ["SyntaxError"], id="a syntax error"),
+        pytest.param(MOVER, "import rospy", "import time; time.sleep(600)", ["mover"], id="a node never comes up"),
+    ],
+)
+def test_what_goes_wrong_is_named(file: str, old: str, new: str, causes: list[str], tmp_path: Path) -> None:
+    workspace = copied(tmp_path)
+    changed(workspace / file, old, new)
+    changed(
+        workspace / LAUNCH, 'time-limit="30.0"', 'time-limit="20.0"'
+    ) if file != LAUNCH and "9e9" not in new else None
+
+    done = rostest(tmp_path, workspace, "robot_driver", "mover.test")
+
+    assert done.returncode in (1, 2), done.stdout + done.stderr
+    (outcome,) = outcomes(tmp_path)
+    said = [failure.message for failure in outcome.failures]
+    said += [expected.verdict.message for expected in outcome.expectations]
+    assert all(cause in " ".join((*said, *outcome.notes)) for cause in causes), (said, outcome.notes)
+    suites = JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
+    assert (suites.failures or 0) + (suites.errors or 0) == 1
