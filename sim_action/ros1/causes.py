@@ -18,9 +18,11 @@ from sim_action.ros1.printed import (
     missing_package,
     refused,
     required_deaths,
+    signal_name,
     xacro_error,
 )
 
+_SIMULATION: Final = "gazebo"
 _TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")
 _NO_NODE: Final = re.compile(r"Test node \[(\S+)/(\S+)\] does not exist or is not executable")
 _NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
@@ -60,15 +62,18 @@ def _causes(test: TestFound, found: Findings, where: Location | None) -> Iterato
     if found.ending == "output limit":
         message = "the nodes have printed more than 100 MB"
         yield _failure("crash", "output limit", message, where, found)
+    if found.ending == "over" and found.exit_code is not None and found.exit_code < 0:
+        message = f"the launcher was ended by {signal_name(-found.exit_code)}; {how_far(test.run)}"
+        yield _failure("crash", "launcher ended", message, where, found)
     if test.launched is not None:
         yield from _of_launch(test.launched.text, where)
     run = test.run
     if run is not None and run.told is not None and run.told.failure is not None:
         yield run.told.failure
     yield from _of_file(found, where)
+    if run is not None and run.told is None:
+        yield from _of_simulation(found, where)
     yield from _of_processes(test, found, where)
-    if run is not None and run.told is None and found.ending != "wall limit":
-        yield _failure("crash", "simulation ended", "the node 'gazebo' has ended without a word", where, found)
     far = how_far(run)
     yield _failure("crash", "no result", f"nothing says what became of it; {far}", where, found)
 
@@ -98,6 +103,12 @@ def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
         yield _failure("invalid", "no such package", message, where, found)
     if wrong := refused(found.text):
         yield _failure("invalid", "launch error", wrong, where, found)
+
+
+def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]:
+    for death in deaths(found.text):
+        if death.node == _SIMULATION:
+            yield _failure("crash", "simulation ended", _told(death, found), where, found)
 
 
 def _of_processes(test: TestFound, found: Findings, where: Location | None) -> Iterator[Failure]:

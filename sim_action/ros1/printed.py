@@ -13,7 +13,7 @@ from typing import Final
 _COLOURS: Final = re.compile(r"(?:\x1b|&#x001B;)(?:\[[0-9;]*m|\][^\x07\n]*(?:\x07|&#x0007;))")
 # Of a folder that is gone by the time that anybody reads it.
 _LOGS: Final = re.compile(r"^(?:log file: .*\*\.log|\.\.\. logging to .*|rostest log file is in .*)\n?", re.MULTILINE)
-_NODE: Final = r"\[([\w/.-]+?)-\d+\]"
+_NODE: Final = r"\[([\w/.-]+?)(?:-\d+)?\]"
 _HOW: Final = r"process has (?:died \[pid \d+, exit code (-?\d+), cmd (\S+)|finished cleanly)"
 _DEAD: Final = re.compile(rf"{_NODE} {_HOW}")
 _REQUIRED: Final = re.compile(rf"REQUIRED process {_NODE} has died!\s+{_HOW}")
@@ -85,7 +85,10 @@ def last_words(text: str) -> str:
     return text.strip("\n")[-_LAST:]
 
 
+def signal_name(number: int) -> str:
+    """Such as SIGKILL."""
+    return Signals(number).name if number in set(Signals) else f"signal {number}"
+
+
 def _ended(code: int) -> str:
-    if code >= 0:
-        return f"exit code {code}"
-    return Signals(-code).name if -code in set(Signals) else f"signal {-code}"
+    return f"exit code {code}" if code >= 0 else signal_name(-code)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.errors import ExitCode
+from sim_action.errors import ExitCode, UsageError
 from sim_action.subcommands.report_flags import report_flags, report_request
 
 if TYPE_CHECKING:
@@ -87,6 +88,8 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
 
     from sim_action.interruption import Interruption
 
+    if sys.platform != "linux":
+        raise UsageError("ROS 1 has packages for Linux alone: Debian 12, and Ubuntu")
     arguments: Sequence[str] = flags["arguments"]
     _check(arguments)
     with Interruption() as interruption:

@@ -1,0 +1,146 @@
+"""Nothing of a launch is left, whoever ends it: real signals to real processes of ROS."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sim_action.outcome import Outcome, Results
+from tests.ros1.launches import ROOT, needs_ros, package
+
+pytestmark = needs_ros
+
+MOVER = """\
+#!/usr/bin/env python
+import os, signal, rospy
+from geometry_msgs.msg import Twist
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+rospy.init_node("mover")
+publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
+rate = rospy.Rate(10)
+while not rospy.is_shutdown():
+    publisher.publish(Twist())
+    rate.sleep()
+    if rospy.get_time() > 0.5:
+        open(os.environ["BEGUN"], "w").close()
+"""
+TEST = """\
+#!/usr/bin/env python
+import os, time, unittest, rospy, rostest
+class Waits(unittest.TestCase):
+    def test_waiting(self):
+        rospy.init_node("waits")
+        if os.fork() == 0:
+            os.setsid()
+            time.sleep(600)
+        while not rospy.is_shutdown():
+            rospy.sleep(1)
+rostest.rosrun("waiting", "waits", Waits)
+"""
+LAUNCH = """\
+<launch>
+  <include file="$(find turtlebot3_gazebo)/launch/turtlebot3_empty_world.launch"/>
+  <node pkg="waiting" name="mover" type="mover.py"/>
+  <test test-name="waits" pkg="waiting" type="waits.py" time-limit="500"/>
+</launch>
+"""
+
+
+def marked(folder: Path) -> dict[int, str]:
+    """Processes that were born of a call in this folder, and their command lines."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                    found[int(entry.name)] = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except OSError:
+                continue
+    return found
+
+
+def called(folder: Path, words: str) -> int:
+    """The first process whose command line holds some words."""
+    return min(pid for pid, line in marked(folder).items() if words in line)
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 120
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert condition()
+
+
+def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest") -> tuple[int, Outcome | None]:
+    """What becomes of a call whose test would never be over, once something is done in the midst of it."""
+    workspace = folder / "ws"
+    limit = ["--sim-time-limit", "500"]
+    files = {"mover.py": MOVER, "waits.py": TEST, "waits.test": LAUNCH}
+    package(workspace, "waiting", files)
+    begun = folder / "begun"
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), "MARK": str(folder), "BEGUN": str(begun)}
+    command = [sys.executable, "-m", "sim_action", program, "--workspace", "ws", "waiting", "waits.test", *limit]
+    call = subprocess.Popen(
+        command, cwd=folder, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        wait_for(begun.exists)
+        end(call.pid)
+        code = call.wait(120)
+    finally:
+        call.kill()
+    results = folder / "sim-results/results.json"
+    outcome = Results.model_validate_json(results.read_bytes()).outcomes[0] if results.exists() else None
+    return code, outcome
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_call_reports_and_leaves_nothing(tmp_path: Path, number: signal.Signals) -> None:
+    code, outcome = ended_by(tmp_path, lambda call: os.kill(call, number))
+
+    assert code == 130
+    assert outcome is not None
+    assert [failure.kind for failure in outcome.failures] == ["interrupted"]
+    assert marked(tmp_path) == {}
+
+
+def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
+    code, outcome = ended_by(tmp_path, lambda call: os.kill(call, signal.SIGKILL))
+
+    assert code == -signal.SIGKILL
+    assert outcome is None
+    wait_for(lambda: marked(tmp_path) == {})
+
+
+@pytest.mark.parametrize(
+    ("victim", "cause"),
+    [
+        ("/rostest ", "the launcher was ended by SIGKILL"),
+        ("sim_action.isolation.keeper", "the launcher was ended by SIGKILL"),
+        ("sim_action.ros1.gzserver", "the node 'gazebo' ended with SIGKILL"),
+    ],
+)
+def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(tmp_path: Path, victim: str, cause: str) -> None:
+    code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, victim), signal.SIGKILL))
+
+    assert marked(tmp_path) == {}
+    assert code == 1
+    assert outcome is not None
+    assert outcome.status == "error"
+    assert cause in outcome.failures[0].message
+
+
+def test_without_its_master_a_launch_is_over_and_nothing_of_it_is_left(tmp_path: Path) -> None:
+    code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, "rosmaster"), signal.SIGKILL), "roslaunch")
+
+    assert marked(tmp_path) == {}
+    assert code == 1
+    assert outcome is not None
+    assert "'master' ended with SIGKILL" in outcome.model_dump_json()
