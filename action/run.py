@@ -55,6 +55,13 @@ class Subcommand:
             yield from lines(inputs[name])
 
 
+def words_of(inputs: Mapping[str, str]) -> Mapping[str, str]:
+    """The inputs, with each word of a rostest in a line of its own. Raises InputError."""
+    if len(lines(inputs["rostest"])) > 1:
+        raise InputError("the input rostest is one line, PACKAGE FILE.test; use the action once for each")
+    return {**inputs, "rostest": "\n".join(inputs["rostest"].split())}
+
+
 _REPORTS: Final = {"output-directory": "--output-dir", "junit-path": "--junit"}
 _SWITCHES: Final = {
     "junit-strict": ("--junit-strict",),
@@ -78,6 +85,12 @@ SUBCOMMANDS: Final = {
             "allow-scripts": "--allow-scripts",
         },
         switches={**_SWITCHES, "fail-fast": ("--fail-fast",)},
+    ),
+    "rostest": Subcommand(
+        arguments="rostest",
+        lists={},
+        options={**_REPORTS, "backend": "--backend", "seed": "--seed", "sim-time-limit": "--sim-time-limit"},
+        switches=_SWITCHES,
     ),
     "matrix": Subcommand(
         arguments=("scenario",),
@@ -131,6 +144,8 @@ def run(name: str, inputs: Mapping[str, str]) -> int:
     """The exit code. Raises InputError."""
     forgiving = "fail-on-failure" in inputs and one_of(TRUE_OR_FALSE, "fail-on-failure", inputs) == "false"
     enter(inputs["working-directory"].strip())
+    if name == "run" and inputs.get("rostest", "").strip():
+        name, inputs = "rostest", words_of(inputs)
     code = call([name, *SUBCOMMANDS[name].command_line(inputs)])
     return ExitCode.PASSED if forgiving and code == ExitCode.FAILED else code
 

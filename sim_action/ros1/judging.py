@@ -71,7 +71,8 @@ class Judge:
         where, run = Location(self.file), whole.run
         is_simulated = run is not None and run.told is not None and run.told.travelled is not None
         if not is_simulated or _has_failed(run) or found.ending != "over":
-            return self._outcome(whole, {"status": "error", "failures": (cause_of(whole, found, where),)})
+            failures = (cause_of(whole, found, where),)
+            return self._outcome(whole, {"status": "error", "failures": failures, "output": last_words(found.text)})
         dead = "; ".join(map(str, deaths(found.text)))
         verdict = Verdict(passed=not dead, time=_sim_time(run), message=escaped_line(dead or how_far(run)))
         about = {

@@ -27,6 +27,18 @@ _LAUNCH_TIME: Final = 30.0
 _STARTING: Final = 60.0
 
 
+# From Python 3.12 on, unittest lacks what rostest of ROS Noetic calls.
+_ROSTEST: Final = """\
+import sys
+from unittest import TestCase
+if not hasattr(TestCase, "assert_"):
+    TestCase.assert_ = TestCase.assertTrue
+from rostest import rostestmain
+sys.argv[0] = "rostest"
+rostestmain()
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Call:
     """One call of the command; `folder`: an empty one of its own."""
@@ -73,9 +85,10 @@ class Call:
         request = self.request
         seen = Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / request.package
         inside = seen / file.relative_to(self.overlay.packages[request.package])
-        # rostest finds a port for its master by itself.
-        master = ["-p", str(_free_port())] if request.program == "roslaunch" else []
-        return [str(self.ros.program(request.program)), *master, str(inside), *request.arguments]
+        if request.program == "rostest":
+            # It finds a port for its master by itself.
+            return [str(self.ros.python), "-c", _ROSTEST, str(inside), *request.arguments]
+        return [str(self.ros.program("roslaunch")), "-p", str(_free_port()), str(inside), *request.arguments]
 
     def _asked(self, tags: Iterable[TestTag]) -> Request:
         """Of the node. Sim time ends where a test's own limit would end it in a simulation at real time."""

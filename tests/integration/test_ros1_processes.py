@@ -122,7 +122,7 @@ def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("victim", "cause"),
     [
-        ("/rostest ", "the launcher was ended by SIGKILL"),
+        ("rostestmain", "the launcher was ended by SIGKILL"),
         ("sim_action.isolation.keeper", "the launcher was ended by SIGKILL"),
         ("sim_action.ros1.gzserver", "the node 'gazebo' ended with SIGKILL"),
     ],
@@ -143,4 +143,4 @@ def test_without_its_master_a_launch_is_over_and_nothing_of_it_is_left(tmp_path:
     assert marked(tmp_path) == {}
     assert code == 1
     assert outcome is not None
-    assert "'master' ended with SIGKILL" in outcome.model_dump_json()
+    assert "the master does not answer" in outcome.failures[0].message

@@ -1,0 +1,48 @@
+"""Installs what rostest needs, as Debian and Ubuntu call it, unless it is there; for the action's input `ros1`."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Final
+
+from sim_action.errors import UsageError
+from sim_action.ros1.installation import PACKAGES, find_ros
+
+_TITLE: Final = "::error title=sim-action::"
+_APT: Final = ("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "--quiet", "--yes")
+
+
+def main() -> None:
+    """Exits with 2 if it cannot be had."""
+    if os.environ["INPUT_ROS1"] != "true":
+        sys.exit(_complaint("the input ros1 must be true or false"))
+    if _is_here():
+        return
+    # In a container one may be root, and have no sudo.
+    rights = () if hasattr(os, "geteuid") and os.geteuid() == 0 else ("sudo",)
+    for words in (("update",), ("install", "--no-install-recommends", *PACKAGES)):
+        try:
+            code = subprocess.run([*rights, *_APT, *words], check=False).returncode
+        except OSError:
+            code = 1
+        if code:
+            sys.exit(_complaint("ROS 1 cannot be installed here; ros1 needs a runner that is Ubuntu, or Debian 12"))
+
+
+def _is_here() -> bool:
+    try:
+        find_ros()
+    except UsageError:
+        return False
+    return True
+
+
+def _complaint(message: str) -> int:
+    print(f"{_TITLE}{message}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    main()
