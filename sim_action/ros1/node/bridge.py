@@ -61,11 +61,6 @@ class Bridge:
         self.first_command: float | None = None
         self.over: SourceOver | None = None
 
-    def begin(self) -> None:
-        """The clock is about to start."""
-        self.told.begin()
-        self._session.traffic.clear()
-
     def tick(self, seen: Observation) -> Answer:
         """Tells nodes of a moment, waits until they have dealt with it, and returns what they say to it.
 
@@ -80,6 +75,7 @@ class Bridge:
     def _answer(self, seen: Observation) -> Answer:
         session, seconds, tick = self._session, self._start + seen.time, round(seen.time * TICKS)
         self._note(seconds, seen)
+        self._hold()
         is_heard = self._tell(seconds, tick, seen)
         if is_heard:
             session.lockstep.settle(seconds)
@@ -93,11 +89,24 @@ class Bridge:
             self.first_command = seconds
         return self.told.twist
 
+    def _hold(self) -> None:
+        """The clock does not start before everybody is there: the engine is, which takes as long as nodes do."""
+        session = self._session
+        if session.present.started is not None:
+            return
+        session.lockstep.begin(frozenset(self.told.topics), session.changes.are_waiting)
+        if session.changes.are_waiting():
+            raise BeginAnew("the world has changed")
+        self.told.begin()
+        session.traffic.clear()
+        session.present.started = time.monotonic()
+
     def _tell(self, seconds: float, tick: int, seen: Observation) -> bool:
         """Returns whether somebody listens."""
         topics, present = self._session.topics, self._session.present
         heard = [device.tell(tick, seconds, seen) for device in self._devices]
-        return any([*heard, topics.tell_models(present.models), topics.tell_links(present.links)])
+        links_are_heard = bool(present.links) and topics.tell_links(present.links)
+        return any([*heard, topics.tell_models(present.models), links_are_heard])
 
     def _note(self, seconds: float, seen: Observation) -> None:
         states, present = states_in(seen), self._session.present
@@ -105,7 +114,8 @@ class Bridge:
         links = {f"{self._robot}::{name}": state for name, state in states.links.items()}
         present.time = seconds
         present.models = {**states.bodies, self._robot: (seen.pose, seen.twist)}
-        present.links = {**bodies, **links}
+        # A node may have begun to listen since they were read.
+        present.links = {**bodies, **links} if links else {}
         present.joints = {name: joint.position for name, joint in seen.joints.items()}
 
     def _stand_still(self, seconds: float) -> None:

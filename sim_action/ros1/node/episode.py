@@ -82,6 +82,7 @@ class Stage:
         workspace = Workspace(self._folder, self._folder, allow_outside=True)
         model = load_model(robot, workspace)
         devices, told = self._devices(population.robot, model)
+        self._session.present.link_names = frozenset(model.links_by_name)
         bridge = Bridge(self._session, population.robot.name, devices, told)
         scenario = Scenario.model_construct(
             name=population.robot.name,
@@ -89,7 +90,10 @@ class Stage:
             world=population.world,
             physics=Physics(rate=self._request.physics_rate),
             commands=(NodeCommands.through(bridge),),
-            sensors=(states_sensor(TICKS), *(device.sensor for device in devices if device.sensor is not None)),
+            sensors=(
+                states_sensor(TICKS, lambda: self._wants_links(devices)),
+                *(device.sensor for device in devices if device.sensor is not None),
+            ),
             expect=(),
             time_limit=left or _LONGEST,
             backend=cast(Literal["auto", "pybullet", "mujoco"], self._request.backend),
@@ -97,6 +101,9 @@ class Stage:
         )
         scene = Scene(robot, model, population.world, scenario.physics, workspace, scenario.seed)
         return Episode(scenario, scene, Footage(scenario, filmed=self._request.replay), bridge)
+
+    def _wants_links(self, devices: list[Device]) -> bool:
+        return self._session.topics.are_links_heard or any(device.reads_links for device in devices)
 
     def _driven(self, robot: SpawnedRobot) -> DrivenRobot:
         """As a scenario has it. Robots are spawned at a height of 0, or dropped from one: here they stand."""

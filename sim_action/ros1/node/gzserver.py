@@ -46,7 +46,6 @@ class _Server:
     def __init__(self, folder: Path, request: Request) -> None:
         self._folder, self._request = folder, request
         self._began = time.monotonic()
-        self._started: float | None = None
         self._notes: list[str] = []
         self._record = Record()
         self._traffic = Counter[str]()
@@ -99,18 +98,12 @@ class _Server:
         self._await_robot()
         while True:
             episode = self._stage.episode(left=self._left())
-            if self._started is None:
-                self._lockstep.begin(frozenset(episode.bridge.told.topics), self._changes.are_waiting)
-                if self._changes.are_waiting():
-                    self._make_changes()
-                    continue
-                episode.bridge.begin()
-                self._started = time.monotonic()
             self._run(episode)
             over = episode.bridge.over
             if not isinstance(over, BeginAnew):
                 return _end_of(over)
-            self._notes.append(f"{over} at {self._present.time:g} s of sim time: all that moved went on from rest")
+            if self._present.time > self._present.began:
+                self._notes.append(f"{over} at {self._present.time:g} s of sim time: all that moved went on from rest")
             self._make_changes()
 
     def _run(self, episode: Episode) -> None:
@@ -145,7 +138,7 @@ class _Server:
 
     def _told(self, end: End, failure: Failure | None) -> NodeRun:
         now, record = time.monotonic(), self._record
-        started = now if self._started is None else self._started
+        started = self._present.started or now
         return NodeRun(
             end=end,
             failure=failure,

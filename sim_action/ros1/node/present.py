@@ -15,16 +15,20 @@ class Present:
     Attributes:
         time: s of sim time.
         began: s of sim time at which what is simulated began.
+        started: s of wall time at which the clock started; None: it is held.
         models: name of a model, without the ground -> pose and twist, world frame.
-        links: the same of links, each as `model::link`.
+        links: the same of links, each as `model::link`; none if nobody wants to know.
+        link_names: of the robot.
         joints: of the robot -> rad, or m.
     """
 
     population: Population
     time: float = 0.0
     began: float = 0.0
+    started: float | None = None
     models: States = field(default_factory=dict)
     links: States = field(default_factory=dict)
+    link_names: frozenset[str] = frozenset()
     joints: dict[str, float] = field(default_factory=dict)
 
     def carried_on(self) -> Population:

@@ -114,7 +114,7 @@ class Services:
             _refuse_unknown(model, population)
             robot = population.robot
             is_robot = robot is not None and robot.name == model
-            if is_robot and link and request.body_name not in self._present.links:
+            if is_robot and link and link not in self._present.link_names:
                 raise ValueError(f"there is no link '{link}' in '{model}'")
             if seconds == 0:
                 raise ValueError("a wrench needs a duration; a negative one is for ever")

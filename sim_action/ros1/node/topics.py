@@ -29,6 +29,11 @@ class Topics:
         self._models = Sender("/gazebo/model_states", ModelStates, traffic)
         self._links = Sender("/gazebo/link_states", LinkStates, traffic)
 
+    @property
+    def are_links_heard(self) -> bool:
+        """Whether a node wants to know of links."""
+        return self._links.is_heard
+
     def tell_time(self, seconds: float) -> None:
         """Publishes the clock."""
         self._clock.send(Clock(time_of(seconds)))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from numpy.typing import ArrayLike
+from pydantic import PrivateAttr
 
 from sim_action import geometry
 from sim_action.geometry import Pose, Twist
@@ -39,6 +40,15 @@ class StatesSensor(Sensor):
 
     key: ClassVar[str] = "states"
 
+    _wants_links: Callable[[], bool] = PrivateAttr()
+
+    @classmethod
+    def wanted(cls, wants_links: Callable[[], bool]) -> StatesSensor:
+        """Links are read at moments at which somebody wants to know of them: that takes as long as all the rest."""
+        sensor = cls()
+        sensor._wants_links = wants_links
+        return sensor
+
     def open(self, mount: Mount) -> Measure:
         """See Sensor.open."""
         links = tuple(mount.scene.model.links_by_name)
@@ -53,15 +63,16 @@ class StatesSensor(Sensor):
                 for body, pose in poses.items()
             }
             before.update(poses)
-            placed = {link: (probe.link_pose(link), probe.link_twist(link)) for link in links}
+            wanted = links if self._wants_links() else ()
+            placed = {link: (probe.link_pose(link), probe.link_twist(link)) for link in wanted}
             return WorldStates(sight.time, placed, moved)
 
         return measure
 
 
-def states_sensor(rate: float) -> MountedSensor:
+def states_sensor(rate: float, wants_links: Callable[[], bool]) -> MountedSensor:
     """The one that `states_in` finds the reading of."""
-    return MountedSensor(StatesSensor(), _NAME, None, Pose(), rate, trace=False)
+    return MountedSensor(StatesSensor.wanted(wants_links), _NAME, None, Pose(), rate, trace=False)
 
 
 def states_in(seen: Observation) -> WorldStates:

@@ -68,12 +68,14 @@ class Device:
         senders: its topics.
         publish: tells nodes what there is to tell of a moment, at a sim time in s; called if a node listens.
         sensor: what it reads; its reading is in the observation.
+        reads_links: whether it asks `world_states` about them.
     """
 
     period: int
     senders: tuple[Sender, ...]
     publish: Callable[[float, Observation], None]
     sensor: MountedSensor | None = None
+    reads_links: bool = False
 
     def tell(self, tick: int, seconds: float, seen: Observation) -> bool:
         """Publishes, if it is time to; returns whether somebody listens."""

@@ -24,4 +24,4 @@ def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
         sender.send(message)
 
-    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (sender,), publish)
+    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (sender,), publish, reads_links=True)
