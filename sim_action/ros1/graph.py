@@ -50,6 +50,10 @@ class Master:
         self._pids: dict[str, tuple[str, int]] = {}
         self._master_pid = 0
 
+    def close(self) -> None:
+        """Lets go of the connection."""
+        self._master("close")()
+
     def graph(self) -> Graph:
         """The present state. Raises OSError if the master is gone."""
         publishers, subscribers, services = self._ask("getSystemState")
@@ -71,7 +75,8 @@ class Master:
     def _heard(self, node: str) -> Iterator[str]:
         """The topic of each connection by which a node listens."""
         with suppress(OSError, xmlrpc.client.Error, LookupError):
-            _, _, connections = _server(self._pids[node][0]).getBusInfo(self._caller)
+            with _server(self._pids[node][0]) as server:
+                _, _, connections = server.getBusInfo(self._caller)
             for _, _, direction, _, topic, connected, *_ in connections:
                 if direction == _INBOUND and connected:
                     yield str(topic)
@@ -80,7 +85,8 @@ class Master:
         with suppress(OSError, xmlrpc.client.Error, LookupError):
             uri = self._ask("lookupNode", node)
             if self._pids.get(node, ("", 0))[0] != uri:
-                _, _, pid = _server(uri).getPid(self._caller)
+                with _server(uri) as server:
+                    _, _, pid = server.getPid(self._caller)
                 self._pids[node] = (uri, int(pid))
             return self._pids[node][1] if Path("/proc", str(self._pids[node][1])).exists() else None
         return None
