@@ -21,6 +21,8 @@ from bench.filming import filming_costs
 from bench.lidar import lidar_cost
 from bench.recording_cost import recording_cost
 from bench.reporting import report_cost
+from bench.ros1 import command as command_of_rostest
+from bench.ros1 import parts, ros
 from bench.script_cost import script_costs
 from bench.watching import watching_cost
 from bench.world_cost import BOXES, world_costs
@@ -276,6 +278,17 @@ def recordings() -> Iterator[Ratio]:
         print(f"     {engine}: a picture of a film, for orientation: {cost.picture * 1000:.3g} ms")
 
 
+def rostest() -> Iterator[Ratio]:
+    """A package of ROS 1 on real ROS, if it is installed here."""
+    if (installed := ros()) is None:
+        print("     no ROS 1 here: a rostest is not measured")
+        return
+    split = parts(installed)
+    print(split)
+    yield Ratio("sim time of a rostest, against its wall time", split.sim_time, split.sim, 4, at_most=False)
+    yield Ratio("sim-action rostest, against 6 s", command_of_rostest(), 6, 1)
+
+
 def side_by_side(folder: Path) -> Iterator[SideBySide]:
     """Both engines."""
     suite = str(write_suite(folder / "both", 1))
@@ -290,7 +303,7 @@ def main() -> None:
         folder = Path(name)
         ratios = []
         single = (measure(folder) for measure in (whole_process, further_scenario, variations, parallel))
-        told = itertools.chain(scripts(), lidars(), worlds(), watching(), filming(), recordings(), reporting())
+        told = itertools.chain(scripts(), lidars(), worlds(), watching(), filming(), recordings(), reporting(), rostest())
         for ratio in itertools.chain(start_up(folder), models(), single, told):
             print(ratio, flush=True)
             ratios.append(ratio)
