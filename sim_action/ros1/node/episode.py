@@ -103,7 +103,10 @@ class Stage:
         return Episode(scenario, scene, Footage(scenario, filmed=self._request.replay), bridge)
 
     def _wants_links(self, devices: list[Device]) -> bool:
-        return self._session.topics.are_links_heard or any(device.reads_links for device in devices)
+        session = self._session
+        # Who will listen is not known before the clock starts.
+        is_held = session.present.started is None
+        return is_held or session.topics.are_links_heard or any(device.reads_links for device in devices)
 
     def _driven(self, robot: SpawnedRobot) -> DrivenRobot:
         """As a scenario has it. Robots are spawned at a height of 0, or dropped from one: here they stand."""
@@ -118,8 +121,11 @@ class Stage:
         return self._opened[1], self._opened[2]
 
     def _open(self, description: str, model: RobotModel, told: Told) -> Iterator[Device]:
+        session = self._session
         for plugin in plugins_of(ET.fromstring(description)):  # noqa: S314 - of the robot that is simulated
             if plugin.name in DEVICES:
-                yield from DEVICES.load(plugin.name)(plugin, Wiring(model, told, self._session.traffic))
+                yield from DEVICES.load(plugin.name)(
+                    plugin, Wiring(model, told, session.traffic, lambda: session.present.started is None)
+                )
             else:
                 self.notes.append(f"the plugin {plugin.name} of the robot is not known here and does nothing")

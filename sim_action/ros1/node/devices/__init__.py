@@ -11,7 +11,9 @@ from sim_action.observation import Observation
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
 from sim_action.ros1.gazebo_tags import Plugin
+from sim_action.ros1.node.devices.heard import HeardSensor
 from sim_action.ros1.node.publishing import Sender, Traffic
+from sim_action.sensors import Sensor
 from sim_action.sensors.mounting import MountedSensor
 
 TICKS: Final = 100
@@ -48,15 +50,21 @@ class Wiring:
         model: of the robot that they are of.
         told: where what nodes say to the robot goes to.
         traffic: counts messages.
+        is_held: whether the clock is: who will listen is not known before it starts.
     """
 
     model: RobotModel
     told: Told
     traffic: Traffic
+    is_held: Callable[[], bool]
 
     def sender(self, topic: str, kind: type[Any]) -> Sender:
         """A topic for what a plugin tells."""
         return Sender(topic, kind, self.traffic)
+
+    def heard(self, sensor: Sensor, sender: Sender) -> Sensor:
+        """A sensor that is read for those who listen to a topic."""
+        return HeardSensor.of(sensor, lambda: sender.is_heard or self.is_held())
 
 
 @dataclass(frozen=True, slots=True)

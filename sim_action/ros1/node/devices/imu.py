@@ -26,12 +26,18 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     sender, period = wiring.sender(topic, ImuMessage), period_of(rate)
     noise = plugin.own.number("gaussianNoise", default=0.0)
     sensor = MountedSensor(
-        Imu(gyro_noise=noise, accelerometer_noise=noise), f"imu {topic}", link, Pose(), TICKS / period, trace=False
+        wiring.heard(Imu(gyro_noise=noise, accelerometer_noise=noise), sender),
+        f"imu {topic}",
+        link,
+        Pose(),
+        TICKS / period,
+        trace=False,
     )
 
     def publish(seconds: float, seen: Observation) -> None:
         reading = seen.sensors[sensor.name]
-        assert isinstance(reading, ImuReading)
+        if not isinstance(reading, ImuReading):
+            return
         sender.send(
             ImuMessage(
                 header=header(seconds, frame),

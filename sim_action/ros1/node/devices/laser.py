@@ -26,7 +26,8 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
 
     def publish(seconds: float, seen: Observation) -> None:
         scan = seen.sensors[name]
-        assert isinstance(scan, LidarScan)
+        if not isinstance(scan, LidarScan):
+            return
         sender.send(
             LaserScan(
                 header=header(seconds, frame),
@@ -40,8 +41,9 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
             )
         )
 
-    sensor_of = MountedSensor(_lidar(plugin), name, plugin.link, _pose(plugin), TICKS / period, trace=False)
-    yield Device(period, (sender,), publish, sensor_of)
+    lidar = wiring.heard(_lidar(plugin), sender)
+    mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), TICKS / period, trace=False)
+    yield Device(period, (sender,), publish, mounted)
 
 
 def _lidar(plugin: Plugin) -> Lidar:
