@@ -164,3 +164,36 @@ def test_what_goes_wrong_is_named(file: str, old: str, new: str, causes: list[st
     assert all(cause in " ".join((*said, *outcome.notes)) for cause in causes), (said, outcome.notes)
     suites = JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
     assert (suites.failures or 0) + (suites.errors or 0) == 1
+
+
+def test_a_node_that_never_waits_costs_lock_step_and_that_is_told(tmp_path: Path) -> None:
+    workspace = copied(tmp_path)
+    spinning = "import threading\n\n\ndef spin():\n    while True:\n        pass\n\n\nimport rospy"
+    changed(workspace / MOVER, "import rospy", spinning)
+    changed(workspace / MOVER, "    rate =", "    threading.Thread(target=spin, daemon=True).start()\n    rate =")
+    changed(workspace / TEST, "self.way < 1.5", "self.way < 0.1")
+    changed(workspace / TEST, "self.way, 1.5", "self.way, 0.1")
+
+    findings = example(tmp_path / "run", "mover", workspace)
+
+    run = told(findings)
+    assert not run.in_step
+    assert any("lock-step was lost" in note for note in run.notes), run.notes
+    assert run.end == "test over", findings.text
+
+
+def test_a_plugin_that_is_not_known_is_named(tmp_path: Path) -> None:
+    workspace = copied(tmp_path)
+    lay_out(workspace)
+    gazebo = workspace / "src/turtlebot3_description/urdf/turtlebot3_burger.gazebo.xacro"
+    changed(gazebo, "libgazebo_ros_imu.so", "libgazebo_ros_sonar.so")
+
+    asked = RosRequest("roslaunch", "turtlebot3_gazebo", LAUNCHED, BURGER, workspace, sim_time_limit=0.5)
+    run = told(launched(tmp_path / "run", asked))
+
+    assert [note for note in run.notes if "gazebo_ros_sonar" in note]
+    assert run.end == "time limit"
+    assert run.sim_time == pytest.approx(0.5, abs=0.011)
+
+
+LAUNCHED, BURGER = "turtlebot3_empty_world.launch", ("model:=burger",)

@@ -72,6 +72,7 @@ class Lockstep:
         while True:
             if not self._watched.wait(self._patience):
                 self._lose(seconds)
+                self._end_if_over()
                 return
             self._end_if_over()
             if not self._has_changed():

@@ -11,7 +11,7 @@ from sim_action.observation import Observation
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
 from sim_action.ros1.gazebo_tags import Plugin
-from sim_action.ros1.node.devices.heard import HeardSensor
+from sim_action.ros1.node.heard import HeardSensor
 from sim_action.ros1.node.publishing import Sender, Traffic
 from sim_action.sensors import Sensor
 from sim_action.sensors.mounting import MountedSensor
