@@ -303,7 +303,9 @@ def main() -> None:
         folder = Path(name)
         ratios = []
         single = (measure(folder) for measure in (whole_process, further_scenario, variations, parallel))
-        told = itertools.chain(scripts(), lidars(), worlds(), watching(), filming(), recordings(), reporting(), rostest())
+        told = itertools.chain(
+            scripts(), lidars(), worlds(), watching(), filming(), recordings(), reporting(), rostest()
+        )
         for ratio in itertools.chain(start_up(folder), models(), single, told):
             print(ratio, flush=True)
             ratios.append(ratio)

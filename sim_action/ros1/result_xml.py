@@ -17,9 +17,9 @@ from sim_action.regular_files import read_at_most
 _MOST_BYTES: Final = 16_000_000
 _MOST_CASES: Final = 1_000
 # XML 1.0 has no place for these, not even as a reference to their numbers.
-_FORBIDDEN: Final = re.compile(
-    r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]|&#x?0*(?:[0-8bcefBCEF]|1[0-9a-fA-F]);"
-)
+_FORBIDDEN: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_REFERENCE: Final = re.compile(r"&#(?:x([0-9a-fA-F]{1,8})|([0-9]{1,8}));")
+_HIGHEST: Final = 0x10FFFF
 _CDATA: Final = re.compile(r"\A\s*<!\[CDATA\[\n?(.*?)\n?\]\]>\s*\Z", re.DOTALL)
 
 
@@ -62,7 +62,7 @@ def read_suite(path: Path) -> Suite | None:
 
 
 def _parsed(data: bytes) -> ET.Element | None:
-    text = _FORBIDDEN.sub("", data.decode("utf-8", errors="replace"))
+    text = _REFERENCE.sub(_allowed, _FORBIDDEN.sub("", data.decode("utf-8", errors="replace")))
     # Nobody who writes results has entities to declare.
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         return None
@@ -70,6 +70,11 @@ def _parsed(data: bytes) -> ET.Element | None:
         return ET.fromstring(text.encode())  # noqa: S314 - without a DTD, and of bounded size
     except ET.ParseError:
         return None
+
+
+def _allowed(reference: re.Match[str]) -> str:
+    number = int(reference[1], 16) if reference[1] else int(reference[2])
+    return "" if number > _HIGHEST or _FORBIDDEN.match(chr(number)) else reference[0]
 
 
 def _case(element: ET.Element) -> Case:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time
+from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time, words_of
 
 ROOT = Path(__file__).parents[2]
 INPUTS = {
@@ -29,6 +29,8 @@ INPUTS = {
     "shard": "2/3",
     "report": "false",
     "record": "tum, csv",
+    "rostest": "",
+    "sim-time-limit": "",
     "summary": "true",
     "annotations": "false",
     "fail-on-failure": "true",
@@ -131,3 +133,21 @@ def test_a_runner_gets_utf_8_whatever_the_code_page_of_the_console_is(tmp_path: 
     assert ran.returncode == 2
     assert "✗ ✓  ✓.sim.yml" in ran.stdout.decode("utf-8")
     assert b"\r" not in ran.stdout + ran.stderr
+
+
+def test_words_of_a_rostest_are_arguments_and_never_options() -> None:
+    inputs = {**INPUTS, "rostest": " robot  moves.test side:=left --help;$(x) \n", "seed": "3", "sim-time-limit": "9"}
+    assert list(SUBCOMMANDS["rostest"].command_line(words_of(inputs))) == [
+        "--output-dir=what came out",
+        "--seed=3",
+        "--sim-time-limit=9",
+        "--summary",
+        "--no-annotations",
+        "--",
+        *("robot", "moves.test", "side:=left", "--help;$(x)"),
+    ]
+
+
+def test_one_use_of_the_action_is_one_rostest() -> None:
+    with pytest.raises(InputError, match="one line, PACKAGE FILE"):
+        words_of({**INPUTS, "rostest": "a a.test\nb b.test"})

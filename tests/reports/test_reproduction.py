@@ -83,3 +83,8 @@ def test_without_a_replay_or_a_report_there_is_no_link(samples: Samples, options
     assert replay_link(of(samples), options, 1.0) == ""
     unasked = replace(options, silenced=frozenset({"report"}))
     assert replay_link(of(samples, replay="replays/a.json.gz"), unasked, 1.0) == ""
+
+
+def test_what_is_no_scenario_is_called_as_it_was(samples: Samples, options: ReportOptions) -> None:
+    words = ("sim-action", "rostest", "my robot", "a.test", "side:=left")
+    assert command(of(samples, call=words), options) == 'sim-action rostest "my robot" a.test side:=left'
