@@ -87,7 +87,7 @@ SUBCOMMANDS: Final = {
         switches={**_SWITCHES, "fail-fast": ("--fail-fast",)},
     ),
     "rostest": Subcommand(
-        arguments="rostest",
+        arguments=("rostest",),
         lists={},
         options={**_REPORTS, "backend": "--backend", "seed": "--seed", "sim-time-limit": "--sim-time-limit"},
         switches=_SWITCHES,

@@ -141,6 +141,7 @@ def test_words_of_a_rostest_are_arguments_and_never_options() -> None:
         "--output-dir=what came out",
         "--seed=3",
         "--sim-time-limit=9",
+        "--no-report",
         "--summary",
         "--no-annotations",
         "--",

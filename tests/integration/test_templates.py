@@ -14,6 +14,7 @@ from junitparser import JUnitXml
 
 from tests.integration.conftest import ACTION, write
 from tests.integration.github import CacheStore, JobResult, WorkflowResult, run_workflow
+from tests.ros1.launches import needs_ros
 
 TEMPLATES = ACTION / "examples/workflows"
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
@@ -164,8 +165,22 @@ def test_reusable_workflow_hands_back_what_came_of_it(run_template: RunTemplate,
     assert "simulation ended as failure, 1 failed, 0 without a verdict" in result.jobs["follow-up"].log
 
 
+@needs_ros
+def test_rostest(run_template: RunTemplate, repository: Path) -> None:
+    package = repository / "catkin_ws/src/my_turtlebot_sim"
+    shutil.copytree(ACTION / "examples/ros1/src/robot_driver", package)
+    (package / "mover.test").rename(package / "my_turtlebot_sim.test")
+    for file in ("package.xml", "my_turtlebot_sim.test", "test_mover.py"):
+        text = (package / file).read_text(encoding="utf-8")
+        (package / file).write_text(text.replace("robot_driver", "my_turtlebot_sim"), encoding="utf-8")
+    result = run_template("ros1")
+    assert result.conclusion == "success", result.jobs["rostest"].log
+    [outcome] = json.loads((result.artifacts / "sim-results/results.json").read_text(encoding="utf-8"))["outcomes"]
+    assert outcome["file"] == "catkin_ws/src/my_turtlebot_sim/my_turtlebot_sim.test"
+
+
 def test_every_template_is_tried() -> None:
-    tried = {"simulation", "pull-request-gate", "nightly", "sharded", *REPORTERS, "reusable", "reusable-caller"}
+    tried = {"simulation", "pull-request-gate", "nightly", "sharded", *REPORTERS, "reusable", "reusable-caller", "ros1"}
     assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
 
 
