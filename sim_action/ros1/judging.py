@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, Final
 
+from sim_action import __version__
+from sim_action.backends import PACKAGES
 from sim_action.location import Location
 from sim_action.messages import escaped_line
 from sim_action.outcome import ExpectationOutcome, Outcome
+from sim_action.provenance import Provenance, provenance
 from sim_action.ros1.causes import cause_of, how_far, time_out
 from sim_action.ros1.findings import Findings, Run, TestFound
 from sim_action.ros1.printed import deaths, last_words
@@ -98,9 +101,15 @@ class Judge:
             seed=self.request.seed,
             wall_time=self.wall_time,
             call=self.request.words,
+            provenance=_provenance(told.engine) if told else None,
             **measured,
             **about,
         )
+
+
+def _provenance(engine: str | None) -> Provenance | None:
+    package = PACKAGES.get((engine or "").partition(" ")[0].lower())
+    return provenance(package, __version__) if package else None
 
 
 def _has_failed(run: Run | None) -> bool:

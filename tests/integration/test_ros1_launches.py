@@ -55,6 +55,7 @@ def test_a_launch_passes_at_its_limit_of_sim_time(tmp_path: Path) -> None:
     assert (outcome.name, outcome.end) == ("parts/a.launch", "time limit")
     assert outcome.sim_time == pytest.approx(0.5, abs=0.02)
     assert outcome.replay is not None
+    assert outcome.provenance is not None
 
 
 def test_a_launch_fails_if_a_node_dies(tmp_path: Path) -> None:
