@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from sim_action.ros1.exchange import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE
 
 def main() -> None:
     """The entry of a fresh interpreter."""
+    # Before any thread is there, an engine's too: whichever does not block them may be given them (node.leaving).
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     folder = Path(os.environ[FOLDER_VARIABLE])
     request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
     run = new_run(folder)
