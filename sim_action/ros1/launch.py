@@ -67,6 +67,10 @@ class Launch:
         """The processes of tests that rostest has started."""
         return (pid for pid in descendants(self._process.pid) if test_result(pid) is not None)
 
+    def has_unnoticed(self) -> bool:
+        """Whether a process has ended, and whoever has started it does not know yet."""
+        return any(map(_has_ended, descendants(self._process.pid)))
+
     def interrupt(self) -> None:
         """Asks the launcher to end its nodes and leave."""
         for pid in children(self._process.pid):
@@ -99,3 +103,10 @@ class Launch:
 def _send(pid: int, number: signal.Signals) -> None:
     with suppress(ProcessLookupError, PermissionError):
         os.kill(pid, number)
+
+
+def _has_ended(pid: int) -> bool:
+    with suppress(OSError):
+        # The name of the program comes before, in brackets, and may hold brackets itself.
+        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] == b"Z"
+    return False

@@ -21,6 +21,8 @@ _LOOK: Final = 0.02
 # In s: how long a launcher may take once it is told to leave, and a test whose simulation is over.
 _LEAVING: Final = 20.0
 _TEST_LEAVING: Final = 3.0
+# In s: roslaunch looks for nodes that have died ten times a second, and tells of none once it has to leave.
+_LAST_LOOK: Final = 0.5
 _MOST_OUTPUT: Final = 100_000_000
 
 
@@ -33,6 +35,7 @@ class Watch:
         self._told_at: float | None = None
         self._stopped: dict[int, float] = {}
         self._ended_runs: set[Path] = set()
+        self._last_look: float | None = None
 
     def wait(self, interruption: Interruption) -> Ending:
         """Returns when the launcher has gone, or has to be ended."""
@@ -68,7 +71,9 @@ class Watch:
                     self._stopped = {pid: time.monotonic() for pid in self._launch.tests()}
                     self._signal_tests(signal.SIGINT)
                 else:
-                    self._tell_to_leave()
+                    self._last_look = time.monotonic() + _LAST_LOOK
+        if self._last_look is not None and time.monotonic() > self._last_look and not self._launch.has_unnoticed():
+            self._tell_to_leave()
         if self._stopped and time.monotonic() > max(self._stopped.values()) + _TEST_LEAVING:
             self._signal_tests(signal.SIGKILL)
             self._stopped = {}
