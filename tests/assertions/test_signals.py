@@ -299,7 +299,8 @@ def test_every_assertion_has_a_curve_of_what_the_robot_does(spec: Assertion) -> 
 
 
 def test_none_is_forgotten() -> None:
-    assert {spec.key for spec in SPECS} | {"assertion"} == set(ASSERTIONS)
+    # Of the user's code there are none; those of `matches`, which reads a file, stand in `test_matches`.
+    assert {spec.key for spec in SPECS} | {"assertion", "matches"} == set(ASSERTIONS)
 
 
 STEPS = st.integers(0, 65).map(lambda step: step * STEP)

@@ -138,7 +138,7 @@ def test_names_and_ids_of_runs(perform: Perform) -> None:
         workflow(job("a"), "on: push\nconcurrency: {group: x, typo: 1}"),
         workflow(job("a"), "on: push\nconcurrency: ${{ runner.os }}"),
         workflow(job("a"), "on: push\nenv: {A: b}"),
-        workflow(job("a"), "on: {push: , workflow_dispatch: }"),
+        workflow(job("a"), "on: {push: , workflow_run: }"),
         workflow(job("a"), "on: push\ntypo: 1"),
         workflow(job("a"), "on: {push: {typo: 1}}"),
         workflow("  a: {uses: ./.github/workflows/main.yml, secrets: inherit}"),
