@@ -10,9 +10,9 @@ import time
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sim_action.outcome import Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import page
+from sim_action.results import Results
 
 ROOT: Final = Path(__file__).parent.parent
 ROUNDS: Final = 7

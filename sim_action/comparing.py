@@ -14,11 +14,12 @@ from sim_action.comparison import Comparison, Thresholds, compared
 from sim_action.errors import ExitCode, UsageError
 from sim_action.joining import joined
 from sim_action.messages import escaped_line
-from sim_action.outcome import RESULTS_FILE, Outcome
+from sim_action.outcome import Outcome
 from sim_action.reports.comparison_markdown import comparison_markdown
 from sim_action.reports.comparison_terminal import print_comparison
 from sim_action.reports.outputs import append_outputs
 from sim_action.result_files import find_all, read_all
+from sim_action.results import RESULTS_FILE
 from sim_action.whole_files import whole_file
 
 STANDARD_OUTPUT: Final = "-"

@@ -15,7 +15,7 @@ from sim_action.discovery import compared_name, file_name
 from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
 from sim_action.numbering import numbered
-from sim_action.outcome import Results
+from sim_action.results import Results
 from sim_action.sharding import balanced
 
 MOST_BYTES: Final = (128 << 10) - len("INPUT_SCENARIO=\0")

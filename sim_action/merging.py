@@ -15,10 +15,11 @@ from sim_action.errors import ExitCode, UsageError
 from sim_action.evidence import Evidence, evidence_of, moved
 from sim_action.joining import Entry, Listing, joined
 from sim_action.messages import escaped_line, log_line
-from sim_action.outcome import RESULTS_FILE, Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.reporting import ReportRequest, report_options, write_reports
 from sim_action.reports.escaping import shortened
 from sim_action.result_files import ResultsFile, find_all, read_all
+from sim_action.results import RESULTS_FILE, Results
 from sim_action.trace_files import EVIDENCE_FOLDERS, trace_paths
 
 # Of what a stranger may have written; each JUnit suite has it.

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
-from sim_action.outcome import Results
 from sim_action.reports import REPORTS, ReportOptions, Verbosity
+from sim_action.results import Results
 from sim_action.trace_files import EVIDENCE_FOLDERS
 
 

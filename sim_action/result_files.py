@@ -11,7 +11,8 @@ from typing import Final, NoReturn
 from sim_action.discovery import paths_of, unique
 from sim_action.errors import UsageError
 from sim_action.messages import escaped_line
-from sim_action.outcome import RESULTS_FILE, Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import RESULTS_FILE, Results
 
 MOST_OUTCOMES: Final = 50_000
 """To join so many takes half a minute and most of a gigabyte."""

@@ -16,11 +16,12 @@ from sim_action.agreement import compared
 from sim_action.execution import execute
 from sim_action.golden_writing import with_own_goldens
 from sim_action.interruption import Interruption
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.planning import Plan, PlanRequest, planned
 from sim_action.repeating import repeated
 from sim_action.reporting import ReportRequest, report_options, write_reports
 from sim_action.reports.progress import ProgressListener
+from sim_action.results import Results
 from sim_action.source import Refused
 
 

@@ -14,8 +14,8 @@ from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS
 from sim_action.drives import DRIVES
-from sim_action.outcome import Results
 from sim_action.registry import Table
+from sim_action.results import Results
 from sim_action.scenario import ExpectationOptions, Scenario
 from sim_action.sensors import SENSORS
 from sim_action.sensors.mounting import Mounting

@@ -16,9 +16,10 @@ from sim_action.discovery import compared_name, discover, file_name, unique
 from sim_action.errors import ExitCode, UsageError
 from sim_action.interruption import Interruption
 from sim_action.messages import log_line
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.reports.comparison_rows import rows
 from sim_action.reports.comparison_terminal import print_comparison
+from sim_action.results import Results
 from sim_action.running import RunRequest
 from sim_action.watched_files import Stamp, stamps, watched_files
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_action.location import Location
-from sim_action.outcome import ExpectationOutcome, Outcome, Results
+from sim_action.outcome import ExpectationOutcome, Outcome
+from sim_action.results import Results
 from sim_action.sharding import Shard
 from sim_action.source import Source
 from sim_action.verdict import Verdict

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.joining import Listing, joined
-from sim_action.outcome import Failure, Outcome, Results
+from sim_action.outcome import Failure, Outcome
 from sim_action.result_files import ResultsFile
+from sim_action.results import Results
 from sim_action.sharding import Shard
 from tests.results import outcome, results, source
 

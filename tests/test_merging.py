@@ -14,8 +14,9 @@ from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.joining import Listing
 from sim_action.location import Location, Problem
 from sim_action.merging import MergeRequest, merge
-from sim_action.outcome import Failure, Outcome, Results
+from sim_action.outcome import Failure, Outcome
 from sim_action.reporting import ReportRequest
+from sim_action.results import Results
 from tests.results import outcome, results, source, stored
 
 

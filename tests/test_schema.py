@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from sim_action.location import Location
-from sim_action.outcome import ExpectationOutcome, Failure, Outcome, Results
+from sim_action.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results import Results
 from sim_action.schema import results_schema, scenario_schema, schema_text
 from sim_action.verdict import Verdict
 

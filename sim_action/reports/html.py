@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.replay import Replay
 from sim_action.replay.storage import ReplayError, read
 from sim_action.reports import ReportOptions
@@ -18,6 +18,7 @@ from sim_action.reports.page.markup import element, joined
 from sim_action.reports.page.packing import Parcel, told
 from sim_action.reports.reproduction import REPORT_FILE
 from sim_action.reports.wording import mood
+from sim_action.results import Results
 from sim_action.trace_files import stored_file
 from sim_action.whole_files import whole_file
 

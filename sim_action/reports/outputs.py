@@ -6,9 +6,9 @@ import secrets
 from collections.abc import Mapping
 from pathlib import Path
 
-from sim_action.outcome import RESULTS_FILE, Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.reproduction import REPORT_FILE, replay_link
+from sim_action.results import RESULTS_FILE, Results
 
 
 def write_outputs(results: Results, options: ReportOptions) -> None:

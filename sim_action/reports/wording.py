@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 from sim_action import units
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.provenance import Provenance
+from sim_action.results import Results
 from sim_action.sharding import Shard
 from sim_action.verdict import Verdict
 

@@ -13,8 +13,9 @@ from pathlib import Path
 from sim_action import __version__
 from sim_action.errors import ExitCode, InvalidScenario
 from sim_action.interruption import Interruption
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.reporting import ReportRequest, report_options, write_reports
+from sim_action.results import Results
 from sim_action.ros1.exchange import REPLAY_FILE, TRACE_FILE
 from sim_action.ros1.findings import Run
 from sim_action.ros1.installation import find_ros

@@ -30,7 +30,7 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
     from pathlib import Path
 
     from sim_action.matrix import Unit, known_durations, matrix_text
-    from sim_action.outcome import Results
+    from sim_action.results import Results
 
     suite = discovered(paths, flags)
     if not suite.files:

@@ -14,7 +14,8 @@ import pytest
 
 from sim_action.backends import installed
 from sim_action.models.findings import RULES
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import Results
 from tests.integration.conftest import ACTION, sim_action
 from tests.models.bad_models import BAD_MODELS, GOOD
 from tests.models.test_bad_meshes import BAD as BAD_MESHES

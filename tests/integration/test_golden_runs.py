@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from sim_action.backends import installed
-from sim_action.outcome import Results
+from sim_action.results import Results
 from tests.integration.conftest import sim_action
 
 SCENARIO = """\

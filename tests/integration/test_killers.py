@@ -18,7 +18,8 @@ import junitparser
 import pytest
 
 from sim_action.backends import installed
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import Results
 
 ROOT: Final = Path(__file__).parents[2]
 TOTAL: Final = 200

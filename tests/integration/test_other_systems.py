@@ -13,7 +13,8 @@ from typing import Final
 import pytest
 
 import sim_action.models
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import Results
 from tests.integration.conftest import sim_action as command_line
 from tests.integration.other_systems import System, variables_of
 

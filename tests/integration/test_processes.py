@@ -14,7 +14,8 @@ import pytest
 
 from sim_action.backends import installed
 from sim_action.location import Location
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import Results
 from tests.integration.other_systems import System, variables_of
 
 ROOT: Final = Path(__file__).parents[2]

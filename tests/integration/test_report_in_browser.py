@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import page, write_html
 from sim_action.reports.page import document
+from sim_action.results import Results
 from sim_action.verdict import Verdict
 from tests.integration.test_examples import sim_action
 from tests.replays import drive, kept

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from junitparser import JUnitXml
 
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import Results
 from sim_action.ros1.exchange import TRACE_FILE, NodeRun
 from sim_action.ros1.findings import Findings
 from sim_action.ros1.request import RosRequest

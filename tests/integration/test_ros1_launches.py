@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from junitparser import JUnitXml
 
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import Results
 from sim_action.trace_storage import load_trace
 from tests.ros1.launches import ROOT, needs_ros, package
 

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
+from sim_action.results import Results
 from tests.ros1.launches import ROOT, needs_ros, package
 
 pytestmark = needs_ros

@@ -16,11 +16,11 @@ from sim_action.assertions.negation import Negation
 from sim_action.geometry import Pose, Twist
 from sim_action.loading import build_scene, load_scenario
 from sim_action.observation import JointState, Observation
-from sim_action.outcome import Results
 from sim_action.permissions import Permissions
 from sim_action.reports import ReportOptions
 from sim_action.reports.evidence import curve, replay_of
 from sim_action.reports.mermaid import chart
+from sim_action.results import Results
 from sim_action.scenario import Expectation
 from sim_action.scene import Scene
 from sim_action.signals import Signal

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from sim_action.location import Location
-from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Results, Status
+from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
 from sim_action.provenance import Provenance
 from sim_action.reports import ReportOptions
+from sim_action.results import Results
 from sim_action.sharding import Shard
 from sim_action.source import Varied
 from sim_action.verdict import Verdict

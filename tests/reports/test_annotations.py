@@ -11,9 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sim_action.location import Location
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.annotations import complaint, write_annotations
+from sim_action.results import Results
 
 Samples = dict[str, Results]
 MakeResults = Callable[..., Results]

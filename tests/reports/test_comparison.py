@@ -10,11 +10,12 @@ import pytest
 from markdown_it import MarkdownIt
 
 from sim_action.comparison import Comparison, compared
-from sim_action.outcome import Failure, Outcome, Results
+from sim_action.outcome import Failure, Outcome
 from sim_action.provenance import Provenance
 from sim_action.reports.comparison_markdown import MOST_CHARACTERS, comparison_markdown
 from sim_action.reports.comparison_rows import headline, rows
 from sim_action.reports.comparison_terminal import print_comparison
+from sim_action.results import Results
 
 Samples = dict[str, Results]
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.outcome import Results
 from sim_action.replay.models import Replay
 from sim_action.replay.storage import write
 from sim_action.reports import ReportOptions
 from sim_action.reports.evidence import curve, replay_of
+from sim_action.results import Results
 from sim_action.verdict import Verdict
 from tests.reports.replays import replay, signal
 

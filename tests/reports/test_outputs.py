@@ -7,9 +7,9 @@ from pathlib import Path
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim_action.outcome import Results
 from sim_action.reports import ReportOptions
 from sim_action.reports.outputs import outputs, write_outputs
+from sim_action.results import Results
 
 
 def read_back(text: str) -> dict[str, str]:

@@ -6,9 +6,9 @@ import subprocess
 import sys
 
 from sim_action.execution import Listener
-from sim_action.outcome import Results
 from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
+from sim_action.results import Results
 
 Samples = dict[str, Results]
 

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.reproduction import command, replay_link
+from sim_action.results import Results
 from sim_action.source import Varied
 
 Samples = dict[str, Results]

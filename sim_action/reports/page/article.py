@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_action.outcome import Outcome, Results
+from sim_action.outcome import Outcome
 from sim_action.replay import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
@@ -12,6 +12,7 @@ from sim_action.reports.page.markup import Html, element, joined
 from sim_action.reports.page.sources import source
 from sim_action.reports.page.verdicts import MARKS, expectations, reasons
 from sim_action.reports.wording import Mood, factor, moment, mood
+from sim_action.results import Results
 
 WORDS: dict[Mood, str] = {
     "passed": "Passed",
