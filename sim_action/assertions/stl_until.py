@@ -13,6 +13,7 @@ from sim_action.assertions.stl_parts import TIME_ROUNDING, Chain, Found, lookahe
 from sim_action.temporal_logic.formula import Until
 from sim_action.temporal_logic.robustness import Cause, robustness
 from sim_action.temporal_logic.samples import Samples
+from sim_action.trace import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,25 +83,28 @@ class UntilFold:
         """The fold after the rows before `end`."""
         if end == 0:
             return self
-        assert self.begin is not None
         before, then = (robustness(part, rows)[:end] for part in (self.formula.before, self.formula.then))
-        carried = math.inf if self.held is None else self.held.value
-        held = np.minimum.accumulate(np.concatenate(([carried], before)))
-        first = int(rows.at_or_after(self.begin + self.formula.interval.start))
-        last = min(end, int(rows.after(self.begin + self.formula.interval.end)))
-        found = self.found
-        if first < last:
-            ways = np.minimum(then, held[:-1])[first:last]
-            index = first + int(ways.argmax())
-            value = float(ways[index - first])
-            if found is None or value > found.value:
-                decides = then[index] <= held[index]
-                found = (
-                    Found.at(value, self.formula.then, rows, index) if decides else self._least(rows, before[:index])
-                )
+        found = self._best(rows, before, then)
         return replace(self, held=self._least(rows, before), found=found)
 
-    def _least(self, rows: Samples, before: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Found | None:
+    def _best(self, rows: Samples, before: FloatArray, then: FloatArray) -> Found | None:
+        """The best moment of the interval until now, with the rows that come next."""
+        assert self.begin is not None
+        first = int(rows.at_or_after(self.begin + self.formula.interval.start))
+        last = min(len(then), int(rows.after(self.begin + self.formula.interval.end)))
+        if first >= last:
+            return self.found
+        carried = math.inf if self.held is None else self.held.value
+        held = np.minimum.accumulate(np.concatenate(([carried], before)))
+        ways = np.minimum(then, held[:-1])[first:last]
+        index = first + int(ways.argmax())
+        value = float(ways[index - first])
+        if self.found is not None and value <= self.found.value:
+            return self.found
+        decides = then[index] <= held[index]
+        return Found.at(value, self.formula.then, rows, index) if decides else self._least(rows, before[:index])
+
+    def _least(self, rows: Samples, before: FloatArray) -> Found | None:
         """What held the least until now, with the rows that come next."""
         if not len(before):
             return self.held
