@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import sys
+import tempfile
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -58,6 +59,8 @@ def received_job() -> Job:
 def turn_to(job: Job) -> None:
     """Makes this process the scenario's own: what it prints is kept, and its end is for the parent to decide."""
     redirect_output(job.output_file)
+    # Whoever is killed leaves nothing behind: the parent clears the folder away.
+    tempfile.tempdir = str(job.folder)
     # Ctrl-C goes to the whole foreground.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -385,6 +386,23 @@ def test_a_robot_that_begins_inside_something_is_told_on_the_line_to_change_and_
     assert "0.02 m deep in the ground" in ground_failure.message
     assert wall_failure.location is not None
     assert (Path(wall_failure.location.file).name, wall_failure.location.line) == ("bad.sim.yml", 5)
+
+
+def test_a_child_that_is_killed_leaves_no_file_in_the_systems_folder(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    kept = tmp_path / "kept"
+    keep = f"pathlib.Path({str(kept)!r}).write_text(tempfile.mkdtemp())"
+    [outcome] = run(
+        [script(tmp_path, "killed", f"import os, pathlib, tempfile\n{keep}\nos.kill(os.getpid(), 9)")], tmp_path
+    )
+    assert [failure.title for failure in outcome.failures] == ["SIGKILL"]
+    assert Path(kept.read_text()).is_relative_to(temporary)
+    assert not list(temporary.iterdir())
 
 
 def test_a_forked_copy_of_a_run_gives_no_verdict_of_its_own(tmp_path: Path, run: Run) -> None:
