@@ -21,6 +21,8 @@ demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
 
 test: $(VENV)/.dev $(VENV)/.node viewer ## all tests
+	@# They start a process in hundreds of places; where Python keeps no bytecode, each would compile all it imports.
+	@$(BIN)/python -m compileall -q sim_action
 	$(BIN)/python -m pytest
 
 coverage: $(VENV)/.dev $(VENV)/.node viewer ## all tests, and which lines none of them reaches
