@@ -10,12 +10,14 @@ WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
 PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
 
+TYPES := lint-types lint-types-darwin lint-types-win32
+
 VIEWER := sim_action/reports/viewer/viewer3d.json
 # The machine's Node.js, or that of $(VENV)/.node.
 WITH_NODE = PATH="$(abspath $(BIN)):$$PATH"
 HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && $(WITH_NODE) npm --version >/dev/null 2>&1
 
-.PHONY: viewer lint-viewer screenshots demo test coverage lint lint-workflows format docs robots picture bench fuzz lock clean
+.PHONY: viewer screenshots demo test coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots picture bench fuzz lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -28,14 +30,22 @@ test: $(VENV)/.dev $(VENV)/.node viewer ## all tests
 coverage: $(VENV)/.dev $(VENV)/.node viewer ## all tests, and which lines none of them reaches
 	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered
 
-lint: $(VENV)/.dev lint-workflows lint-viewer ## style, types, layers, workflows
+lint: $(VENV)/.dev $(VENV)/.node ## style, types, layers, workflows
+	@$(MAKE) --no-print-directory --jobs 2 lint-style lint-layers $(TYPES) lint-workflows lint-viewer
+
+lint-style: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	# What Python lacks there is not asked for; ROS 1 is for Linux.
-	$(BIN)/mypy --platform darwin --cache-dir .mypy_cache/darwin --exclude sim_action/ros1/ sim_action action
-	$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32 --exclude sim_action/ros1/ sim_action action
+
+lint-layers: $(VENV)/.dev
 	$(BIN)/lint-imports
+
+lint-types: $(VENV)/.dev
+	$(BIN)/mypy
+
+# What Python lacks there is not asked for; ROS 1 is for Linux.
+$(filter lint-types-%,$(TYPES)): lint-types-%: $(VENV)/.dev
+	$(BIN)/mypy --platform $* --cache-dir .mypy_cache/$* --exclude sim_action/ros1/ sim_action action
 
 viewer: ## what report.html draws runs in 3D with; without Node.js it draws them from above
 	@if $(HAS_NODE); then $(MAKE) --no-print-directory $(VIEWER); \
