@@ -25,7 +25,7 @@ from sim_action.job import Job, out_of_memory
 from sim_action.location import Location
 from sim_action.native_output import split_output
 from sim_action.outcome import Failure, FailureKind, Outcome
-from sim_action.provenance import provenance
+from sim_action.provenance import Provenance, provenance
 from sim_action.regular_files import open_regular
 from sim_action.scenario import LoadedScenario, Scenario
 from sim_action.workspace import PathError
@@ -62,12 +62,17 @@ def outcome_of(child: Child, ending: Ending) -> Outcome:
             "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
             "recordings": tuple(job.named(path) for path in job.recordings if _is_regular(path)),
             "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
-            "provenance": provenance(PACKAGES[chosen(job.loaded.scenario.backend)], __version__),
+            "provenance": made_with(job.loaded.scenario.backend),
             "diagnostics": diagnostics,
             "output": output,
             "wall_time": time.monotonic() - child.started,
         }
     )
+
+
+def made_with(backend: str) -> Provenance:
+    """What outcomes of an engine say of it, and of this machine; `backend`: as the scenario has it."""
+    return provenance(PACKAGES[chosen(backend)], __version__)
 
 
 def interrupted(loaded: LoadedScenario) -> Outcome:

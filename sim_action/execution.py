@@ -6,14 +6,14 @@ import select
 import tempfile
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Final, Protocol
 
-from sim_action.aftermath import Ending, Limit, interrupted, outcome_of, skipped
+from sim_action.aftermath import Ending, Limit, interrupted, made_with, outcome_of, skipped
 from sim_action.backends import BACKENDS, chosen
 from sim_action.exports import EXPORTS
 from sim_action.interruption import Interruption
@@ -21,8 +21,8 @@ from sim_action.isolation import way_here
 from sim_action.isolation.child import Child
 from sim_action.job import Job
 from sim_action.native_output import muted
-from sim_action.outcome import ExpectationOutcome, Outcome
-from sim_action.scenario import LoadedScenario, Scenario
+from sim_action.outcome import Outcome
+from sim_action.scenario import LoadedScenario
 from sim_action.trace_files import recording_path, replay_path, trace_paths
 
 # The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
@@ -52,13 +52,15 @@ def execute(
     formats: Sequence[str] = (),
     repeat: int = 1,
     way: type[Child] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> list[Outcome]:
     """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
 
     An interruption ends what runs; scenarios without an outcome then get one that says so. `fail_fast`: nothing is
     begun once one has not passed. `replays`: whether they are written, too; `formats`: of recordings that are.
     `repeat`: how often all of them are run, one time after the other; if more than once, each run has an interpreter
-    and a seed of hashes of its own. `way`: how children are born; left out, as this system has it.
+    and a seed of hashes of its own. `way`: how children are born; left out, as this system has it. `meanwhile`: called
+    once the first children run, when this process has nothing to do but to wait.
 
     Raises UsageError.
     """
@@ -66,7 +68,7 @@ def execute(
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
     if way.forks and repeat == 1:
-        forked = [loaded.scenario for loaded in scenarios if not loaded.scenario.runs_user_code]
+        forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
         _warm_up(forked, formats, replays=replays)
     # On Windows, what a script has left running may hold files in it.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
@@ -77,7 +79,8 @@ def execute(
             (index, made(loaded, path, folder, _subfolder(Path(scratch), index), hash_seed=hash_seed))
             for index, ((loaded, hash_seed), path) in enumerate(zip(runs, paths, strict=True))
         )
-        outcomes = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast).run()
+        scheduler = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast)
+        outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
     left = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
 
@@ -104,18 +107,25 @@ def _subfolder(scratch: Path, index: int) -> Path:
     return folder
 
 
-def _warm_up(scenarios: Sequence[Scenario], formats: Iterable[str], *, replays: bool) -> None:
+def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:
     """Imports the engines that they run on, and makes ready what children write, once for all of them."""
-    ExpectationOutcome.model_rebuild()
+    Outcome.model_rebuild()
     if replays:
         from sim_action.replay import making
 
-        making.warm_up()
+        making.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
     with muted():
-        for engine in {chosen(scenario.backend) for scenario in scenarios}:
+        for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
             BACKENDS.load(engine)
     for package in (package for name in formats if scenarios for package in EXPORTS.load(name).packages):
         import_module(package)
+
+
+def _make_ready(scenarios: Iterable[LoadedScenario], meanwhile: Callable[[], object]) -> None:
+    """What outcomes say alike, looked up once for all, and what the caller needs."""
+    for backend in {loaded.scenario.backend for loaded in scenarios}:
+        made_with(backend)
+    meanwhile()
 
 
 class _Scheduler:
@@ -140,9 +150,11 @@ class _Scheduler:
         self._running: dict[int, Child] = {}
         self._outcomes: dict[int, Outcome] = {}
 
-    def run(self) -> dict[int, Outcome]:
-        """Outcomes by index; what was not begun, or not ended, has none."""
+    def run(self, meanwhile: Callable[[], object]) -> dict[int, Outcome]:
+        """Outcomes by index; what was not begun, or not ended, has none. `meanwhile`: called once, as children run."""
         try:
+            self._start()
+            meanwhile()
             while (self._waiting or self._running) and not self._interruption.happened:
                 self._start()
                 self._wait()
@@ -155,7 +167,7 @@ class _Scheduler:
         return self._outcomes
 
     def _start(self) -> None:
-        while self._waiting and len(self._running) < self._jobs:
+        while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:
             index, job = self._waiting.popleft()
             deadline = time.monotonic() + job.loaded.scenario.wall_seconds
             self._running[index] = self._way.start(replace(job, deadline=deadline))

@@ -46,6 +46,16 @@ def report_options(request: ReportRequest) -> ReportOptions:
     )
 
 
+def make_ready(options: ReportOptions) -> None:
+    """Imports what reports are written with, which takes a tenth of a short run: for whoever has to wait anyway."""
+    for name in _wanted(options):
+        REPORTS.load(name)
+
+
+def _wanted(options: ReportOptions) -> list[str]:
+    return [name for name in REPORTS if name not in options.silenced]
+
+
 def write_reports(results: Results, options: ReportOptions, annotated: Results | None = None) -> None:
     """Writes what can be written; raises UsageError for the rest.
 
@@ -54,9 +64,7 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     failed = []
     of = {"annotations": results if annotated is None else annotated}
     writers = {"results": lambda: results.write(options.folder)} | {
-        name: partial(REPORTS.load(name), of.get(name, results), options)
-        for name in REPORTS
-        if name not in options.silenced
+        name: partial(REPORTS.load(name), of.get(name, results), options) for name in _wanted(options)
     }
     for name, write in writers.items():
         try:

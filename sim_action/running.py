@@ -14,12 +14,12 @@ from sim_action import __version__
 from sim_action.aftermath import skipped
 from sim_action.agreement import compared
 from sim_action.execution import execute
-from sim_action.golden_writing import with_own_goldens
 from sim_action.interruption import Interruption
 from sim_action.outcome import Outcome
 from sim_action.planning import Plan, PlanRequest, planned
 from sim_action.repeating import repeated
-from sim_action.reporting import ReportRequest, report_options, write_reports
+from sim_action.reporting import ReportRequest, make_ready, report_options, write_reports
+from sim_action.reports import ReportOptions
 from sim_action.reports.progress import ProgressListener
 from sim_action.results import Results
 from sim_action.source import Refused
@@ -42,8 +42,12 @@ def run(request: RunRequest, interruption: Interruption) -> Results:
     started = time.monotonic()
     found = planned(request.plan)
     options = report_options(request.reports)
-    plans = with_own_goldens(found.plans) if request.plan.permissions.updates_golden else found.plans
-    outcomes = _outcomes(request, plans, options.folder, interruption)
+    plans = found.plans
+    if request.plan.permissions.updates_golden:
+        from sim_action.golden_writing import with_own_goldens
+
+        plans = with_own_goldens(plans)
+    outcomes = _outcomes(request, plans, options, interruption)
     results = Results(
         sim_action=__version__,
         python=platform.python_version(),
@@ -57,10 +61,12 @@ def run(request: RunRequest, interruption: Interruption) -> Results:
     return results
 
 
-def _outcomes(request: RunRequest, plans: Sequence[Plan], folder: Path, interruption: Interruption) -> list[Outcome]:
+def _outcomes(
+    request: RunRequest, plans: Sequence[Plan], options: ReportOptions, interruption: Interruption
+) -> list[Outcome]:
     """Of each scenario, in the order of the files; several of one that runs on several engines."""
     every = [run for plan in plans if not isinstance(plan, Refused) for run in plan]
-    repeat = request.repeat
+    repeat, folder = request.repeat, options.folder
     every = [run.traced_at_every_step() for run in every] if repeat > 1 else every
     if request.fail_fast and any(isinstance(plan, Refused) for plan in plans):
         ran = iter([skipped(run) for run in every])
@@ -68,7 +74,8 @@ def _outcomes(request: RunRequest, plans: Sequence[Plan], folder: Path, interrup
         listener = ProgressListener(total=len(every) * repeat, verbosity=request.reports.verbosity)
         replays = "report" not in request.reports.silenced
         asked = partial(execute, fail_fast=request.fail_fast, formats=request.recordings, repeat=repeat)
-        turns = asked(every, folder, request.jobs, listener, interruption, replays=replays)
+        ready = partial(make_ready, options)
+        turns = asked(every, folder, request.jobs, listener, interruption, replays=replays, meanwhile=ready)
         listener.close()
         ran = iter([repeated(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
     return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, folder)]

@@ -68,6 +68,36 @@ class Run:
             return execute(scenarios, folder / "results", jobs, Silent(), interruption, way=self.way)
 
 
+def test_while_children_run_the_caller_is_made_ready_once(tmp_path: Path) -> None:
+    told: list[str] = []
+
+    class Told(Silent):
+        def finished(self, outcome: Outcome) -> None:
+            told.append(outcome.status)
+
+    scenarios = [load_scenario(scenario(tmp_path, name)) for name in "abc"]
+    with Interruption() as interruption:
+        execute(scenarios, tmp_path, 1, Told(), interruption, meanwhile=lambda: told.append("ready"))
+    assert told == ["ready", "passed", "passed", "passed"]
+
+
+def test_a_caller_that_is_not_made_ready_leaves_no_children(tmp_path: Path) -> None:
+    loaded = load_scenario(scenario(tmp_path, "alone"))
+    born: list[str] = []
+
+    def children() -> str:
+        return Path(f"/proc/self/task/{os.getpid()}/children").read_text()
+
+    def fail() -> None:
+        born.append(children())
+        raise RuntimeError("not today")
+
+    with Interruption() as interruption, pytest.raises(RuntimeError, match="not today"):
+        execute([loaded], tmp_path, 1, Silent(), interruption, meanwhile=fail)
+    assert born != [""]
+    assert children() == ""
+
+
 @pytest.fixture(params=[LinuxChild, PortableChild], ids=["linux", "portable"])
 def run(request: pytest.FixtureRequest) -> Run:
     return Run(request.param)
