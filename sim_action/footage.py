@@ -95,7 +95,8 @@ class Footage:
         """Those of every stride-th step, counted from t = 0."""
         first_step = round(seen.time[0] * self._rate)
         rows = np.arange(-first_step % stride, len(seen), stride)
-        return np.union1d(rows, [len(seen) - 1]) if is_last else rows
+        last = len(seen) - 1
+        return np.append(rows, last) if is_last and last not in rows[-1:] else rows
 
 
 def _stride(rate: float, wanted: float) -> int:

@@ -53,7 +53,7 @@ def _way(replay: Replay) -> FloatArray:
     """(N, 2): some of the places that the base came by, its first and last among them."""
     count = replay.frames.count
     places = np.column_stack([column.decoded(count) for column in replay.frames.base[:2]])
-    rows = np.unique(np.linspace(0, count - 1, min(count, _MOST_POINTS)).astype(int))
+    rows = np.linspace(0, count - 1, min(count, _MOST_POINTS)).astype(int)
     return np.asarray(places[rows])
 
 
