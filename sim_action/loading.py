@@ -8,7 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action import clash_checks, scenario_checks, world_checks
+from sim_action import scenario_checks, world_checks
 from sim_action.errors import Fault, InvalidScenario, ModelError, RefusedModel, UsageError
 from sim_action.models import check_text, load_model
 from sim_action.models.library import ModelLibrary
@@ -189,7 +189,10 @@ class _Loader:
         self.parts = surroundings.parts
         self._problems.note_all((), iter(surroundings.problems))
         self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
-        self._problems.note_all((), clash_checks.clash_problems(scenario.world))
+        if scenario.world.objects:
+            from sim_action.clash_checks import clash_problems
+
+            self._problems.note_all((), clash_problems(scenario.world))
         self.model = self._read_model(scenario.robot)
         if self.model is not None:
             scene = _scene(scenario, self.model, self._source, self.parts)

@@ -112,6 +112,11 @@ class Link:
     centre_of_mass_xyz: Vector3 = ZERO
     visuals: tuple[Visual, ...] = ()
 
+    @property
+    def has_mesh(self) -> bool:
+        """Whether something of it is in a file of its own."""
+        return any(shape.hulls for shape in self.collisions) or any(visual.file for visual in self.visuals)
+
 
 @dataclass(frozen=True, slots=True)
 class Mimic:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
-from sim_action.exports.recorded_run import RecordedRun
 from sim_action.footage import Footage
 from sim_action.job import Job
 from sim_action.messages import escaped_line
 from sim_action.scene import Scene
 from sim_action.trace_storage import save_trace
+
+if TYPE_CHECKING:
+    from sim_action.exports.recorded_run import RecordedRun
 
 
 def store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
@@ -36,6 +39,8 @@ def to_record(job: Job, scene: Scene, footage: Footage) -> Iterator[RecordedRun]
     """The run for recordings, if they are asked for, there is something of it, and it fits into memory."""
     if not job.recordings:
         return
+    from sim_action.exports.recorded_run import RecordedRun
+
     with suppress(MemoryError):
         trace, film = footage.trace(), footage.film()
         if trace is not None and film is not None:

@@ -14,7 +14,6 @@ from sim_action.channels import Channels
 from sim_action.commands import CommandSource
 from sim_action.drives import Drive
 from sim_action.location import Location
-from sim_action.marks import Mark
 from sim_action.quantities import (
     FrozenModel,
     Name,
@@ -29,7 +28,6 @@ from sim_action.quantities import (
 from sim_action.robot_model import RobotModel
 from sim_action.scene import Scene
 from sim_action.sensors.mounting import MountedSensor
-from sim_action.signals import Signal
 from sim_action.source import Source
 from sim_action.time_rounding import STEP_EPSILON, first_step
 from sim_action.variations.values import Normal, Uniform
@@ -38,8 +36,10 @@ from sim_action.world import Physics, Robot, World
 from sim_action.yaml_document import Document
 
 if TYPE_CHECKING:
+    from sim_action.marks import Mark
     from sim_action.observation import Observation
     from sim_action.parts import Part
+    from sim_action.signals import Signal
     from sim_action.trace import Trace
 
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.

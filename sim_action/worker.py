@@ -12,7 +12,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import TYPE_CHECKING, Final, NoReturn
 
 from sim_action.commands import COMMANDS
 from sim_action.discovery import file_name
@@ -28,10 +28,7 @@ from sim_action.errors import (
     ScriptError,
     SimulationUnstable,
 )
-from sim_action.exports.recorded_run import RecordedRun
-from sim_action.exports.writing import write_recordings
 from sim_action.footage import Footage
-from sim_action.golden_writing import write_goldens
 from sim_action.hang import note_before
 from sim_action.job import JUDGED, Job, out_of_memory
 from sim_action.loading import build_scene, checked
@@ -45,6 +42,9 @@ from sim_action.scene import Scene
 from sim_action.simulation import SimulationRun, simulate
 from sim_action.whole_files import whole_file
 from sim_action.yaml_document import Document, KeyPath
+
+if TYPE_CHECKING:
+    from sim_action.exports.recorded_run import RecordedRun
 
 _PROGRESS_PERIOD: Final = 0.1
 _RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
@@ -73,13 +73,16 @@ def run_job(job: Job, progress_descriptor: int) -> None:
     _clear(job)
     if job.deadline is not None and job.loaded.scenario.python_files:
         note_before(job.deadline, job.hang_file)
-    progress, kept = _Progress(progress_descriptor), list[RecordedRun]()
+    progress = _Progress(progress_descriptor)
+    kept: list[RecordedRun] = []
     outcome = _outcome(job, progress, here, kept)
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
     _write(outcome, job)
     for run in kept:
         # However long it takes from here, there is a verdict.
         progress.say(JUDGED)
+        from sim_action.exports.writing import write_recordings
+
         notes = tuple(write_recordings(run, job.recordings))
         if notes:
             _write(outcome.model_copy(update={"notes": (*outcome.notes, *notes)}), job)
@@ -165,6 +168,8 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
             raise
         notes = store_evidence(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
+            from sim_action.golden_writing import write_goldens
+
             notes += write_goldens(loaded, scene, trace)
         kept += to_record(job, scene, footage)
     return replace(run, notes=(*run.notes, *notes))

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action import units
 from sim_action.messages import did_you_mean
-from sim_action.parts import Part
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene, SpecProblems
 from sim_action.world import Body, Disturbance, Physics, Placement, placed
 from sim_action.world.timed_path import placements
+
+if TYPE_CHECKING:
+    from sim_action.parts import Part
 
 # Times that are advised are rounded up to it, in s.
 _ADVISED: Final = 0.001

@@ -13,15 +13,15 @@ from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, TypeGuard
 
 from sim_action.channels import Channels
-from sim_action.marks import Mark
 from sim_action.quantities import FrozenModel
 from sim_action.registry import Table
 from sim_action.scene import Scene, SpecProblems
-from sim_action.signals import Signal
 from sim_action.workspace import Workspace
 
 if TYPE_CHECKING:
+    from sim_action.marks import Mark
     from sim_action.observation import Observation
+    from sim_action.signals import Signal
     from sim_action.trace import Trace
     from sim_action.verdict import Verdict
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 from sim_action.assertions import Monitor
 from sim_action.assertions.bounds import Bounds, LengthBounds, SignalMonitor
-from sim_action.marks import Circle, Mark
 from sim_action.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.marks import Mark
     from sim_action.observation import Observation
 
 
@@ -26,5 +26,7 @@ class Travel(LengthBounds):
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See Assertion.marks: as far as it has to get, and may."""
+        from sim_action.marks import Circle
+
         x, y, _ = start.pose.position_xyz
         return tuple(Circle(x, y, radius) for radius in (self.at_least, self.at_most) if radius)

@@ -11,14 +11,14 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.channels import Channels
-from sim_action.command import JointTargets
 from sim_action.errors import UsageError
-from sim_action.observation import Clash, Observation, Overlap
 from sim_action.probe import Probe
 from sim_action.registry import Table
 from sim_action.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.command import JointTargets
+    from sim_action.observation import Clash, Observation, Overlap
     from sim_action.trace import Trace
 
 

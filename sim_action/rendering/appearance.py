@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -13,24 +12,12 @@ from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
 from sim_action.parts import BoxPart, CylinderPart, GridPart, HullPart, SpherePart, grid_surface
 from sim_action.parts import Part as BodyPart
+from sim_action.rendering.colours import PALETTE, ROBOT, Colour
 from sim_action.rendering.hulls import hull_about_its_middle, read_hulls
-from sim_action.rendering.picture import Colour
 from sim_action.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron, Solid
 from sim_action.rendering.triangles import Triangle
 from sim_action.robot_model import RobotModel, Shape
 from sim_action.scene import Scene
-
-ROBOT: Final[Colour] = (0.8, 0.8, 0.8)
-
-PALETTE: Final[tuple[Colour, ...]] = (
-    (0.2, 0.4, 0.9),
-    (0.2, 0.7, 0.3),
-    (0.9, 0.7, 0.1),
-    (0.5, 0.3, 0.8),
-    (0.2, 0.7, 0.7),
-    (0.6, 0.5, 0.3),
-)
-"""Of bodies that state no colour, by turns. Nothing is red that was not meant to be."""
 
 
 @dataclass(frozen=True, slots=True)

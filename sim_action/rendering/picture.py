@@ -11,15 +11,9 @@ from numpy.typing import NDArray
 
 from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
+from sim_action.rendering.colours import GROUND, SKY, Colour
 from sim_action.rendering.rays import Components, FloatArray, Patch, Pinhole
 from sim_action.rendering.solids import Solid
-
-Colour = tuple[float, float, float]
-"""Red, green and blue, each 0 to 1."""
-
-SKY: Final[Colour] = (0.62, 0.78, 0.94)
-GROUND: Final[tuple[Colour, Colour]] = ((0.55, 0.55, 0.55), (0.47, 0.47, 0.47))
-"""Of the squares of the ground, by turns: what has no pattern does not look as if it moved."""
 
 SQUARE: Final = 0.5
 """m, a side of these squares."""

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 from sim_action.geometry import Vector3
-from sim_action.rendering.appearance import ROBOT
+from sim_action.rendering.colours import ROBOT
 from sim_action.replay.meshes import ROBOT as BUDGET
 from sim_action.replay.pieces import MeshPiece, Piece, of_robot_shape, plain_shape, pose_numbers
 from sim_action.replay.simplification import Triangles
-from sim_action.replay.visual_meshes import VisualMeshes
 from sim_action.robot_model import Link, RobotModel, Visual
+
+if TYPE_CHECKING:
+    from sim_action.replay.visual_meshes import VisualMeshes
 
 
 class LinkPieces:
@@ -19,8 +23,15 @@ class LinkPieces:
     def __init__(self, model: RobotModel) -> None:
         # A link without a visual is not to be seen, unless nobody has drawn any.
         self._is_drawn = any(link.visuals for link in model.links)
-        self._meshes = VisualMeshes(model, BUDGET.each)
+        self._model = model
         self._scaled: dict[tuple[str, Vector3], Triangles] = {}
+
+    @cached_property
+    def _meshes(self) -> VisualMeshes:
+        # Robots without meshes are spared what reads them.
+        from sim_action.replay.visual_meshes import VisualMeshes
+
+        return VisualMeshes(self._model, BUDGET.each)
 
     def of(self, link: Link) -> list[Piece]:
         """A link's."""
@@ -49,4 +60,7 @@ class LinkPieces:
 
     def _touched(self, link: Link) -> Iterator[Piece]:
         for shape in link.collisions:
-            yield from of_robot_shape(shape, ROBOT, self._meshes.hulls)
+            yield from of_robot_shape(shape, ROBOT, self._hulls)
+
+    def _hulls(self, file: str) -> Triangles | None:
+        return self._meshes.hulls(file)

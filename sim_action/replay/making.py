@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
 
 from pydantic import BaseModel
@@ -11,6 +13,7 @@ from sim_action.replay import contacts, models, shapes
 from sim_action.replay.build import replay_of
 from sim_action.replay.curves import stored_marks, stored_signals
 from sim_action.replay.storage import write
+from sim_action.robot_model import RobotModel
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
 from sim_action.trace import Trace
@@ -25,9 +28,11 @@ def make_replay(scenario: Scenario, scene: Scene, start: Observation, film: Trac
     write(replay_of(scene, film, signals, marks), path)
 
 
-def warm_up() -> None:
-    """Builds the validators of all models, once for all processes that are forked from this one."""
+def warm_up(robots: Iterable[RobotModel]) -> None:
+    """Builds the validators of all models, and imports what draws robots, once for all forks of this process."""
     for module in (shapes, models, contacts):
         for model in vars(module).values():
             if isinstance(model, type) and issubclass(model, BaseModel):
                 model.model_rebuild()
+    if any(link.has_mesh for robot in robots for link in robot.links):
+        import_module("sim_action.replay.visual_meshes")

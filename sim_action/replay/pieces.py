@@ -10,9 +10,8 @@ import numpy as np
 from sim_action import geometry
 from sim_action.geometry import Pose, Vector3
 from sim_action.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
-from sim_action.rendering.picture import Colour
+from sim_action.rendering.colours import Colour
 from sim_action.replay.grids import coarse_surface
-from sim_action.replay.hulls import hull_surface
 from sim_action.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, PoseNumbers, Shape, numbers
 from sim_action.replay.simplification import Triangles
 from sim_action.robot_model import Shape as RobotShape
@@ -65,9 +64,12 @@ def of_parts(parts: Sequence[Part], color: Colour) -> Iterator[Piece]:
     """The parts of a body of the world."""
     here = pose_numbers(Pose())
     hulls = [np.array(part.points_xyz) for part in parts if isinstance(part, HullPart)]
-    surface = hull_surface(hulls)
-    if surface is not None:
-        yield MeshPiece(surface, here, color)
+    if hulls:
+        from sim_action.replay.hulls import hull_surface
+
+        surface = hull_surface(hulls)
+        if surface is not None:
+            yield MeshPiece(surface, here, color)
     for part in parts:
         if not isinstance(part, HullPart):
             yield _of_part(part, here, color)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from sim_action.rendering.appearance import PALETTE
+from sim_action.rendering.colours import PALETTE
 from sim_action.replay import meshes
 from sim_action.replay.link_pieces import LinkPieces
 from sim_action.replay.meshes import Budget, digest_of, mesh_data, within

@@ -248,19 +248,32 @@ def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:
     assert "sim-action: bad.urdf:4: <joint> without 'type' [missing-part]\n" in refused.stderr
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("validate", "a.sim.yml"), ("schema",)])
-def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str, ...]) -> None:
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
-    code = (
-        "import sys\nfrom sim_action.cli import call\n"
-        "call(sys.argv[1:])\nprint(sorted({'pybullet', 'numpy', 'rich'} & set(sys.modules)))"
-    )
+def imported(folder: Path, arguments: tuple[str, ...], modules: set[str]) -> str:
+    (folder / "a.sim.yml").write_text(VALID.format(name="a"))
+    found = f"print(sorted({modules} & set(sys.modules)))"
+    code = f"import sys\nfrom sim_action.cli import call\ncall(sys.argv[1:])\n{found}"
     ran = subprocess.run(
         [sys.executable, "-c", code, *arguments],
-        cwd=tmp_path,
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert ran.stdout.splitlines()[-1] == "[]", ran.stdout + ran.stderr
+    return ran.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("validate", "a.sim.yml"), ("schema",)])
+def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    assert imported(tmp_path, arguments, {"pybullet", "numpy", "rich"}) == "[]"
+
+
+def test_to_validate_imports_nothing_of_a_run(tmp_path: Path) -> None:
+    of_runs = {f"sim_action.{name}" for name in ("observation", "readings", "marks", "parts")}
+    assert imported(tmp_path, ("validate", "a.sim.yml"), of_runs) == "[]"
+
+
+def test_a_run_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
+    others = {"numpy.ma", *(f"sim_action.{name}" for name in ("golden", "exports.writing", "replay.visual_meshes"))}
+    needed = {"sim_action.reports.html", "rich.console"}
+    assert imported(tmp_path, ("run", "a.sim.yml"), others | needed) == str(sorted(needed))

@@ -8,7 +8,8 @@ import pytest
 
 from sim_action.geometry import Pose
 from sim_action.models.urdf import read_urdf
-from sim_action.rendering.appearance import PALETTE, ROBOT, Part, robot_parts, world_parts
+from sim_action.rendering.appearance import Part, robot_parts, world_parts
+from sim_action.rendering.colours import PALETTE, ROBOT
 from sim_action.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron
 from sim_action.robot_model import Link, RobotModel, Shape
 from sim_action.scene import Scene

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sim_action.geometry import Pose, quaternion_from_rpy
-from sim_action.rendering.picture import GROUND, SKY, Placed, draw
+from sim_action.rendering.colours import GROUND, SKY
+from sim_action.rendering.picture import Placed, draw
 from sim_action.rendering.rays import Pinhole
 from sim_action.rendering.solids import Ellipsoid, Polyhedron
 

@@ -10,7 +10,7 @@ from sim_action.exports.recorded_run import RecordedRun
 from sim_action.exports.ros2.cdr import CdrForm
 from sim_action.exports.ros2.topics import Topic, nanoseconds
 from sim_action.geometry import Pose
-from sim_action.rendering.appearance import ROBOT
+from sim_action.rendering.colours import ROBOT
 from sim_action.robot_model import Joint, Link, RobotModel, Shape
 
 

@@ -15,7 +15,7 @@ from sim_action.exports.ros2.frames import Frames
 from sim_action.exports.ros2.marker import Marker
 from sim_action.exports.ros2.topics import Topic, nanoseconds, stamps
 from sim_action.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart, grid_surface
-from sim_action.rendering.appearance import PALETTE
+from sim_action.rendering.colours import PALETTE
 from sim_action.trace import FloatArray
 
 _NO_POINTS: Final = np.empty((0, 3))
