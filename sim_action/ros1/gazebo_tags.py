@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from xml.etree.ElementTree import Element
 
+from sim_action.geometry import Pose, quaternion_from_rpy
+
 
 @dataclass(frozen=True, slots=True)
 class Tags:
@@ -53,31 +55,47 @@ class Plugin:
         own: its own tags.
         sensor: those of the sensor that it is of, empty if it is of the model.
         link: that the sensor sits on.
+        given_space: the namespace that whoever has spawned the robot gave it; counts where it states none itself.
     """
 
     name: str
     own: Tags
     sensor: Tags
     link: str
+    given_space: str = ""
+
+    @property
+    def space(self) -> str:
+        """Its namespace: "", or one that begins with a slash."""
+        names = self.own.text("robotNamespace", "ros/namespace", default=self.given_space).strip("/")
+        return f"/{names}" if names else ""
 
     def topic(self, *names: str, default: str) -> str:
         """A topic, in the namespace that the plugin states."""
         name = self.own.text(*names, default=default)
-        space = self.own.text("robotNamespace", "ros/namespace").strip("/")
-        return name if name.startswith("/") else "/" + "/".join(part for part in (space, name) if part)
+        return name if name.startswith("/") else f"{self.space}/{name}"
 
 
-def plugins_of(root: Element) -> Iterator[Plugin]:
-    """All plugins in a robot's description."""
+def plugins_of(root: Element, space: str = "") -> Iterator[Plugin]:
+    """All plugins in a robot's description; `space`: the namespace that it was spawned in."""
     for parent in root.iter():
         link = parent.get("reference", parent.get("name", "")) if parent.tag in {"gazebo", "link"} else ""
         for plugin in parent.findall("plugin") if parent.tag in {"gazebo", "model"} else []:
-            yield _plugin(plugin, None, "")
+            yield _plugin(plugin, None, "", space)
         for sensor in parent.findall("sensor"):
             for plugin in sensor.findall("plugin"):
-                yield _plugin(plugin, sensor, link)
+                yield _plugin(plugin, sensor, link, space)
 
 
-def _plugin(element: Element, sensor: Element | None, link: str) -> Plugin:
+def base_in_model(root: Element, link: str) -> Pose:
+    """Where a link is in the frame of its model, which Gazebo tells of; in URDF, the base link's is that frame."""
+    for element in root.iter("link") if root.tag != "robot" else ():
+        if element.get("name") == link and (pose := element.find("pose")) is not None and not pose.get("relative_to"):
+            x, y, z, roll, pitch, yaw = map(float, (pose.text or "0 0 0 0 0 0").split())
+            return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
+    return Pose()
+
+
+def _plugin(element: Element, sensor: Element | None, link: str, space: str) -> Plugin:
     name = PurePath(element.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
-    return Plugin(name, Tags(element), Tags(sensor), link)
+    return Plugin(name, Tags(element), Tags(sensor), link, space)

@@ -4,7 +4,7 @@ An overlay is a folder of its own for each call. In it:
 
     share/   packages: ours, the user's and the distribution's, each as a link; rospkg looks through no other folder
     bin/     a `python` that has rospy, since nodes begin with `#!/usr/bin/env python`
-    modules/ gazebo_msgs, and messages of the user's packages, as genpy writes them
+    modules/ gazebo_msgs, controller_manager_msgs, and messages of the user's packages, as genpy writes them
 """
 
 from __future__ import annotations
@@ -26,10 +26,13 @@ _PACKAGES: Final = Path(__file__).parent / "packages"
 OUR_MODULES: Final = str(Path(__file__).resolve().parents[2])
 """Where this package is imported from."""
 
-# Package and name of a node -> the module of ours that is run.
+# Package and name of a node -> the module of ours that is run, and its first arguments.
 _NODES: Final = {
     ("gazebo_ros", "gzserver"): "sim_action.ros1.gzserver",
     ("gazebo_ros", "spawn_model"): "sim_action.ros1.spawn_model",
+    ("controller_manager", "spawner"): "sim_action.ros1.controllers spawner",
+    ("controller_manager", "unspawner"): "sim_action.ros1.controllers unspawner",
+    ("controller_manager", "controller_manager"): "sim_action.ros1.controllers controller_manager",
     ("xacro", "xacro"): "sim_action.ros1.xacro",
     ("xacro", "xacro.py"): "sim_action.ros1.xacro",
 }
@@ -66,7 +69,7 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path) -> Overlay:
             _lay_out(name, path, share / name)
         else:
             (share / name).symlink_to(path)
-    generate_messages({**users, "gazebo_msgs": ours["gazebo_msgs"]}, packages, modules, ros)
+    generate_messages({**users, **stand_ins}, packages, modules, ros)
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
     python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))

@@ -6,11 +6,13 @@ import time
 import unittest
 
 import rospy
-from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
+from gazebo_msgs.msg import LinkState, LinkStates, ModelState, ModelStates
 from gazebo_msgs.srv import (
-    ApplyBodyWrench, ApplyBodyWrenchRequest, DeleteModel, GetModelState, GetWorldProperties, SetModelState, SpawnModel,
+    ApplyBodyWrench, ApplyBodyWrenchRequest, ApplyJointEffort, BodyRequest, DeleteModel, GetJointProperties,
+    GetLinkProperties, GetLinkState, GetModelProperties, GetModelState, GetPhysicsProperties, GetWorldProperties,
+    JointRequest, SetLinkState, SetModelState, SetPhysicsProperties, SpawnModel,
 )
-from geometry_msgs.msg import Point, Pose
+from geometry_msgs.msg import Point, Pose, Twist, Vector3
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState, LaserScan
@@ -170,7 +172,84 @@ class Probe(unittest.TestCase):
         rospy.sleep(0.3)
         self.assertGreater(rospy.get_time(), before)
 
-    def test_17_one_robot_at_a_time(self):
+    def test_17_links_joints_and_models_are_told_of(self):
+        rospy.sleep(0.1)
+        wheel = call("get_link_state", GetLinkState, ROBOT + "::wheel_left_link", "")
+        self.assertTrue(wheel.success, wheel.status_message)
+        told = hear("/gazebo/link_states", LinkStates)
+        found = told.pose[told.name.index(ROBOT + "::wheel_left_link")].position
+        self.assertAlmostEqual(wheel.link_state.pose.position.y, found.y, delta=1e-3)
+        self.assertAlmostEqual(wheel.link_state.pose.position.z, found.z, delta=1e-3)
+        seen = call("get_link_state", GetLinkState, "wheel_left_link", ROBOT + "::base_footprint").link_state
+        self.assertAlmostEqual(seen.pose.position.y, 0.08, delta=1e-3)
+        self.assertIn("wheel_left_link", call("get_link_state", GetLinkState, "wheel_left", "").status_message)
+        self.assertTrue(call("get_link_state", GetLinkState, "box::link", "").success)
+        link = call("get_link_properties", GetLinkProperties, ROBOT + "::base_footprint")
+        self.assertAlmostEqual(link.mass, 0.826)
+        self.assertAlmostEqual(link.com.position.z, 0.08)
+        self.assertAlmostEqual(link.izz, 0.002698)
+        joint = call("get_joint_properties", GetJointProperties, "wheel_left_joint")
+        self.assertEqual((joint.type, len(joint.position), len(joint.rate)), (joint.CONTINUOUS, 1, 1))
+        self.assertFalse(call("get_joint_properties", GetJointProperties, "elbow").success)
+        model = call("get_model_properties", GetModelProperties, ROBOT)
+        self.assertEqual(model.canonical_body_name, "base_footprint")
+        self.assertIn("wheel_right_joint", model.joint_names)
+        self.assertEqual(call("get_model_properties", GetModelProperties, "box").body_names, ["link"])
+        self.assertFalse(call("get_model_properties", GetModelProperties, "house").success)
+
+    def test_18_a_joint_is_turned_for_as_long_as_it_is_said(self):
+        self.assertTrue(call("apply_joint_effort", ApplyJointEffort, "wheel_left_joint", 0.02,
+                             rospy.Time(), rospy.Duration(-1)).success)
+        rospy.sleep(0.5)
+        turned = call("get_joint_properties", GetJointProperties, "wheel_left_joint").rate[0]
+        self.assertGreater(turned, 1.0)
+        call("clear_joint_forces", JointRequest, "wheel_left_joint")
+        nobody = call("apply_joint_effort", ApplyJointEffort, "elbow", 1, rospy.Time(), rospy.Duration(1))
+        self.assertFalse(nobody.success)
+        rospy.sleep(0.1)
+        before = call("get_joint_properties", GetJointProperties, "wheel_left_joint").rate[0]
+        rospy.sleep(0.3)
+        after = call("get_joint_properties", GetJointProperties, "wheel_left_joint").rate[0]
+        self.assertLess(after, before + 0.2)
+
+    def test_19_states_are_set_by_topics_and_of_links(self):
+        keep = rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=1)
+        while not keep.get_num_connections():
+            time.sleep(0.01)
+        wanted = ModelState(model_name="box", pose=Pose(position=Point(0.5, 3, 0.1)))
+        wanted.twist.linear.x = 1.0
+        keep.publish(wanted)
+        rospy.sleep(0.1)
+        at = state("box")
+        self.assertAlmostEqual(at.pose.position.y, 3, delta=0.05)
+        self.assertGreater(at.pose.position.x, 0.52)
+        link = LinkState(ROBOT + "::base_footprint", Pose(position=Point(1, 0, 0)), Twist(), "box")
+        self.assertTrue(call("set_link_state", SetLinkState, link).success)
+        rospy.sleep(0.1)
+        self.assertAlmostEqual(state(ROBOT, "box").pose.position.x, 1, delta=0.05)
+        link.link_name = ROBOT + "::wheel_left_link"
+        self.assertIn("base_footprint", call("set_link_state", SetLinkState, link).status_message)
+        wanted.reference_frame = "nowhere"
+        self.assertIn("nowhere", call("set_model_state", SetModelState, wanted).status_message)
+
+    def test_20_physics_are_told_of_and_gravity_is_set(self):
+        physics = call("get_physics_properties", GetPhysicsProperties)
+        self.assertAlmostEqual(physics.time_step, 0.005)
+        self.assertAlmostEqual(physics.gravity.z, -9.8, delta=0.01)
+        set_physics = lambda z: call("set_physics_properties", SetPhysicsProperties, time_step=0.001,
+                                     gravity=Vector3(0, 0, z))
+        self.assertTrue(set_physics(0.0).success)
+        request = ApplyBodyWrenchRequest(body_name="box::link", duration=rospy.Duration(-1))
+        request.wrench.force.z = 1
+        self.assertTrue(call("apply_body_wrench", ApplyBodyWrench, request).success)
+        rospy.sleep(0.5)
+        self.assertGreater(state("box").pose.position.z, 0.15)
+        call("clear_body_wrenches", BodyRequest, "box::link")
+        self.assertTrue(set_physics(-9.8).success)
+        rospy.sleep(0.8)
+        self.assertAlmostEqual(state("box").pose.position.z, 0.1, delta=0.01)
+
+    def test_21_one_robot_at_a_time(self):
         description = rospy.get_param("robot_description")
         self.assertFalse(spawn("twin", 1, 1, "urdf", description).success)
         self.assertTrue(call("delete_model", DeleteModel, ROBOT).success)
@@ -178,7 +257,7 @@ class Probe(unittest.TestCase):
         rospy.sleep(0.2)
         self.assertAlmostEqual(state().pose.position.x, 3, delta=0.05)
 
-    def test_18_sim_time_begins_anew(self):
+    def test_22_sim_time_begins_anew(self):
         before = rospy.get_time()
         call("reset_simulation", Empty)
         self.assertLess(hear("/clock", Clock).clock.to_sec(), before)

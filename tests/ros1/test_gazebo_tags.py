@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.ros1.gazebo_tags import Plugin, Tags, plugins_of
+from sim_action.geometry import Pose
+from sim_action.ros1.gazebo_tags import Plugin, Tags, base_in_model, plugins_of
 
 URDF = """
 <robot name="rover">
@@ -103,3 +104,19 @@ def test_what_is_no_number_is_as_if_it_were_not_there() -> None:
 def test_without_an_element_all_is_as_by_default() -> None:
     none = Tags(None)
     assert (none.text("a", default="x"), none.texts("a"), none.number("a", default=1)) == ("x", (), 1)
+
+
+def test_plugins_without_a_namespace_are_in_that_of_the_robot() -> None:
+    found = list(plugins_of(ET.fromstring(URDF), "/left/"))
+    assert [plugin.topic("topicName", default="x") for plugin in found] == ["/left/x", "/left/x", "/left/scan"]
+    own = ET.fromstring(
+        '<robot><gazebo><plugin filename="libx.so"><robotNamespace>a</robotNamespace></plugin></gazebo></robot>'
+    )
+    assert [plugin.space for plugin in plugins_of(own, "/left")] == ["/a"]
+
+
+def test_the_base_link_of_an_sdf_may_be_off_the_origin_of_its_model() -> None:
+    text = '<sdf version="1.6"><model name="m"><link name="base"><pose>1 0 0.1 0 0 0</pose></link></model></sdf>'
+    assert base_in_model(ET.fromstring(text), "base").position_xyz == (1, 0, 0.1)
+    assert base_in_model(ET.fromstring(text), "other") == Pose()
+    assert base_in_model(ET.fromstring(URDF), "base") == Pose()

@@ -51,7 +51,7 @@ def test_messages_of_a_package_that_nobody_has_built_can_be_imported_beside_its_
 
 def test_messages_that_cannot_be_are_an_error(tmp_path: Path) -> None:
     package(tmp_path / "ws", "robot", {"msg/Goal.msg": "nowhere/Thing thing\n"})
-    with pytest.raises(UsageError, match=r"the messages of robot, gazebo_msgs: .*nowhere"):
+    with pytest.raises(UsageError, match=r"the messages of robot, controller_manager_msgs, gazebo_msgs: .*nowhere"):
         built(tmp_path)
 
 

@@ -10,9 +10,12 @@ from typing import Final
 
 from sim_action.command import Answer
 from sim_action.errors import SourceOver
+from sim_action.geometry import Pose, Twist
 from sim_action.observation import Observation
+from sim_action.ros1.frames import ModelFrame
 from sim_action.ros1.node.changes import BeginAnew, Changes
 from sim_action.ros1.node.devices import TICKS, Device, Told
+from sim_action.ros1.node.efforts import Efforts
 from sim_action.ros1.node.lockstep import Lockstep
 from sim_action.ros1.node.present import Present
 from sim_action.ros1.node.publishing import Traffic
@@ -49,13 +52,14 @@ class Session:
     changes: Changes
     paused: Event
     pace: Pace
+    efforts: Efforts
 
 
 class Bridge:
     """One robot among nodes, until the world changes or the nodes are gone."""
 
-    def __init__(self, session: Session, robot: str, devices: Iterable[Device], told: Told) -> None:
-        self._session, self._robot = session, robot
+    def __init__(self, session: Session, robot: str, frame: ModelFrame, devices: Iterable[Device], told: Told) -> None:
+        self._session, self._robot, self._frame = session, robot, frame
         self._devices, self.told = tuple(devices), told
         self._start = session.present.time
         self.first_command: float | None = None
@@ -85,16 +89,16 @@ class Bridge:
         if session.changes.are_waiting():
             raise BeginAnew("the world has changed")
         session.pace.keep(seconds)
-        if self.first_command is None and self.told.twist is not None:
+        if self.first_command is None and self.told.is_commanded:
             self.first_command = seconds
-        return self.told.twist
+        return session.efforts.added_to(self.told.answer(seconds, seen), seconds, self.told.wheels)
 
     def _hold(self) -> None:
         """The clock does not start before everybody is there: the engine is, which takes as long as nodes do."""
         session = self._session
         if session.present.started is not None:
             return
-        session.lockstep.begin(frozenset(self.told.topics), session.changes.are_waiting)
+        session.lockstep.begin(lambda: self.told.topics, session.changes.are_waiting)
         if session.changes.are_waiting():
             raise BeginAnew("the world has changed")
         self.told.begin()
@@ -113,10 +117,14 @@ class Bridge:
         bodies = {f"{name}::link": state for name, state in states.bodies.items()}
         links = {f"{self._robot}::{name}": state for name, state in states.links.items()}
         present.time = seconds
-        present.models = {**states.bodies, self._robot: (seen.pose, seen.twist)}
+        present.models = {**states.bodies, self._robot: self._model_state(seen)}
+        present.base = seen.pose, seen.twist
         # A node may have begun to listen since they were read.
         present.links = {**bodies, **links} if links else {}
-        present.joints = {name: joint.position for name, joint in seen.joints.items()}
+        present.joints = dict(seen.joints)
+
+    def _model_state(self, seen: Observation) -> tuple[Pose, Twist]:
+        return self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)
 
     def _stand_still(self, seconds: float) -> None:
         session = self._session

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
@@ -11,13 +12,16 @@ from xml.etree import ElementTree as ET
 from pydantic import PrivateAttr
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
+from sim_action.drives import recognise
 from sim_action.footage import Footage
 from sim_action.models import load_model
 from sim_action.robot_model import RobotModel
 from sim_action.ros1.exchange import Request
-from sim_action.ros1.gazebo_tags import plugins_of
+from sim_action.ros1.frames import ModelFrame
+from sim_action.ros1.gazebo_tags import base_in_model, plugins_of
 from sim_action.ros1.node.bridge import Bridge, Session
 from sim_action.ros1.node.devices import DEVICES, TICKS, Device, Told, Wiring
+from sim_action.ros1.node.planar_move import PlanarMove
 from sim_action.ros1.node.population import SpawnedRobot, placement_of
 from sim_action.ros1.node.world_states import states_sensor
 from sim_action.scenario import DrivenRobot, Scenario
@@ -71,19 +75,24 @@ class Stage:
 
     def __init__(self, session: Session, request: Request, folder: Path) -> None:
         self._session, self._request, self._folder = session, request, folder
-        self._opened: tuple[str, list[Device], Told] | None = None
+        self._opened: tuple[SpawnedRobot, list[Device], Told] | None = None
+        self._closing = ExitStack()
         self.notes: list[str] = []
 
     def episode(self, *, left: float | None) -> Episode:
         """Of the population as it is; `left`: s of sim time that it may take. Raises ModelError."""
         population = self._session.present.population
         assert population.robot is not None
-        robot = self._driven(population.robot)
+        spawned = population.robot
         workspace = Workspace(self._folder, self._folder, allow_outside=True)
-        model = load_model(robot, workspace)
-        devices, told = self._devices(population.robot, model)
-        self._session.present.link_names = frozenset(model.links_by_name)
-        bridge = Bridge(self._session, population.robot.name, devices, told)
+        model = load_model(self._described(spawned), workspace)
+        frame = ModelFrame(base_in_model(ET.fromstring(spawned.description), model.root))  # noqa: S314 - of what is simulated
+        robot = _driven(self._described(spawned), spawned, model, frame)
+        devices, told = self._devices(spawned, model, frame)
+        drive = robot.drive or recognise(model)
+        told.wheels = drive.open(model, self._request.physics_rate).joints if drive else frozenset()
+        self._session.present.model = model
+        bridge = Bridge(self._session, spawned.name, frame, devices, told)
         scenario = Scenario.model_construct(
             name=population.robot.name,
             robot=robot,
@@ -108,24 +117,44 @@ class Stage:
         is_held = session.present.started is None
         return is_held or session.topics.are_links_heard or any(device.reads_links for device in devices)
 
-    def _driven(self, robot: SpawnedRobot) -> DrivenRobot:
-        """As a scenario has it. Robots are spawned at a height of 0, or dropped from one: here they stand."""
+    def _described(self, robot: SpawnedRobot) -> DrivenRobot:
+        """By its description alone."""
+        if robot.file is not None:
+            return DrivenRobot(model=robot.file)
         (self._folder / _DESCRIPTION).write_text(robot.description, encoding="utf-8")
-        pose = placement_of(robot.pose).model_copy(update={"z": None} if robot.pose.position_xyz[2] <= 0 else {})
-        return DrivenRobot(model=_DESCRIPTION, pose=pose, joints=dict(robot.joints))
+        return DrivenRobot(model=_DESCRIPTION)
 
-    def _devices(self, robot: SpawnedRobot, model: RobotModel) -> tuple[list[Device], Told]:
-        if self._opened is None or self._opened[0] != robot.description:
+    def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], Told]:
+        if self._opened is None or not robot.is_same_as(self._opened[0]):
+            self._closing.close()
+            self._session.efforts.clear_all()
             told = Told()
-            self._opened = robot.description, list(self._open(robot.description, model, told)), told
+            self._opened = robot, list(self._open(robot, model, frame, told)), told
         return self._opened[1], self._opened[2]
 
-    def _open(self, description: str, model: RobotModel, told: Told) -> Iterator[Device]:
+    def _open(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame, told: Told) -> Iterator[Device]:
         session = self._session
-        for plugin in plugins_of(ET.fromstring(description)):  # noqa: S314 - of the robot that is simulated
+        root = ET.fromstring(robot.description)  # noqa: S314 - of the robot that is simulated
+        wiring = Wiring(
+            model,
+            root,
+            frame,
+            told,
+            session.traffic,
+            lambda: session.present.started is None,
+            self.notes.append,
+            self._closing,
+        )
+        for plugin in plugins_of(root, robot.space):
             if plugin.name in DEVICES:
-                yield from DEVICES.load(plugin.name)(
-                    plugin, Wiring(model, told, session.traffic, lambda: session.present.started is None)
-                )
+                yield from DEVICES.load(plugin.name)(plugin, wiring)
             else:
                 self.notes.append(f"the plugin {plugin.name} of the robot is not known here and does nothing")
+
+
+def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:
+    """As a scenario has it. Robots are spawned at a height of 0, or dropped from one: here they stand."""
+    stands = robot.pose.position_xyz[2] <= 0
+    pose = placement_of(frame.base_pose(robot.pose)).model_copy(update={"z": None} if stands else {})
+    drive = PlanarMove.recognise(model)
+    return described.model_copy(update={"pose": pose, "joints": dict(robot.joints), "drive": drive})

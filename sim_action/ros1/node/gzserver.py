@@ -18,10 +18,13 @@ from sim_action.ros1.graph import Master
 from sim_action.ros1.node import leaving
 from sim_action.ros1.node.bridge import Pace, Session
 from sim_action.ros1.node.changes import BeginAnew, Changes
+from sim_action.ros1.node.efforts import Efforts
 from sim_action.ros1.node.episode import Episode, Stage
+from sim_action.ros1.node.inquiries import Inquiries
 from sim_action.ros1.node.lockstep import Lockstep, TestOver
 from sim_action.ros1.node.population import Population
 from sim_action.ros1.node.present import Present
+from sim_action.ros1.node.pressing import Pressing
 from sim_action.ros1.node.record import Record
 from sim_action.ros1.node.services import Services
 from sim_action.ros1.node.topics import Topics
@@ -62,6 +65,7 @@ class _Server:
             self._changes,
             paused,
             Pace(request.real_time_factor),
+            Efforts(),
         )
         self._stage = Stage(self._session, request, folder)
 
@@ -71,7 +75,10 @@ class _Server:
         failure: Failure | None = None
         try:
             self._present.population = Population(self._world())
-            self._services = Services(self._present, self._changes, self._session.paused)
+            session = self._session
+            self._services = Services(self._present, self._changes, session.paused, session.efforts)
+            self._pressing = Pressing(self._present, self._changes, session.efforts)
+            self._inquiries = Inquiries(self._present, session.paused, self._request.physics_rate)
             end = self._simulate()
         except TestOver:
             end = "test over"

@@ -47,10 +47,10 @@ class Lockstep:
         """Whether nodes were waited for all the time."""
         return self._patience == PATIENCE
 
-    def begin(self, commands: frozenset[str], is_wanted: Callable[[], bool]) -> None:
+    def begin(self, commands: Callable[[], frozenset[str]], is_wanted: Callable[[], bool]) -> None:
         """Waits until everybody is there who is about to come.
 
-        `commands`: topics by which the robot is driven; `is_wanted`: whether there is something better to do.
+        `commands`: topics by which the robot is driven now; `is_wanted`: whether there is something better to do.
         """
         self._wait_for_newcomers(is_wanted)
         calm_since = time.monotonic()
@@ -60,7 +60,7 @@ class Lockstep:
             if graph != before:
                 before, calm_since = graph, time.monotonic()
             calm = time.monotonic() - calm_since
-            is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands)
+            is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands())
             if calm > PATIENCE or (self._master.is_connected(graph) and (is_driven or calm > _CALM)):
                 break
             self._end_if_over()

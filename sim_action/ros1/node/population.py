@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-from sim_action.geometry import Pose, rpy_from_quaternion
+from sim_action.geometry import Pose, Vector3, rpy_from_quaternion
 from sim_action.world import Body, Disturbance, Placement, World
 
 
@@ -19,12 +19,20 @@ class SpawnedRobot:
         description: URDF or SDF.
         pose: of its base link; a height of less than its own is raised until it stands on the ground.
         joints: where its joints are, in rad or m; those left out are at home.
+        space: the namespace of its plugins that state none.
+        file: that the description is in, if what it names is found from there.
     """
 
     name: str
     description: str
     pose: Pose
     joints: Mapping[str, float] = field(default_factory=dict)
+    space: str = ""
+    file: str | None = None
+
+    def is_same_as(self, other: SpawnedRobot) -> bool:
+        """Whether it is the same robot, wherever it is."""
+        return (self.description, self.space) == (other.description, other.space)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +83,24 @@ class Population:
         world = self.world.model_copy(update={"objects": objects})
         return replace(self, world=world, robot=robot, homes={**homes, **self.homes})
 
+    def can_move(self, name: str) -> bool:
+        """Whether a model has a mass: the robot, and some bodies."""
+        return all(body.mass is not None for body in self.world.objects if body.name == name)
+
+    def pushed(self, name: str, velocity_xyz: Vector3) -> Self:
+        """The same with a model that begins with a velocity in m/s, world frame."""
+        is_robot = self.robot is not None and self.robot.name == name
+        push = Disturbance.model_validate({"at": 0.0, "velocity": velocity_xyz, **({} if is_robot else {"body": name})})
+        disturbances = (*self.world.disturbances, push)
+        return replace(self, world=self.world.model_copy(update={"disturbances": disturbances}))
+
+    def unpressed(self, body: str | None, link: str) -> Self:
+        """The same without what presses on a body, or, without one, on a link of the robot; "": its base link."""
+        left = tuple(
+            each for each in self.world.disturbances if (each.body, each.link or "") != (body, "" if body else link)
+        )
+        return replace(self, world=self.world.model_copy(update={"disturbances": left}))
+
     def later(self, seconds: float) -> Self:
         """The same after a time: of what pushes, that which is left."""
         left = (_later(push, seconds) for push in self.world.disturbances if push.end > seconds)
@@ -100,3 +126,14 @@ def placement_of(pose: Pose) -> Placement:
     x, y, z = pose.position_xyz
     roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
     return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)
+
+
+def refuse_unknown(name: str, population: Population) -> None:
+    """Raises ValueError if there is no such model that a node could change."""
+    if name not in population.names[1:]:
+        raise ValueError(unknown(name, population))
+
+
+def unknown(name: str, population: Population) -> str:
+    """What to say of a model that there is not."""
+    return f"there is no model '{name}'; there are {', '.join(population.names)}"

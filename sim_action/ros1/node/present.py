@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import JointState
+from sim_action.robot_model import RobotModel
 from sim_action.ros1.node.population import Population
 from sim_action.ros1.node.topics import States
 
@@ -18,8 +21,9 @@ class Present:
         started: s of wall time at which the clock started; None: it is held.
         models: name of a model, without the ground -> pose and twist, world frame.
         links: the same of links, each as `model::link`; none if nobody wants to know.
-        link_names: of the robot.
-        joints: of the robot -> rad, or m.
+        model: of the robot, once there is one.
+        base: pose and twist of its base link, world frame.
+        joints: of the robot, by their names.
     """
 
     population: Population
@@ -28,10 +32,12 @@ class Present:
     started: float | None = None
     models: States = field(default_factory=dict)
     links: States = field(default_factory=dict)
-    link_names: frozenset[str] = frozenset()
-    joints: dict[str, float] = field(default_factory=dict)
+    model: RobotModel | None = None
+    base: tuple[Pose, Twist] = (Pose(), Twist())
+    joints: dict[str, JointState] = field(default_factory=dict)
 
     def carried_on(self) -> Population:
         """The population, where everything is now."""
-        moved = self.population.moved({name: pose for name, (pose, _) in self.models.items()}, self.joints)
+        positions = {name: joint.position for name, joint in self.joints.items()}
+        moved = self.population.moved({name: pose for name, (pose, _) in self.models.items()}, positions)
         return moved.later(self.time - self.began)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
 import rospy
-from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
+from gazebo_msgs.srv import DeleteModel, SetModelConfiguration, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 from std_srvs.srv import Empty
 
 from sim_action.geometry import quaternion_from_rpy
 
 _PLACE: Final = ("x", "y", "z", "R", "P", "Y")
+_LEAVING: Final = 2  # s
 
 
 def spawn(words: Sequence[str] | None = None) -> int:
@@ -25,6 +28,8 @@ def spawn(words: Sequence[str] | None = None) -> int:
     asked = _parser().parse_args(rospy.myargv()[1:] if words is None else words)
     try:
         description = _description(asked)
+        if asked.package_to_model:
+            description = description.replace("package://", "model://")
     except (OSError, KeyError) as error:
         return _complain(f"there is no model to spawn: {error}")
     space = asked.gazebo_namespace.rstrip("/")
@@ -40,7 +45,19 @@ def spawn(words: Sequence[str] | None = None) -> int:
             return _complain(answer.status_message)
     if asked.unpause:
         _service(space, "unpause_physics", Empty)()
+    if asked.b:
+        _stay(space, asked.model)
     return 0
+
+
+def _stay(space: str, model: str) -> None:
+    """Until it is told to leave; then the model goes as well."""
+    delete = _service(space, "delete_model", DeleteModel)
+    rospy.spin()
+    # The simulation may have been told to leave at the same time.
+    signal.alarm(_LEAVING)
+    with suppress(rospy.ServiceException, rospy.ROSException):
+        delete(model)
 
 
 def _asked(space: str, asked: argparse.Namespace, description: str) -> Any:

@@ -19,7 +19,7 @@ def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     (test,) = found.tests
     assert test.methods is not None, found.text
     assert {case.name: case.text for case in test.methods.cases if case.problem} == {}
-    assert len(test.methods.cases) == 18
+    assert len(test.methods.cases) == 22
     run = told(found)
     assert run.end == "test over"
     assert run.in_step

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any, Final, Protocol
+from xml.etree.ElementTree import Element
 
-from sim_action.geometry import Twist
+from sim_action.command import Answer, commands_of
 from sim_action.observation import Observation
 from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
+from sim_action.ros1.frames import ModelFrame
 from sim_action.ros1.gazebo_tags import Plugin
+from sim_action.ros1.node.ears import Ear
 from sim_action.ros1.node.heard import HeardSensor
 from sim_action.ros1.node.publishing import Sender, Traffic
 from sim_action.sensors import Sensor
@@ -19,27 +23,43 @@ from sim_action.sensors.mounting import MountedSensor
 TICKS: Final = 100
 """In a second of sim time: so often the clock is told and commands are taken. On slower ones rospy.Rate(10) errs."""
 
+Mover = Callable[[float, Observation], Answer]
+"""From a sim time in s and what the robot is like to what it is to do."""
+
 
 @dataclass(slots=True)
 class Told:
-    """What nodes have told the robot last: a twist of its base, which stands until they tell another.
+    """What nodes have told the robot, and what comes of it.
 
     Attributes:
-        is_latched: whether its publisher keeps it for those who come later.
-        topics: on which they tell it.
+        ears: one for each topic on which they tell it.
+        movers: what each of them makes of it.
+        wheels: joints that a twist turns.
     """
 
-    twist: Twist | None = None
-    is_latched: bool = False
-    topics: set[str] = field(default_factory=set)
+    ears: tuple[Ear, ...] = ()
+    movers: tuple[Mover, ...] = ()
+    wheels: frozenset[str] = frozenset()
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """By which the robot is driven."""
+        return frozenset(ear.topic for ear in self.ears)
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether a node has said anything that stands."""
+        return any(ear.heard is not None for ear in self.ears)
 
     def begin(self) -> None:
-        """Forgets what was said before the clock started: whether it was heard depends on who came up first.
+        """Forgets what was said before the clock started: whether it was heard depends on who came up first."""
+        for ear in self.ears:
+            ear.begin()
 
-        What is latched is heard in any case.
-        """
-        if not self.is_latched:
-            self.twist = None
+    def answer(self, seconds: float, seen: Observation) -> Answer:
+        """What the robot is to do, at a sim time in s."""
+        answers = (mover(seconds, seen) for mover in self.movers)
+        return tuple(command for answer in answers for command in commands_of(answer))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +68,43 @@ class Wiring:
 
     Attributes:
         model: of the robot that they are of.
+        description: of the same, as it was spawned.
+        frame: of the same, which plugins of drives tell of.
         told: where what nodes say to the robot goes to.
         traffic: counts messages.
         is_held: whether the clock is: who will listen is not known before it starts.
+        warn: takes what people are to know.
+        closing: what is to be done when the robot is gone.
     """
 
     model: RobotModel
+    description: Element
+    frame: ModelFrame
     told: Told
     traffic: Traffic
     is_held: Callable[[], bool]
+    warn: Callable[[str], None]
+    closing: ExitStack
 
     def sender(self, topic: str, kind: type[Any]) -> Sender:
         """A topic for what a plugin tells."""
         return Sender(topic, kind, self.traffic)
+
+    def ear(self, topic: str, kind: type[Any], read: Callable[[Any], Any]) -> Ear:
+        """A topic for what a plugin is told; `read`: makes of a message what is kept of it."""
+        ear = Ear(topic, kind, read, self.traffic)
+        self.told.ears = (*self.told.ears, ear)
+        self.closing.callback(ear.close)
+        return ear
+
+    def forget(self, ear: Ear) -> None:
+        """It listens no more."""
+        self.told.ears = tuple(each for each in self.told.ears if each is not ear)
+        ear.close()
+
+    def moves(self, mover: Mover) -> None:
+        """From now on it is asked at every tick."""
+        self.told.movers = (*self.told.movers, mover)
 
     def heard(self, sensor: Sensor, sender: Sender) -> Sensor:
         """A sensor that is read for those who listen to a topic."""
@@ -113,6 +157,8 @@ DEVICES: Final = Table[Opener](
         "gazebo_ros_gpu_laser": _LASER,
         "gazebo_ros_imu": _IMU,
         "gazebo_ros_imu_sensor": _IMU,
+        "gazebo_ros_control": "sim_action.ros1.node.devices.control:open_control",
+        "gazebo_ros_planar_move": "sim_action.ros1.node.devices.planar_move:open_planar_move",
         "gazebo_ros_joint_state_publisher": "sim_action.ros1.node.devices.joint_states:open_joint_states",
         "gazebo_ros_p3d": "sim_action.ros1.node.devices.ground_truth:open_ground_truth",
     },

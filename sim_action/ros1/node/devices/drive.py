@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import rospy
 from geometry_msgs.msg import Transform, TransformStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
@@ -17,35 +16,29 @@ from sim_action.ros1.node.messages import header, in_frame_of, pose_message, twi
 
 def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_diff_drive, gazebo_ros_skid_steer_drive. Odometry is the truth, as theirs is unless they are told."""
+    ear = wiring.ear(plugin.topic("commandTopic", default="cmd_vel"), Twist, twist_of)
+    wiring.moves(lambda _seconds, _seen: ear.heard)
+    yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
+
+
+def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
+    """Odometry of a base, and its frame; `child`, `rate`: what holds if the plugin does not say."""
     own = plugin.own
-    _listen(plugin.topic("commandTopic", default="cmd_vel"), wiring)
     odometry = wiring.sender(plugin.topic("odometryTopic", default="odom"), Odometry)
-    frame, child = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=wiring.model.root)
+    frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
     moves_frames = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
     frames = wiring.sender("/tf", TFMessage) if moves_frames else None
-    period = period_of(own.number("updateRate", "odometryRate", default=0.0))
+    period = period_of(own.number("updateRate", "odometryRate", default=rate))
 
     def publish(seconds: float, seen: Observation) -> None:
-        message = Odometry(header=header(seconds, frame), child_frame_id=child)
-        message.pose.pose = pose_message(seen.pose)
-        message.twist.twist = twist_message(in_frame_of(seen.pose, seen.twist))
+        message = Odometry(header=header(seconds, frame), child_frame_id=base)
+        pose, twist = wiring.frame.pose(seen.pose), wiring.frame.twist(seen.pose, seen.twist)
+        message.pose.pose = pose_message(pose)
+        message.twist.twist = twist_message(in_frame_of(pose, twist))
         odometry.send(message)
         if frames is not None:
             at = message.pose.pose
             moved = Transform(Vector3(at.position.x, at.position.y, at.position.z), at.orientation)
-            frames.send(TFMessage([TransformStamped(message.header, child, moved)]))
+            frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
 
-    yield Device(period, (odometry, *([frames] if frames else [])), publish)
-
-
-def _listen(topic: str, wiring: Wiring) -> None:
-    told = wiring.told
-    told.topics.add(topic)
-
-    def listen(message: Twist) -> None:
-        told.twist = twist_of(message)
-        header = message._connection_header  # noqa: SLF001 - where rospy's documents say that it is
-        told.is_latched = header.get("latching") == "1"
-        wiring.traffic[topic] += 1
-
-    rospy.Subscriber(topic, Twist, listen, queue_size=1, tcp_nodelay=True)
+    return Device(period, (odometry, *([frames] if frames else [])), publish)

@@ -1,0 +1,31 @@
+"""Robots that planar_move and ros_control move, on real ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sim_action.ros1.request import RosRequest
+from tests.ros1.launches import launched, needs_ros, package, told
+from tests.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST
+
+pytestmark = needs_ros
+
+
+def test_planar_move_and_controllers(tmp_path: Path) -> None:
+    files = {"machine.urdf": MACHINE, "machine.test": MACHINE_LAUNCH, "test_machine.py": MACHINE_TEST}
+    package(tmp_path / "ws", "machine", files)
+
+    found = launched(tmp_path / "run", RosRequest("rostest", "machine", "machine.test", workspace=tmp_path / "ws"))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    assert len(test.methods.cases) == 4
+    run = told(found)
+    assert run.in_step
+    notes = "\n".join(run.notes)
+    assert "the plugin smoke_machine of the robot is not known here" in notes
+    assert "'arm' is of the type position_controllers/JointTrajectoryController, which is not known here" in notes
+    assert "joint 'spin' has hardware_interface/VelocityJointInterface, and the controller needs" in notes
+    assert "'/m/disc_speed': a servo of the engine" in notes
+    assert "planar move, kinematic" in notes
