@@ -12,6 +12,7 @@ PACKAGE_FILE: Final = "package.xml"
 
 # Left by a build, or not to be looked into.
 _NOT_SOURCES: Final = frozenset({"build", "devel", "install", "logs", "node_modules"})
+_EXPORT: Final = "gazebo_model_path"
 _IGNORED: Final = "CATKIN_IGNORE"
 
 
@@ -49,3 +50,17 @@ def sources(workspace: Path) -> Path:
     """Where the packages of a workspace are: in its `src`, if it has one."""
     below = workspace / "src"
     return below if below.is_dir() and not (workspace / PACKAGE_FILE).exists() else workspace
+
+
+def exported_models(packages: Iterable[Path]) -> Iterator[str]:
+    """Folders of Gazebo's models that packages name: `<export><gazebo_ros gazebo_model_path="${prefix}/models"/>`."""
+    for package in packages:
+        text = (package / PACKAGE_FILE).read_text(encoding="utf-8", errors="replace")
+        if _EXPORT not in text:
+            continue
+        try:
+            exports = ET.fromstring(text.encode()).findall("export/gazebo_ros")  # noqa: S314 - of packages of ROS
+        except ET.ParseError:
+            continue
+        stated = (export.get(_EXPORT, "").replace("${prefix}", str(package)) for export in exports)
+        yield from (folder for paths in stated for folder in paths.split(os.pathsep) if folder)

@@ -96,6 +96,10 @@ def base_in_model(root: Element, link: str) -> Pose:
     return Pose()
 
 
+def plugin_name(plugin: Element) -> str:
+    """Its file, without "lib" and ".so"."""
+    return PurePath(plugin.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
+
+
 def _plugin(element: Element, sensor: Element | None, link: str, space: str) -> Plugin:
-    name = PurePath(element.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
-    return Plugin(name, Tags(element), Tags(sensor), link, space)
+    return Plugin(plugin_name(element), Tags(element), Tags(sensor), link, space)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.isolation.child import environment
-from sim_action.ros1.catkin_packages import packages_below, packages_of, sources
+from sim_action.ros1.catkin_packages import exported_models, packages_below, packages_of, sources
 from sim_action.ros1.installation import Ros
 from sim_action.ros1.message_generation import generate_messages
 
@@ -73,10 +73,10 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path) -> Overlay:
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
     python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))
-    return Overlay(_variables(folder, ros, workspace), python_path, packages)
+    return Overlay(_variables(folder, ros, workspace, packages), python_path, packages)
 
 
-def _variables(folder: Path, ros: Ros, workspace: Path) -> dict[str, str]:
+def _variables(folder: Path, ros: Ros, workspace: Path, packages: Mapping[str, Path]) -> dict[str, str]:
     built = [str(path) for path in (workspace / "devel", workspace / "install") if path.is_dir()]
     return {
         **environment(),
@@ -87,6 +87,7 @@ def _variables(folder: Path, ros: Ros, workspace: Path) -> dict[str, str]:
         "ROS_HOSTNAME": "localhost",
         "ROS_MASTER_URI": "http://localhost:11311",
         "CMAKE_PREFIX_PATH": os.pathsep.join((*built, str(ros.prefix))),
+        "GAZEBO_MODEL_PATH": os.pathsep.join((*_paths("GAZEBO_MODEL_PATH"), *exported_models(packages.values()))),
         "ROS_DISTRO": os.environ.get("ROS_DISTRO", "noetic"),
         "TURTLEBOT3_MODEL": os.environ.get("TURTLEBOT3_MODEL") or "burger",
     }

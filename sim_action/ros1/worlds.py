@@ -6,9 +6,10 @@ http://sdformat.org/spec (world, model, link, collision, geometry). What a body 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
@@ -16,35 +17,106 @@ from pydantic import ValidationError
 
 from sim_action import geometry
 from sim_action.geometry import Pose, quaternion_from_rpy, rpy_from_quaternion
+from sim_action.ros1.gazebo_tags import plugin_name, plugins_of
 from sim_action.world import Body, World
+
+_VERSION: Final = "1.6"
 
 
 class BadWorld(Exception):
     """A world, or a model in it, that cannot be read."""
 
 
-def read_world(path: Path, folders: tuple[Path, ...]) -> tuple[World, list[str]]:
-    """A .world file, and what was left out of it; `folders`: where `model://` is looked for. Raises BadWorld."""
+@dataclass(frozen=True, slots=True)
+class WorldRobot:
+    """A model of a world with plugins that are known here: it is the robot.
+
+    Attributes:
+        description: SDF.
+        pose: of the model.
+        file: that the description is in, if it is in one of its own.
+    """
+
+    name: str
+    description: str
+    pose: Pose
+    file: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WorldFile:
+    """What a .world file comes to; `notes`: what was left out of it."""
+
+    world: World
+    robot: WorldRobot | None
+    notes: tuple[str, ...]
+
+
+def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> WorldFile:
+    """A .world file; `folders`: where `model://` is looked for; `known`: plugins that make a robot. Raises BadWorld."""
     try:
         root = ET.parse(path).getroot()  # noqa: S314 - a world that the user names
         world = root if root.tag == "world" else root.find("world")
         if world is None:
             raise BadWorld(f"{path} has no <world>")
-        return _read(world, folders)
+        version = root.get("version", _VERSION)
+        return _Reading(folders, known, version).read(world)
     except (OSError, ET.ParseError, ValueError) as error:
         raise BadWorld(f"{path}: {_said(error)}") from None
 
 
-def _read(world: Element, folders: tuple[Path, ...]) -> tuple[World, list[str]]:
-    """Raises ValueError, ET.ParseError, OSError."""
-    notes: list[str] = []
-    bodies: dict[str, Body] = {}
-    for body in _bodies(world, folders, notes):
-        bodies.setdefault(body.name, body)
-    kept: dict[str, Any] = {"objects": tuple(bodies.values())}
-    if (gravity := world.findtext("gravity")) is not None:
-        kept["gravity"] = tuple(map(float, gravity.split()))
-    return World.model_validate(kept), notes
+class _Reading:
+    """One world while it is read; `version`: of its SDF."""
+
+    def __init__(self, folders: tuple[Path, ...], known: Container[str], version: str) -> None:
+        self._folders, self._known, self._version = folders, known, version
+        self._notes: list[str] = []
+        self._bodies: dict[str, Body] = {}
+        self._robot: WorldRobot | None = None
+
+    def read(self, world: Element) -> WorldFile:
+        """Raises ValueError, ET.ParseError, OSError."""
+        for model in world.findall("model"):
+            self._add(model, model.get("name", "model"), _pose(model), None)
+        for include in world.findall("include"):
+            self._include(include)
+        for plugin in world.findall("plugin"):
+            self._notes.append(f"the plugin {plugin_name(plugin)} of the world is not known here and does nothing")
+        kept: dict[str, Any] = {"objects": tuple(self._bodies.values())}
+        if (gravity := world.findtext("gravity")) is not None:
+            kept["gravity"] = tuple(map(float, gravity.split()))
+        return WorldFile(World.model_validate(kept), self._robot, tuple(self._notes))
+
+    def _include(self, include: Element) -> None:
+        uri = (include.findtext("uri") or "").strip().removeprefix("model://")
+        if uri in {"ground_plane", "sun"}:
+            return
+        if (file := _included(uri, self._folders)) is None:
+            there = ", ".join(map(str, self._folders)) or "any folder"
+            self._notes.append(f"model://{uri} was not found in {there}; it is left out")
+            return
+        model = ET.parse(file).getroot().find("model")  # noqa: S314 - a model that the user names
+        if model is None:
+            raise ValueError(f"{file} has no <model>")
+        more = include.findall("plugin")
+        model.extend(more)
+        name = (include.findtext("name") or model.get("name") or uri).strip()
+        # With plugins of the include's own, it is not what is in the file.
+        self._add(model, name, geometry.compose(_pose(include), _pose(model)), None if more else file)
+
+    def _add(self, model: Element, name: str, pose: Pose, file: Path | None) -> None:
+        plugins = [plugin.name for plugin in plugins_of(model)]
+        moves = not _is_static(model) and any(plugin in self._known for plugin in plugins)
+        if moves and self._robot is None:
+            text = f'<sdf version="{self._version}">{ET.tostring(model, encoding="unicode")}</sdf>'
+            self._robot = WorldRobot(name, file.read_text(encoding="utf-8") if file else text, pose, file)
+            return
+        if plugins:
+            self._notes.append(
+                f"'{name}' is a body here, and not a robot: its plugins do nothing: {', '.join(plugins)}"
+            )
+        for body in _bodies_of(model, name, pose, self._notes):
+            self._bodies.setdefault(body.name, body)
 
 
 def body_of(name: str, description: str, pose: Pose) -> Body:
@@ -69,33 +141,17 @@ def _said(error: Exception) -> str:
     return "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors(include_url=False))
 
 
-def _bodies(world: Element, folders: tuple[Path, ...], notes: list[str]) -> Iterator[Body]:
-    for model in world.findall("model"):
-        yield from _bodies_of(model, model.get("name", "model"), _pose(model), notes)
-    for include in world.findall("include"):
-        uri = (include.findtext("uri") or "").strip().removeprefix("model://")
-        if uri in {"ground_plane", "sun"}:
-            continue
-        if (found := _included(uri, folders)) is None:
-            notes.append(
-                f"model://{uri} was not found in {', '.join(map(str, folders)) or 'any folder'}; it is left out"
-            )
-            continue
-        name = (include.findtext("name") or found.get("name") or uri).strip()
-        yield from _bodies_of(found, name, geometry.compose(_pose(include), _pose(found)), notes)
+def _included(uri: str, folders: tuple[Path, ...]) -> Path | None:
+    paths = (folder / uri / file for folder in folders for file in ("model.sdf", "model-1_4.sdf"))
+    return next((path for path in paths if path.is_file()), None)
 
 
-def _included(uri: str, folders: tuple[Path, ...]) -> Element | None:
-    for folder in folders:
-        for file in ("model.sdf", "model-1_4.sdf"):
-            path = folder / uri / file
-            if path.is_file():
-                return ET.parse(path).getroot().find("model")  # noqa: S314 - a model that the user names
-    return None
+def _is_static(model: Element) -> bool:
+    return (model.findtext("static") or "").strip().lower() in {"1", "true"}
 
 
 def _bodies_of(model: Element, name: str, pose: Pose, notes: list[str]) -> Iterator[Body]:
-    is_static = (model.findtext("static") or "").strip().lower() in {"1", "true"}
+    is_static = _is_static(model)
     shapes = [(link, collision) for link in model.findall("link") for collision in link.findall("collision")]
     if len(shapes) > 1 and not is_static:
         notes.append(f"'{name}' has {len(shapes)} shapes, and what moves has one here: it does not move")

@@ -22,7 +22,8 @@ WALL = """
 def read(folder: Path, inside: str, *models: Path) -> tuple[World, list[str]]:
     path = folder / "a.world"
     path.write_text(f'<?xml version="1.0"?><sdf version="1.6"><world name="default">{inside}</world></sdf>')
-    return read_world(path, models)
+    found = read_world(path, models, {"gazebo_ros_diff_drive"})
+    return found.world, list(found.notes)
 
 
 def test_a_wall(tmp_path: Path) -> None:
@@ -114,12 +115,12 @@ def test_what_cannot_be_read_is_said_with_its_file(text: str, message: str, tmp_
     path.write_text(text)
 
     with pytest.raises(BadWorld, match=re.escape(message)):
-        read_world(path, ())
+        read_world(path, (), ())
 
 
 def test_a_world_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(BadWorld, match=r"none\.world"):
-        read_world(tmp_path / "none.world", ())
+        read_world(tmp_path / "none.world", (), ())
 
 
 def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
@@ -138,3 +139,45 @@ def test_folders_of_models(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GAZEBO_MODEL_PATH", "/a::/b")
 
     assert model_folders() == (Path("/a"), Path("/b"))
+
+
+ROVER = """
+<model name="rover"><pose>1 0 0 0 0 0</pose><link name="base"/>
+  <link name="wheel"/><joint name="j" type="revolute"><parent>base</parent><child>wheel</child></joint>
+  <plugin name="d" filename="libgazebo_ros_diff_drive.so"/></model>
+"""
+
+
+def test_a_model_with_a_plugin_that_drives_is_the_robot(tmp_path: Path) -> None:
+    path = tmp_path / "a.world"
+    path.write_text(f'<sdf version="1.7"><world name="w">{WALL}{ROVER}</world></sdf>')
+
+    found = read_world(path, (), {"gazebo_ros_diff_drive"})
+
+    assert [body.name for body in found.world.objects] == ["wall"]
+    assert found.robot is not None
+    assert (found.robot.name, found.robot.pose.position_xyz, found.robot.file) == ("rover", (1, 0, 0), None)
+    assert found.robot.description.startswith('<sdf version="1.7"><model name="rover">')
+    assert found.notes == ()
+
+
+def test_a_robot_that_is_included_keeps_its_file_and_has_the_name_and_the_pose_of_the_include(tmp_path: Path) -> None:
+    model = tmp_path / "models/rover/model.sdf"
+    model.parent.mkdir(parents=True)
+    model.write_text(f'<sdf version="1.6">{ROVER}</sdf>')
+    path = tmp_path / "a.world"
+    include = "<include><uri>model://rover</uri><name>one</name><pose>0 2 0 0 0 0</pose></include>"
+    path.write_text(f'<sdf version="1.6"><world name="w">{include}</world></sdf>')
+
+    robot = read_world(path, (tmp_path / "models",), {"gazebo_ros_diff_drive"}).robot
+
+    assert robot is not None
+    assert (robot.name, robot.pose.position_xyz, robot.file) == ("one", (1, 2, 0), model)
+
+
+def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
+    other = ROVER.replace('name="rover"', 'name="second"')
+    _, notes = read(tmp_path, f'{ROVER}{other}<plugin name="s" filename="libsky.so"/>')
+
+    assert notes[0] == "'second' is a body here, and not a robot: its plugins do nothing: gazebo_ros_diff_drive"
+    assert notes[-1] == "the plugin sky of the world is not known here and does nothing"

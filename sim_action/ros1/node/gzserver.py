@@ -18,11 +18,12 @@ from sim_action.ros1.graph import Master
 from sim_action.ros1.node import leaving
 from sim_action.ros1.node.bridge import Pace, Session
 from sim_action.ros1.node.changes import BeginAnew, Changes
+from sim_action.ros1.node.devices import DRIVING
 from sim_action.ros1.node.efforts import Efforts
 from sim_action.ros1.node.episode import Episode, Stage
 from sim_action.ros1.node.inquiries import Inquiries
 from sim_action.ros1.node.lockstep import Lockstep, TestOver
-from sim_action.ros1.node.population import Population
+from sim_action.ros1.node.population import Population, SpawnedRobot
 from sim_action.ros1.node.present import Present
 from sim_action.ros1.node.pressing import Pressing
 from sim_action.ros1.node.record import Record
@@ -74,7 +75,7 @@ class _Server:
         end: End = "failed"
         failure: Failure | None = None
         try:
-            self._present.population = Population(self._world())
+            self._present.population = self._populated()
             session = self._session
             self._services = Services(self._present, self._changes, session.paused, session.efforts)
             self._pressing = Pressing(self._present, self._changes, session.efforts)
@@ -89,16 +90,20 @@ class _Server:
         self._record.store(self._folder)
         return self._told(end, failure)
 
-    def _world(self) -> World:
-        """As the launch file names it; one that is Gazebo's own, and not here, is empty. Raises BadWorld."""
+    def _populated(self) -> Population:
+        """As the launch file's world has it; one that is Gazebo's own, and not here, is empty. Raises BadWorld."""
         named = Path(str(rospy.get_param("/gazebo/world_name", "worlds/empty.world")))
         if not named.is_absolute() or not named.exists():
             if named.name != "empty.world":
                 self._notes.append(f"the world '{named}' is not here; the robot is in an empty one")
-            return World()
-        world, notes = read_world(named, model_folders())
-        self._notes += notes
-        return world
+            return Population(World())
+        read = read_world(named, model_folders(), DRIVING)
+        self._notes += read.notes
+        robot = read.robot
+        if robot is None:
+            return Population(read.world)
+        file = str(robot.file) if robot.file else None
+        return Population(read.world, SpawnedRobot(robot.name, robot.description, robot.pose, file=file))
 
     def _simulate(self) -> End:
         """Raises RunError; SourceOver if everybody leaves before there is a robot."""

@@ -165,6 +165,11 @@ DEVICES: Final = Table[Opener](
 )
 """Name of a plugin's file, without "lib" and ".so" -> what does the same here."""
 
+DRIVING: Final = frozenset(
+    {"gazebo_ros_control", "gazebo_ros_diff_drive", "gazebo_ros_planar_move", "gazebo_ros_skid_steer_drive"}
+)
+"""Those that move a robot: a model of a world with one of them is no thing that stands about."""
+
 
 def period_of(rate: float) -> int:
     """Ticks from one message to the next, for a rate in Hz; 0 asks for as many as there can be."""
