@@ -10,12 +10,16 @@ from typing import Final
 from sim_action.regular_files import read_at_most
 from sim_action.ros1.exchange import PROCESS_FILE, REQUEST_FILE, NodeRun, Request, runs_in
 from sim_action.ros1.launch_file import TestTag
+from sim_action.ros1.node_logs import BadCallback, bad_callbacks
 from sim_action.ros1.printed import plain
 from sim_action.ros1.result_xml import Case, Suite, read_suite
 from sim_action.ros1.watch import Ending
 
 RESULTS: Final = "results"
 """Of the folder of the call, where rostest and its tests write."""
+
+LOGS: Final = "log"
+"""Of the same, where nodes write theirs."""
 
 _MOST_OUTPUT: Final = 110_000_000
 
@@ -42,6 +46,7 @@ class TestFound:
         methods: as the test tells of them; None: it tells nothing.
         launched: what rostest says of it; None: nothing.
         run: the last simulation that it had.
+        callbacks: that raised meanwhile.
     """
 
     name: str
@@ -49,11 +54,18 @@ class TestFound:
     methods: Suite | None = None
     launched: Case | None = None
     run: Run | None = None
+    callbacks: tuple[BadCallback, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What there is of a launch; `text`: all that was printed, without colours; `sim_time_limit`: s of a simulation."""
+    """What there is of a launch.
+
+    Attributes:
+        text: all that was printed, without colours.
+        sim_time_limit: s of a simulation.
+        callbacks: that raised, of all tests.
+    """
 
     ending: Ending
     exit_code: int | None
@@ -61,10 +73,32 @@ class Findings:
     runs: tuple[Run, ...]
     text: str
     sim_time_limit: float
+    callbacks: tuple[BadCallback, ...] = ()
 
 
-def find(folder: Path, share: str, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
-    """Reads what is in the folder of a call; `share`: where its processes saw packages, which is left out."""
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where a launch was.
+
+    Attributes:
+        folder: of the call.
+        share: where its processes saw packages.
+        workspace: that the user's packages are in.
+    """
+
+    folder: Path
+    share: str
+    workspace: Path
+
+    def callbacks(self, run: Run | None) -> tuple[BadCallback, ...]:
+        """Those of a simulation, or of all."""
+        logs = self.folder / LOGS
+        return bad_callbacks(logs, _process(run), self.workspace) if logs.is_dir() else ()
+
+
+def find(places: Places, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
+    """Reads what is in the folder of a call; the place of packages is left out of what was printed."""
+    folder = places.folder
     results = folder / RESULTS
     told = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
     launched = {case.name.removeprefix("test"): case for suite in told for case in suite.cases}
@@ -79,15 +113,23 @@ def find(folder: Path, share: str, tags: Sequence[TestTag], ending: Ending, exit
             read_suite(written[name]) if name in written else None,
             launched.get(name),
             of_tests.get(name),
+            places.callbacks(of_tests.get(name)),
         )
         for name in names
     )
     output = read_at_most(folder / "output.txt", _MOST_OUTPUT) or b""
     request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
     text = "\n".join((*(suite.output for suite in told), output.decode(errors="replace")))
-    return Findings(
-        ending, exit_code, tests, tuple(runs), plain(text).replace(f"{share}/", ""), request.sim_time_limit or 0.0
-    )
+    text = plain(text).replace(f"{places.share}/", "")
+    limit = request.sim_time_limit or 0.0
+    return Findings(ending, exit_code, tests, tuple(runs), text, limit, places.callbacks(None))
+
+
+def _process(run: Run | None) -> str | None:
+    try:
+        return (run.folder / PROCESS_FILE).read_text() if run else None
+    except OSError:
+        return None
 
 
 def _runs_of(names: Sequence[str], written: dict[str, Path], runs: Sequence[Run]) -> dict[str, Run]:

@@ -21,6 +21,8 @@ from sim_action.ros1.result_xml import Case
 from sim_action.ros1.traceback_text import first_line, location_in
 from sim_action.verdict import Verdict
 
+_FEW: Final = 3
+
 _MEASURED: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
 
 
@@ -36,7 +38,8 @@ class Judge:
         """Of each test, with its run; of a launch, or a file without a test, of what became of the whole."""
         if self.request.program == "rostest" and found.tests:
             return [(self._test(test, found), test.run) for test in found.tests]
-        whole = TestFound(PurePath(self.file).name, run=found.runs[-1] if found.runs else None)
+        run = found.runs[-1] if found.runs else None
+        whole = TestFound(PurePath(self.file).name, run=run, callbacks=found.callbacks)
         judge = self._launch if self.request.program == "roslaunch" else self._no_test
         return [(judge(whole, found), whole.run)]
 
@@ -57,16 +60,17 @@ class Judge:
         for case in cases:
             yield self._expectation(case, test, where, late)
         if not cases and late is not None:
-            yield _expected(test.name, "rostest", where, Verdict(passed=False, time=_sim_time(test.run), message=late))
+            verdict = Verdict(passed=False, time=_sim_time(test.run), message=_with_callbacks(late, test))
+            yield _expected(test.name, "rostest", _place(test) or where, verdict)
 
     def _expectation(self, case: Case, test: TestFound, where: Location, late: str | None) -> ExpectationOutcome:
         if case.problem is None:
             return _expected(
                 case.name, "rostest", where, Verdict(passed=True, time=_sim_time(test.run), message="held")
             )
-        place = location_in(case.text, self.request.workspace) or where
+        place = location_in(case.text, self.request.workspace) or _place(test) or where
         said = late or f"{first_line(case.type, case.text)}; {how_far(test.run)}"
-        verdict = Verdict(passed=False, time=_sim_time(test.run), message=escaped_line(said))
+        verdict = Verdict(passed=False, time=_sim_time(test.run), message=escaped_line(_with_callbacks(said, test)))
         return _expected(case.name, "rostest", place, verdict)
 
     def _launch(self, whole: TestFound, found: Findings) -> Outcome:
@@ -95,6 +99,7 @@ class Judge:
     def _outcome(self, test: TestFound, about: dict[str, Any]) -> Outcome:
         told = test.run.told if test.run else None
         measured = {key: getattr(told, key) for key in _MEASURED} if told else {}
+        measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
         return Outcome(
             name=f"{self.request.package}/{test.name}",
             file=self.file,
@@ -105,6 +110,15 @@ class Judge:
             **measured,
             **about,
         )
+
+
+def _with_callbacks(said: str, test: TestFound) -> str:
+    """A failure, and what has raised meanwhile, which may be why."""
+    return "; ".join((said, *map(str, test.callbacks[:_FEW])))
+
+
+def _place(test: TestFound) -> Location | None:
+    return test.callbacks[0].location if test.callbacks else None
 
 
 def _provenance(engine: str | None) -> Provenance | None:

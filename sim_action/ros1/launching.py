@@ -14,7 +14,7 @@ from sim_action.interruption import Interruption
 from sim_action.location import Location, Problem
 from sim_action.messages import did_you_mean, escaped_line
 from sim_action.ros1.exchange import REQUEST_FILE, Request
-from sim_action.ros1.findings import RESULTS, Findings, find
+from sim_action.ros1.findings import LOGS, RESULTS, Findings, Places, find
 from sim_action.ros1.installation import Ros
 from sim_action.ros1.launch import Launch
 from sim_action.ros1.launch_file import TestTag, test_tags
@@ -69,7 +69,7 @@ class Call:
         tags = test_tags(file)
         asked = self._asked(tags)
         (self.folder / REQUEST_FILE).write_text(asked.model_dump_json(), encoding="utf-8")
-        more = {"ROS_TEST_RESULTS_DIR": str(self.folder / RESULTS), "ROS_LOG_DIR": str(self.folder / "log")}
+        more = {"ROS_TEST_RESULTS_DIR": str(self.folder / RESULTS), "ROS_LOG_DIR": str(self.folder / LOGS)}
         launch = Launch.start(self._words(file), self.overlay, self.folder, more)
         try:
             deadline = time.monotonic() + (self.request.wall_limit or _wall_limit(tags))
@@ -78,7 +78,8 @@ class Call:
             code = launch.poll()
         finally:
             launch.close()
-        return find(self.folder, self.overlay.variables["ROS_PACKAGE_PATH"], tags, ending, code)
+        share = self.overlay.variables["ROS_PACKAGE_PATH"]
+        return find(Places(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
 
     def _words(self, file: Path) -> list[str]:
         """The file as the overlay has it: rostest names its results by the folder of the package."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_action.ros1.request import RosRequest
+from tests.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
 from tests.ros1.launches import launched, needs_ros, package, told
 from tests.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST
 
@@ -29,3 +30,19 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     assert "joint 'spin' has hardware_interface/VelocityJointInterface, and the controller needs" in notes
     assert "'/m/disc_speed': a servo of the engine" in notes
     assert "planar move, kinematic" in notes
+
+
+def test_a_diff_drive_controller_and_a_callback_that_raises(tmp_path: Path) -> None:
+    files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
+    folder = package(tmp_path / "ws", "cart", files)
+
+    found = launched(tmp_path / "run", RosRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws"))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    (raised,) = test.callbacks
+    assert (raised.node, raised.exception) == ("clumsy", "AttributeError: 'Point' object has no attribute 'nothing'")
+    assert raised.times > 1
+    assert raised.location is not None
+    assert (Path.cwd() / raised.location.file, raised.location.line) == ((folder / "clumsy.py").resolve(), 7)
