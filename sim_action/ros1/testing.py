@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shutil
 import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from sim_action import __version__
-from sim_action.errors import ExitCode, InvalidScenario
+from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.interruption import Interruption
 from sim_action.outcome import Outcome
 from sim_action.reporting import ReportRequest, report_options, write_reports
@@ -26,13 +28,17 @@ from sim_action.ros1.request import RosRequest
 from sim_action.ros1.traceback_text import shown_path
 from sim_action.trace_files import replay_path, trace_paths
 
+# Where to go if TMPDIR cannot be had.
+_TEMPORARY: Final = ("/tmp", "/var/tmp")  # noqa: S108 - a folder with a random name is made in it
+_SPLIT: Final = re.compile(r"[\s'\"\\$]")
+
 
 def run(request: RosRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
     """Runs the launch, writes every report, and returns what the process says to its caller. Raises UsageError."""
     started = time.monotonic()
     ros = find_ros()
     options = report_options(reports)
-    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
+    with tempfile.TemporaryDirectory(prefix="sim-action-", dir=_parent(), ignore_cleanup_errors=True) as scratch:
         folder = Path(os.path.realpath(scratch))
         overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve())
         call = Call(request, ros, overlay, _made(folder / "call"))
@@ -46,6 +52,20 @@ def run(request: RosRequest, reports: ReportRequest, interruption: Interruption)
     )
     write_reports(results, options)
     return results.exit_code
+
+
+def _parent() -> str:
+    """A folder for folders of calls. Raises UsageError.
+
+    roslaunch splits `$(find xacro)/xacro ...` at blanks once it has put the paths in.
+    """
+    for folder in (tempfile.gettempdir(), *_TEMPORARY):
+        if not _SPLIT.search(os.path.realpath(folder)) and os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    raise UsageError(
+        f"'{tempfile.gettempdir()}' has a blank or a quote in its name, at which roslaunch splits commands; "
+        "set TMPDIR to a folder without"
+    )
 
 
 def _outcomes(call: Call, results: Path, interruption: Interruption) -> Iterator[Outcome]:

@@ -48,7 +48,11 @@ def called(folder: Path, program: str, file: str, *words: str) -> tuple[int, lis
     return done.returncode, list(results.outcomes)
 
 
-def test_a_launch_passes_at_its_limit_of_sim_time(tmp_path: Path) -> None:
+def test_a_launch_passes_at_its_limit_of_sim_time_also_where_temporary_files_have_blanks_in_their_paths(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "with a blank"))
+    (tmp_path / "with a blank").mkdir()
     package(tmp_path, "parts", {"a.launch": f"<launch>{BURGER}</launch>"})
     code, [outcome] = called(tmp_path, "roslaunch", "a.launch", "--sim-time-limit", "0.5")
 
