@@ -20,7 +20,8 @@ from sim_action.ros1.exchange import Request
 from sim_action.ros1.frames import ModelFrame
 from sim_action.ros1.gazebo_tags import base_in_model, plugins_of
 from sim_action.ros1.node.bridge import Bridge, Session
-from sim_action.ros1.node.devices import DEVICES, TICKS, Device, Told, Wiring
+from sim_action.ros1.node.catalogue import DEVICES
+from sim_action.ros1.node.devices import TICKS, Device, Told, Wiring
 from sim_action.ros1.node.planar_move import PlanarMove
 from sim_action.ros1.node.population import SpawnedRobot, placement_of
 from sim_action.ros1.node.world_states import states_sensor

@@ -17,8 +17,8 @@ from sim_action.ros1.exchange import End, NodeRun, Request
 from sim_action.ros1.graph import Master
 from sim_action.ros1.node import leaving
 from sim_action.ros1.node.bridge import Pace, Session
+from sim_action.ros1.node.catalogue import DRIVING
 from sim_action.ros1.node.changes import BeginAnew, Changes
-from sim_action.ros1.node.devices import DRIVING
 from sim_action.ros1.node.efforts import Efforts
 from sim_action.ros1.node.episode import Episode, Stage
 from sim_action.ros1.node.inquiries import Inquiries

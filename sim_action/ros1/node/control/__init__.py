@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 import rospy
 
-from sim_action.registry import Table
 from sim_action.robot_model import Reading
 from sim_action.ros1.node.devices import Device, Mover, Wiring
 from sim_action.ros1.node.ears import Ear
@@ -110,25 +109,3 @@ class Opener(Protocol):
 
     def __call__(self, opening: Opening) -> Controller:
         """Opens a controller's topics. Raises BadController."""
-
-
-_FORWARD: Final = "sim_action.ros1.node.control.forward"
-
-CONTROLLERS: Final = Table[Opener](
-    "controller",
-    {
-        "joint_state_controller/JointStateController": "sim_action.ros1.node.control.joint_states:open_joint_states",
-        "diff_drive_controller/DiffDriveController": "sim_action.ros1.node.control.diff_drive:open_diff_drive",
-        "position_controllers/JointPositionController": f"{_FORWARD}:open_position",
-        "position_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_position",
-        "velocity_controllers/JointVelocityController": f"{_FORWARD}:open_velocity",
-        "velocity_controllers/JointGroupVelocityController": f"{_FORWARD}:open_group_velocity",
-        "velocity_controllers/JointPositionController": f"{_FORWARD}:open_servo_on_velocity",
-        "effort_controllers/JointEffortController": f"{_FORWARD}:open_effort",
-        "effort_controllers/JointGroupEffortController": f"{_FORWARD}:open_group_effort",
-        "effort_controllers/JointPositionController": f"{_FORWARD}:open_servo",
-        "effort_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_servo",
-        "effort_controllers/JointVelocityController": f"{_FORWARD}:open_motor",
-    },
-)
-"""Type of a controller -> what does the same here."""

@@ -20,7 +20,8 @@ from controller_manager_msgs.srv import (
 from sim_action.command import JointTargets
 from sim_action.messages import did_you_mean
 from sim_action.observation import Observation
-from sim_action.ros1.node.control import CONTROLLERS, BadController, Controller, Opening, Parameters
+from sim_action.ros1.node.catalogue import CONTROLLERS
+from sim_action.ros1.node.control import BadController, Controller, Opening, Parameters
 from sim_action.ros1.node.devices import Wiring
 from sim_action.ros1.transmissions import Transmissions
 

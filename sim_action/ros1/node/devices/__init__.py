@@ -10,7 +10,6 @@ from xml.etree.ElementTree import Element
 
 from sim_action.command import Answer, commands_of
 from sim_action.observation import Observation
-from sim_action.registry import Table
 from sim_action.robot_model import RobotModel
 from sim_action.ros1.frames import ModelFrame
 from sim_action.ros1.gazebo_tags import Plugin
@@ -142,33 +141,6 @@ class Opener(Protocol):
 
     def __call__(self, plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         """Opens a plugin's topics."""
-
-
-_DRIVE: Final = "sim_action.ros1.node.devices.drive:open_drive"
-_LASER: Final = "sim_action.ros1.node.devices.laser:open_laser"
-_IMU: Final = "sim_action.ros1.node.devices.imu:open_imu"
-
-DEVICES: Final = Table[Opener](
-    "plugin",
-    {
-        "gazebo_ros_diff_drive": _DRIVE,
-        "gazebo_ros_skid_steer_drive": _DRIVE,
-        "gazebo_ros_laser": _LASER,
-        "gazebo_ros_gpu_laser": _LASER,
-        "gazebo_ros_imu": _IMU,
-        "gazebo_ros_imu_sensor": _IMU,
-        "gazebo_ros_control": "sim_action.ros1.node.devices.control:open_control",
-        "gazebo_ros_planar_move": "sim_action.ros1.node.devices.planar_move:open_planar_move",
-        "gazebo_ros_joint_state_publisher": "sim_action.ros1.node.devices.joint_states:open_joint_states",
-        "gazebo_ros_p3d": "sim_action.ros1.node.devices.ground_truth:open_ground_truth",
-    },
-)
-"""Name of a plugin's file, without "lib" and ".so" -> what does the same here."""
-
-DRIVING: Final = frozenset(
-    {"gazebo_ros_control", "gazebo_ros_diff_drive", "gazebo_ros_planar_move", "gazebo_ros_skid_steer_drive"}
-)
-"""Those that move a robot: a model of a world with one of them is no thing that stands about."""
 
 
 def period_of(rate: float) -> int:
