@@ -32,11 +32,13 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     assert "planar move, kinematic" in notes
 
 
-def test_a_diff_drive_controller_and_a_callback_that_raises(tmp_path: Path) -> None:
+def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(tmp_path: Path) -> None:
     files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
     folder = package(tmp_path / "ws", "cart", files)
 
-    found = launched(tmp_path / "run", RosRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws"))
+    request = RosRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
+    found = launched(tmp_path / "run", request)
+    first, second = told(found), told(launched(tmp_path / "again", request))
 
     (test,) = found.tests
     assert test.methods is not None, found.text
@@ -46,3 +48,5 @@ def test_a_diff_drive_controller_and_a_callback_that_raises(tmp_path: Path) -> N
     assert raised.times > 1
     assert raised.location is not None
     assert (Path.cwd() / raised.location.file, raised.location.line) == ((folder / "clumsy.py").resolve(), 7)
+    assert first.digest == second.digest
+    assert first.messages == second.messages
