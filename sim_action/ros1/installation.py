@@ -18,6 +18,7 @@ PACKAGES: Final = (
     "python3-sensor-msgs",
     "python3-std-srvs",
     "python3-tf2-msgs",
+    "python3-trajectory-msgs",
     "ros-geometry-msgs",
     "ros-std-msgs",
 )

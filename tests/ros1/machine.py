@@ -54,11 +54,12 @@ MACHINE_LAUNCH = """\
       disc: {type: effort_controllers/JointGroupEffortController, joints: [flywheel]}
       disc_speed: {type: effort_controllers/JointVelocityController, joint: flywheel}
       wrong: {type: position_controllers/JointPositionController, joint: spin}
-      arm: {type: position_controllers/JointTrajectoryController, joints: [pan]}
+      way: {type: position_controllers/JointTrajectoryController, joints: [pan]}
+      grip: {type: position_controllers/GripperActionController, joint: pan}
     </rosparam>
     <node name="spawn" pkg="gazebo_ros" type="spawn_model" args="-urdf -model machine -param /robot_description"/>
     <node name="spawner" pkg="controller_manager" type="spawner"
-          args="joint_state_controller head rotor disc wrong arm"/>
+          args="joint_state_controller head rotor disc wrong grip"/>
   </group>
   <test test-name="machine" pkg="machine" type="test_machine.py" time-limit="60"/>
 </launch>
@@ -74,6 +75,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
 def manager(name, kind, *arguments):
@@ -100,6 +102,7 @@ class Machine(unittest.TestCase):
         cls.head = rospy.Publisher("/m/head/command", Float64, queue_size=1)
         cls.rotor = rospy.Publisher("/m/rotor/command", Float64, queue_size=1)
         cls.disc = rospy.Publisher("/m/disc/command", Float64MultiArray, queue_size=1)
+        cls.way = rospy.Publisher("/m/way/command", JointTrajectory, queue_size=1)
         cls.odom, cls.states = Latest("/m/base/odom", Odometry), Latest("/m/joint_states", JointState)
         rospy.sleep(0.25)
 
@@ -131,7 +134,7 @@ class Machine(unittest.TestCase):
 
     def test_2_controllers_are_listed(self):
         found = {each.name: each for each in manager("list_controllers", ListControllers).controller}
-        self.assertEqual(set(found), {"joint_state_controller", "head", "rotor", "disc", "arm"})
+        self.assertEqual(set(found), {"joint_state_controller", "head", "rotor", "disc", "grip"})
         self.assertEqual({each.state for each in found.values()}, {"running"})
         self.assertEqual(found["head"].type, "position_controllers/JointPositionController")
         self.assertEqual(found["head"].claimed_resources[0].hardware_interface,
@@ -165,6 +168,19 @@ class Machine(unittest.TestCase):
         self.assertTrue(manager("unload_controller", UnloadController, "disc").ok)
         rospy.sleep(0.5)
         self.assertAlmostEqual(self.joints()["flywheel"][1], 0.0, delta=0.05)
+
+    def test_5_a_joint_goes_along_a_trajectory(self):
+        self.assertTrue(manager("load_controller", LoadController, "way").ok)
+        self.assertTrue(manager("switch_controller", SwitchController, ["way"], ["head"], 2, False, 0.0).ok)
+        rospy.sleep(0.2)
+        points = [JointTrajectoryPoint([0.0], [], [], [], rospy.Duration(1)),
+                  JointTrajectoryPoint([-0.5], [], [], [], rospy.Duration(1.5))]
+        self.way.publish(JointTrajectory(joint_names=["pan"], points=points))
+        rospy.sleep(0.5)
+        self.assertAlmostEqual(self.joints()["pan"][0], 0.5, delta=0.03)
+        self.assertAlmostEqual(self.joints()["pan"][1], -1.0, delta=0.1)
+        rospy.sleep(1.2)
+        self.assertAlmostEqual(self.joints()["pan"][0], -0.5, delta=0.01)
 
 
 if __name__ == "__main__":

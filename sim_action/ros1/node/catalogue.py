@@ -38,6 +38,8 @@ DRIVING: Final = frozenset(
 
 _FORWARD: Final = "sim_action.ros1.node.control.forward"
 
+_TRAJECTORY: Final = "sim_action.ros1.node.control.trajectory"
+
 CONTROLLERS: Final[Table[ControllerOpener]] = Table(
     "controller",
     {
@@ -53,6 +55,9 @@ CONTROLLERS: Final[Table[ControllerOpener]] = Table(
         "effort_controllers/JointPositionController": f"{_FORWARD}:open_servo",
         "effort_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_servo",
         "effort_controllers/JointVelocityController": f"{_FORWARD}:open_motor",
+        "position_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_position",
+        "velocity_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_velocity",
+        "effort_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_effort",
     },
 )
 """Type of a controller -> what does the same here."""

@@ -21,12 +21,12 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     (test,) = found.tests
     assert test.methods is not None, found.text
     assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
-    assert len(test.methods.cases) == 4
+    assert len(test.methods.cases) == 5
     run = told(found)
     assert run.in_step
     notes = "\n".join(run.notes)
     assert "the plugin smoke_machine of the robot is not known here" in notes
-    assert "'arm' is of the type position_controllers/JointTrajectoryController, which is not known here" in notes
+    assert "'grip' is of the type position_controllers/GripperActionController, which is not known here" in notes
     assert "joint 'spin' has hardware_interface/VelocityJointInterface, and the controller needs" in notes
     assert "'/m/disc_speed': a servo of the engine" in notes
     assert "planar move, kinematic" in notes

@@ -14,7 +14,8 @@ from sim_action.ros1.node.control import Controller, Opening
 from sim_action.ros1.node.ears import Ear
 from sim_action.ros1.transmissions import INTERFACES
 
-_GAINS: Final = "a servo of the engine, with the effort that the model allows, is in the place of its gains"
+GAINS: Final = "a servo of the engine, with the effort that the model allows, is in the place of its gains"
+"""What to know of controllers that make efforts, or velocities, of what they are told."""
 
 
 def open_position(opening: Opening) -> Controller:
@@ -81,7 +82,7 @@ def _group(opening: Opening, told: Reading, interface: Reading) -> Controller:
 
 def _controller(opening: Opening, joints: tuple[str, ...], told: Reading, interface: Reading, ear: Ear) -> Controller:
     if told != interface:
-        opening.wiring.warn(f"the controller '{opening.parameters.space}': {_GAINS}")
+        opening.wiring.warn(f"the controller '{opening.parameters.space}': {GAINS}")
     joint_models = [opening.wiring.model.joints_by_name[name] for name in joints]
     forward = Forward(joint_models, told, ear, opening.wiring.warn)
     return Controller(INTERFACES[interface], joints, forward, ears=(ear,), begin=forward.begin)
