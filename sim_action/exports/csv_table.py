@@ -28,6 +28,7 @@ class CsvTable:
     """A table to open anywhere: time, pose and velocity of the base, joints, bodies that move; units in its header.
 
     All of the base and the bodies is seen from the world. Roll, pitch and yaw turn about the fixed axes, in this order.
+    Cells of a body are empty until it appears.
     """
 
     extra: ClassVar[str] = ""
@@ -43,7 +44,9 @@ class CsvTable:
         table = np.column_stack(columns)
         # Added to zero, what is -0 is 0.
         row = ",".join(["%.9g"] * table.shape[1]) + "\n"
-        file.writelines((row % tuple(values)).encode() for values in (table + 0.0).tolist())
+        lines = (row % tuple(values) for values in (table + 0.0).tolist())
+        # Of what is not there yet, a cell is empty.
+        file.writelines(line.replace("nan", "").encode() for line in lines)
 
 
 def _columns(run: RecordedRun) -> Iterator[tuple[list[str], FloatArray]]:

@@ -64,6 +64,17 @@ def with_bodies(made: RecordedRun, **bodies: BodyRecord) -> RecordedRun:
     return replace(made, trace=replace(made.trace, bodies=bodies))
 
 
+def appearing(time: float) -> RecordedRun:
+    """The same, in which wall and ball are not there before a time in s."""
+    made = run()
+    late = tuple(body.model_copy(update={"appears": time}) for body in made.scene.world.objects)
+    world = made.scene.world.model_copy(update={"objects": late})
+    # Before that, an engine has them where nothing meets them.
+    ball = made.trace.bodies["ball"]
+    away = np.where(ball.time[:, None] < time - 1e-6, [0.0, 0.0, 1e6], ball.position_xyz)
+    return replace(with_bodies(made, ball=standing(away)), scene=replace(made.scene, world=world))
+
+
 def sensing_run() -> RecordedRun:
     """The same with a lidar, an IMU and wheels that are counted, at 10 Hz."""
     made = run()

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.exports.csv_table import CsvTable
 from sim_action.exports.recorded_run import RecordedRun
-from tests.exports.runs import TIME, rolling, run, with_bodies
+from tests.exports.runs import MOMENTS, TIME, appearing, rolling, run, with_bodies
 
 
 def written(made: RecordedRun) -> tuple[list[str], list[list[float]]]:
@@ -48,3 +48,12 @@ def test_no_zero_has_a_sign_and_no_name_begins_a_formula() -> None:
     header, rows = written(named)
     assert not any(name.startswith(("=", "+", "-", "@")) for name in header)
     assert len(rows) == len(TIME)
+
+
+def test_a_body_has_empty_cells_until_it_appears() -> None:
+    file = io.BytesIO()
+    CsvTable.write(appearing(TIME[5]), file)
+    rows = list(csv.DictReader(io.StringIO(file.getvalue().decode(), newline=""), strict=True))
+    assert [row["z of ball [m]"] for row in rows] == [""] * 5 + ["0.1"] * (MOMENTS - 5)
+    assert [row["x of wall [m]"] for row in rows] == [""] * 5 + ["2"] * (MOMENTS - 5)
+    assert all(row["x [m]"] for row in rows)

@@ -10,7 +10,7 @@ import pytest
 from sim_action.commanded_twists import CommandedTwists
 from sim_action.exports.recorded_run import RecordedRun
 from sim_action.geometry import Twist
-from tests.exports.runs import MOMENTS, TIME, rolling, run, sensing_run
+from tests.exports.runs import MOMENTS, TIME, appearing, rolling, run, sensing_run
 from tests.traces import trace
 
 
@@ -31,6 +31,15 @@ def test_a_body_is_where_it_was_seen_last() -> None:
     tracks = replace(made, trace=replace(made.trace, bodies={"ball": seen})).bodies
     expected = [TIME[3]] * 8 + [TIME[8]] * (MOMENTS - 8)
     assert tracks["ball"][:, 1].tolist() == expected
+
+
+def test_a_body_is_nowhere_until_it_appears() -> None:
+    made = appearing(TIME[5])
+    assert list(made.bodies) == ["ball", "wall"]
+    for poses in made.bodies.values():
+        assert np.isnan(poses[:5]).all()
+    assert made.bodies["ball"][5:, 1].tolist() == TIME[5:]
+    assert made.bodies["wall"][5:, 0].tolist() == [2.0] * (MOMENTS - 5)
 
 
 def test_twists_are_kept_as_they_were_told() -> None:

@@ -57,7 +57,9 @@ class _Stage:
 
     def picture(self, moment: int) -> NDArray[np.uint8]:
         base = self._base(moment)
-        solids = [*self._fixed, *_placed(self._moving, self._bodies(moment)), *self._placed_robot(base, moment)]
+        bodies = self._bodies(moment)
+        moving = _placed((part for part in self._moving if part.owner in bodies), bodies)
+        solids = [*self._fixed, *moving, *self._placed_robot(base, moment)]
         return draw(self._pinhole, self._camera.pose(base.position_xyz), solids).rgb.copy()
 
     def _base(self, moment: int) -> Pose:
@@ -65,7 +67,9 @@ class _Stage:
         return _pose([*trace.base_position_xyz[moment].tolist(), *trace.base_orientation_xyzw[moment].tolist()])
 
     def _bodies(self, moment: int) -> dict[str, Pose]:
-        return {name: _pose(track[moment].tolist()) for name, track in self._run.bodies.items()}
+        """Those that are there."""
+        found = {name: track[moment] for name, track in self._run.bodies.items()}
+        return {name: _pose(numbers.tolist()) for name, numbers in found.items() if np.isfinite(numbers).all()}
 
     def _placed_robot(self, base: Pose, moment: int) -> list[Placed]:
         model, trace = self._run.scene.model, self._run.trace

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -19,25 +20,40 @@ from sim_action.trace import FloatArray
 from sim_action.world import placed
 
 Link = tuple[str, str, FloatArray]
-"""Parent frame, child frame, and the pose of the one in the other at each moment, (T, 7)."""
+"""Parent frame, child frame, and the pose of the one in the other at each moment, (T, 7); not a number: not there."""
 
 _TYPE: Final = "tf2_msgs/TFMessage"
 
 
 def transforms(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
-    """What moves, moment by moment; what does not, once."""
+    """What moves, moment by moment, as far as it is there; what does not, once."""
     time = run.trace.time
-    yield _topic("/tf_static", time[:1], [*_fixed(run, frames)])
-    yield _topic("/tf", time, [*_of_base(run, frames), *_of_joints(run), *_of_bodies(run, frames)])
+    yield Topic("/tf_static", _TYPE, nanoseconds(time[:1]), _messages(time[:1], [*_fixed(run, frames)]))
+    moving = [*_of_base(run, frames), *_of_joints(run), *_of_bodies(run, frames)]
+    messages = [message for start, end in _spans(moving) for message in _messages(time[start:end], moving, start)]
+    yield Topic("/tf", _TYPE, nanoseconds(time), messages)
 
 
-def _topic(name: str, time: FloatArray, links: Sequence[Link]) -> Topic:
+def _spans(links: Sequence[Link]) -> Iterator[tuple[int, int]]:
+    """Moments, from the first up to the last, through which the same of them are there."""
+    there = np.column_stack([~np.isnan(track[:, 0]) for _, _, track in links])
+    changes = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
+    return pairwise([0, *changes.tolist(), len(there)])
+
+
+def _messages(time: FloatArray, links: Sequence[Link], start: int = 0) -> list[bytes]:
+    """Of moments from `start` on, through which the same links are there."""
+    told = [(parent, child, track[start : start + len(time)]) for parent, child, track in links]
+    return _filled(time, [link for link in told if not np.isnan(link[2][0, 0])])
+
+
+def _filled(time: FloatArray, links: Sequence[Link]) -> list[bytes]:
     form = CdrForm().fixed("<u4", len(links))
     columns: list[FloatArray] = []
     for parent, child, placed_at in links:
         form.gap("<i4", 2).string(parent).string(child).gap("<f8", 7)
         columns += [stamps(time).astype(np.float64), placed_at]
-    return Topic(name, _TYPE, nanoseconds(time), form.filled(len(time), *columns))
+    return form.filled(len(time), *columns)
 
 
 def _of_base(run: RecordedRun, frames: Frames) -> Iterator[Link]:

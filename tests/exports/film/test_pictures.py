@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from sim_action.exports.film.digits import write
 from sim_action.exports.film.follow_camera import HEIGHT, WIDTH, FollowCamera
 from sim_action.exports.film.pictures import MOST_PICTURES, pictures, shown_moments
 from sim_action.geometry import Pose, compose, inverse, quaternion_from_rpy
-from tests.exports.runs import TIME, run, standing, with_bodies
+from tests.exports.runs import TIME, appearing, run, standing, with_bodies
 from tests.traces import burger
 
 
@@ -47,6 +49,17 @@ def test_bodies_that_move_are_shown_where_they_are() -> None:
     # The palette's second colour is green.
     assert ((shown[..., 1] > shown[..., 0] + 40) & (shown[..., 1] > shown[..., 2] + 40)).sum() > 100
     assert ((empty[..., 1] > empty[..., 0] + 40) & (empty[..., 1] > empty[..., 2] + 40)).sum() == 0
+
+
+def test_bodies_are_shown_once_they_have_appeared() -> None:
+    late = appearing(TIME[15])
+    empty = replace(late.scene, world=late.scene.world.model_copy(update={"objects": ()}))
+    there, shown, nothing = (
+        list(pictures(made, 10)) for made in (run(), late, replace(with_bodies(late), scene=empty))
+    )
+    assert np.array_equal(shown[0], nothing[0])
+    assert not np.array_equal(shown[-1], nothing[-1])
+    assert np.array_equal(shown[-1], there[-1])
 
 
 def test_the_camera_looks_at_the_robot_from_behind_and_above() -> None:

@@ -11,7 +11,7 @@ from sim_action.exports.recorded_run import RecordedRun
 from sim_action.geometry import Pose
 from sim_action.kinematics import link_poses
 from tests.exports.logs import read
-from tests.exports.runs import MOMENTS, TIME, run, sensing_run
+from tests.exports.runs import MOMENTS, TIME, appearing, run, sensing_run
 
 MAP, BASE = "map", "base_footprint"
 
@@ -65,3 +65,12 @@ def test_bodies_and_sensors_have_frames_of_their_own() -> None:
     assert_near(placed(made, 9, "wall"), Pose((2.0, 0.0, 0.25)))
     lidar = geometry.compose(placed(made, 9, "base_scan"), Pose((0.0, 0.0, 0.02)))
     assert_near(placed(made, 9, "front"), lidar)
+
+
+def test_a_body_has_a_frame_once_it_has_appeared() -> None:
+    log = read(appearing(TIME[5]))
+    told = [{transform.child_frame_id for transform in entry.message.transforms} for entry in log["/tf"]]
+    assert [{"ball", "wall"} & frames for frames in told] == [set()] * 5 + [{"ball", "wall"}] * (MOMENTS - 5)
+    assert all(BASE in frames for frames in told)
+    assert not {"ball", "wall"} & {each.child_frame_id for each in log["/tf_static"][0].message.transforms}
+    assert_near(placed(appearing(TIME[5]), 5, "ball"), Pose((1.0, TIME[5], 0.1)))
