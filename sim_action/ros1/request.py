@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -38,5 +39,22 @@ class RosRequest:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What is typed to have it again."""
-        return ("sim-action", self.program, self.package, self.file, *self.arguments)
+        """What is typed to have it again; options come first, so that no argument is taken for one."""
+        return ("sim-action", self.program, *self._options(), self.package, self.file, *self.arguments)
+
+    def _options(self) -> Iterator[str]:
+        """Those that are not as they are by themselves."""
+        if self.workspace != Path():
+            yield from ("--workspace", str(self.workspace))
+        if self.backend != "auto":
+            yield from ("--backend", self.backend)
+        if self.seed:
+            yield from ("--seed", str(self.seed))
+        numbers = {
+            "--sim-time-limit": self.sim_time_limit,
+            "--rtf": self.real_time_factor,
+            "--wall-limit": self.wall_limit,
+        }
+        for option, number in numbers.items():
+            if number is not None:
+                yield from (option, repr(number).removesuffix(".0"))
