@@ -32,7 +32,8 @@ def command(outcome: Outcome, options: ReportOptions) -> str:
         # It could not be read: nobody knows how its scenarios are called.
         return " ".join(map(_quoted, ("sim-action", "validate", file)))
     name, backend = _named(outcome)
-    words = ["sim-action", "run", file, "--only", one_line(name)]
+    # To the letter, spaces and all, unless it is no name that a scenario can have.
+    words = ["sim-action", "run", file, "--only", name if name.isprintable() else one_line(name)]
     # Of a variation of the seed, the name says it, and another would draw other variations.
     if outcome.seed and not any(varied.key == "seed" for varied in outcome.variation):
         words += ["--seed", str(outcome.seed)]
@@ -68,4 +69,5 @@ def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = N
 def fragment(scenario: str, time: float | None = None) -> str:
     """What stands behind the address of a report to open it at a scenario, and at a moment, in s of sim time."""
     moment = "" if time is None else f"&t={round(time, 2):g}"
-    return f"#scenario={quote(scenario, safe='', errors='replace')}{moment}"
+    # As the page calls it.
+    return f"#scenario={quote(one_line(scenario), safe='')}{moment}"

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import parse_qs
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions
+from sim_action.reports.html import page
 from sim_action.reports.reproduction import command, replay_link
 from sim_action.results import Results
 from sim_action.source import Varied
@@ -62,7 +64,8 @@ def test_what_nobody_ran_has_no_command(samples: Samples, options: ReportOptions
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
-@given(name=st.text(min_size=1).filter(lambda text: text == " ".join(text.split()) and text.isprintable()))
+@example(name="a  wide  gap")
+@given(name=st.text(min_size=1).filter(str.isprintable))
 def test_a_shell_reads_the_name_as_it_is(name: str, samples: Samples, options: ReportOptions) -> None:
     words = shlex.split(command(of(samples, name=name), options))
     assert words[words.index("--only") + 1] == name
@@ -74,6 +77,14 @@ def test_a_link_leads_to_the_moment(name: str, samples: Samples, options: Report
     file, _, fragment = link.partition("#")
     assert file == "report.html"
     assert parse_qs(fragment) == {"scenario": [name], "t": ["4.5"]}
+
+
+@pytest.mark.parametrize("name", ["a  wide  gap", "a\u202eb", "a\ud800b"])
+def test_a_link_has_the_name_that_the_page_has(name: str, samples: Samples, options: ReportOptions) -> None:
+    told = samples["passed"].model_copy(update={"outcomes": (of(samples, name=name, replay="replays/a.json.gz"),)})
+    entry = json.loads(page(told, options).index)["scenarios"][0]
+    link = replay_link(told.outcomes[0], options)
+    assert parse_qs(link.partition("#")[2])["scenario"] == [entry["name"]]
 
 
 def test_without_a_moment_it_leads_to_the_scenario(samples: Samples, options: ReportOptions) -> None:
