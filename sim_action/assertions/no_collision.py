@@ -16,6 +16,8 @@ from sim_action.verdict import Verdict
 from sim_action.world import GROUND
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sim_action.observation import Contact, Observation
     from sim_action.trace import Trace
 
@@ -55,7 +57,7 @@ class NoCollision(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class NoCollisionMonitor:
-    """Keeps the first contact that was not allowed; `step`: s of sim time."""
+    """Keeps the first contact that was not allowed, with the force of all of its points; `step`: s of sim time."""
 
     is_momentary: ClassVar[bool] = True
 
@@ -75,7 +77,15 @@ class NoCollisionMonitor:
             return self
         # A stored trace has fewer moments than contacts: there may be contacts where there is no moment.
         end = float(trace.time[-1]) if len(trace) else self.end
-        return replace(self, first=next(filter(self._is_forbidden, trace.contacts), None), end=end)
+        return replace(self, first=self._first_in(trace.contacts), end=end)
+
+    def _first_in(self, contacts: Sequence[Contact]) -> Contact | None:
+        first = next(filter(self._is_forbidden, contacts), None)
+        if first is None:
+            return None
+        points = (other for other in contacts if other.time == first.time)
+        force = sum(other.force for other in points if (other.link, other.body) == (first.link, first.body))
+        return first._replace(force=force)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Drawn.signals: whether it touches something at each step, and how strongly."""

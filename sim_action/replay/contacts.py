@@ -16,11 +16,24 @@ _GAP: Final = 0.1
 
 @dataclass(slots=True)
 class Touch:
-    """A link at a body without a gap, from its first contact: until when, and with what force in N at most."""
+    """A link at a body without a gap, from its first contact.
+
+    Attributes:
+        until: s, its last step.
+        force: N of all points of a step, at most.
+        present: N of those of its last step.
+    """
 
     first: Contact
     until: float
-    force: float
+    force: float = 0.0
+    present: float = 0.0
+
+    def add(self, contact: Contact) -> None:
+        """One more point."""
+        self.present = contact.force + (self.present if contact.time == self.until else 0.0)
+        self.until = contact.time
+        self.force = max(self.force, self.present)
 
 
 def joined(contacts: Iterable[Contact]) -> list[Touch]:
@@ -31,10 +44,9 @@ def joined(contacts: Iterable[Contact]) -> list[Touch]:
         pair = contact.link, contact.body
         touch = lasting.get(pair)
         if touch is None or contact.time - touch.until > _GAP:
-            touch = lasting[pair] = Touch(contact, contact.time, contact.force)
+            touch = lasting[pair] = Touch(contact, contact.time)
             found.append(touch)
-        touch.until = contact.time
-        touch.force = max(touch.force, contact.force)
+        touch.add(contact)
     return found
 
 

@@ -131,7 +131,7 @@ class ContactData(FrozenModel):
         link: number of the link.
         body: number of the body.
         position: where it began, in m, world frame.
-        force: N, the largest.
+        force: N, the largest of all points of a step together.
     """
 
     time: Number

@@ -13,6 +13,11 @@ def test_steps_of_one_pair_are_one_contact_with_its_largest_force() -> None:
     assert (touch.first, touch.until, touch.force) == (steps[0], steps[-1].time, 16.0)
 
 
+def test_the_force_is_that_of_all_points_of_a_step() -> None:
+    points = [contact(1.0, force=30.0), contact(1.0, force=40.0), contact(1.01, force=50.0), contact(1.02, force=5.0)]
+    assert [touch.force for touch in joined(points)] == [70.0]
+
+
 def test_a_pair_that_lets_go_touches_again() -> None:
     assert [touch.until for touch in joined([contact(1.0), contact(1.05), contact(1.5)])] == [1.05, 1.5]
 
