@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,7 +13,7 @@ from sim_action.replay import Replay
 from sim_action.replay.shapes import MeshData
 
 MOST_BYTES: Final = 8_000_000
-"""Of all blocks: what comes after these has none, and failures come first."""
+"""Of all blocks, that of the meshes among them: what comes after these has none, and failures come first."""
 
 _LEVEL: Final = 9
 
@@ -29,7 +30,7 @@ def told(data: object) -> str:
 
 @dataclass(slots=True)
 class Parcel:
-    """The blocks of a page, as they come in."""
+    """The blocks of a page, as they come in; `size`: of all, as meshes would pack that came alone."""
 
     blocks: dict[str, str] = field(default_factory=dict)
     meshes: dict[str, MeshData] = field(default_factory=dict)
@@ -38,15 +39,20 @@ class Parcel:
     def takes(self, identity: str, replay: Replay) -> bool:
         """Whether there was room for a replay."""
         block = packed(replay.model_dump_json(exclude={"scene": {"meshes"}}, exclude_none=True).encode())
-        if self.size + len(block) > MOST_BYTES:
+        new = {digest: mesh for digest, mesh in replay.scene.meshes.items() if digest not in self.meshes}
+        size = self.size + len(block) + (len(_packed_meshes(new)) if new else 0)
+        if size > MOST_BYTES:
             return False
-        self.size += len(block)
+        self.size = size
         self.blocks[identity] = block
-        self.meshes |= replay.scene.meshes
+        self.meshes |= new
         return True
 
     @property
     def shared(self) -> str:
         """The block of all meshes, by their digests."""
-        meshes = {digest: mesh.model_dump() for digest, mesh in self.meshes.items()}
-        return packed(told(meshes).encode())
+        return _packed_meshes(self.meshes)
+
+
+def _packed_meshes(meshes: Mapping[str, MeshData]) -> str:
+    return packed(told({digest: mesh.model_dump() for digest, mesh in meshes.items()}).encode())

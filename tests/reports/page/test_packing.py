@@ -52,6 +52,18 @@ def test_beyond_the_room_that_there_is_nothing_is_taken(monkeypatch: pytest.Monk
     assert list(parcel.blocks) == ["first"]
 
 
+def test_meshes_take_of_the_room_but_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    replay = drive()
+    rough = replay.scene.meshes[MESH].model_copy(update={"points": tuple(i * i % 7919 for i in range(30_000))})
+    large = replay.model_copy(update={"scene": replay.scene.model_copy(update={"meshes": {MESH: rough}})})
+    parcel = Parcel()
+    assert parcel.takes("first", large)
+    assert parcel.size >= len(parcel.blocks["first"]) + len(parcel.shared) > 10 * len(parcel.blocks["first"])
+    monkeypatch.setattr(packing, "MOST_BYTES", parcel.size + len(parcel.blocks["first"]))
+    assert not Parcel(meshes={"0" * 16: rough}, size=len(parcel.shared)).takes("other", large)
+    assert parcel.takes("second", large)
+
+
 def test_ten_seconds_cost_little() -> None:
     parcel = Parcel()
     parcel.takes("replay-s0", drive(seconds=10.0))
