@@ -52,13 +52,21 @@ def _printed(output: str) -> Html:
     return joined(element("h3", "Printed by your code"), element("pre", output, tabindex="0"))
 
 
+def _wall_time(outcome: Outcome) -> str:
+    """Its speed is that of the loop alone: nobody is to multiply the two."""
+    if not outcome.wall_time:
+        return ""
+    runs = f", of all {outcome.repeats.count} runs" if outcome.repeats else ""
+    return f"{quantity(outcome.wall_time, 's')} from start to end{runs}"
+
+
 def _facts(outcome: Outcome, results: Results) -> Html:
-    wall = f"{quantity(outcome.wall_time, 's')} of wall time" if outcome.wall_time else ""
     named = {
         "variation": ", ".join(f"{varied.key} = {varied.value}" for varied in outcome.variation),
         "ended by": outcome.end or "",
         "sim time": quantity(outcome.sim_time, "s"),
-        "speed": ", ".join(part for part in (factor(outcome.real_time_factor), wall) if part),
+        "speed": factor(outcome.real_time_factor),
+        "wall time": _wall_time(outcome),
         "travelled": quantity(outcome.travelled, "m"),
         "engine": outcome.engine or "",
         "seed": "" if outcome.seed is None else str(outcome.seed),
