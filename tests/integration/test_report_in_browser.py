@@ -104,6 +104,16 @@ def test_a_broken_run(check: str, broken: Path) -> None:
     look(check, broken)
 
 
+def test_a_run_that_breaks_off(tmp_path: Path) -> None:
+    breaks = WALL.format(name="burger", more="", limit="30 s").replace("twist: [{linear: 1.0}]", "script: breaks.py")
+    (tmp_path / "a.sim.yml").write_text(breaks, encoding="utf-8")
+    script = "def control(seen):\n    if seen.time > 1.05:\n        raise ValueError('no scan')\n"
+    (tmp_path / "breaks.py").write_text(script, encoding="utf-8")
+    ran = sim_action(tmp_path, "run", ".")
+    assert "no scan" in ran.stdout, ran.stdout + ran.stderr
+    look("opens where it broke off", tmp_path / "sim-results/report.html")
+
+
 def test_without_the_viewer(broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(broken.parent, tmp_path / "results")
     monkeypatch.setattr(document, "viewer", lambda: None)

@@ -207,6 +207,8 @@ interface Curve {
   name: string;
   title: string;
   unit: string;
+  /** A range of values that is less than this is noise, and not to be blown up. */
+  least: number;
   times: Float64Array;
   values: Float64Array;
   status: "free" | "passed" | "warned" | "failed";

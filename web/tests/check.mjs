@@ -32,6 +32,16 @@ const CHECKS = {
       assert.ok(failed > 0);
       assert.ok(Math.abs((await time(page)) - failed) < 0.01);
       assert.match((await page.textContent(".happening")) ?? "", /touches wall/);
+      // Before a dark wall, too, it can be read.
+      const behind = await page.$eval(".happening", (words) => getComputedStyle(words).backgroundColor);
+      assert.equal(behind, await page.$eval("html", (all) => getComputedStyle(all).backgroundColor));
+    },
+  },
+  "opens where it broke off": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.ok(Math.abs((await time(page)) - 1.1) < 0.06);
+      assert.equal(await page.isVisible(".happening"), false);
     },
   },
   "play moves the robot": {

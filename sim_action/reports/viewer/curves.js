@@ -81,7 +81,7 @@ function signalCurve(signal, motion, expectations) {
 function freeCurve(name, unit, times, values) {
   const shown = shownUnit(unit);
   return {
-    name, title: "", unit: shown.name, times, values: values.map((value) => value * shown.factor),
+    name, title: "", unit: shown.name, least: shown.least, times, values: values.map((value) => value * shown.factor),
     status: "free", cutOff: false, decided: null, lower: null, upper: null, from: times[0], to: times[times.length - 1],
   };
 }

@@ -32,10 +32,11 @@ class Player {
     if (this.element.isConnected) await this.views.open();
   }
 
-  /** When what matters happened: where something failed, else where it begins. */
+  /** When what matters happened: where something failed, or where it broke off, else where it begins. */
   mattered() {
     const first = moments(this.entry.expectations)[0];
-    return first && first.status === "failed" ? first.time : this.clock.start;
+    if (first && first.status === "failed") return first.time;
+    return this.entry.status === "error" ? this.clock.end : this.clock.start;
   }
 
   show() {

@@ -91,7 +91,7 @@ function rangeOf(curve) {
   // What begins at nothing is seen from nothing.
   if (bottom > 0 && bottom < 0.5 * top) bottom = 0;
   // Less than this is noise, and not to be blown up.
-  const least = Math.max(curve.unit.startsWith("deg") ? 1 : 1e-3, 1e-6 * Math.abs(top));
+  const least = Math.max(curve.least, 1e-6 * Math.abs(top));
   if (top - bottom < least) {
     bottom = Math.min(bottom, Math.max(0, bottom - 1));
     top += least;

@@ -4,12 +4,13 @@ const DEGREES = 180 / Math.PI;
 
 /**
  * @param {string} unit
- * @returns {{factor: number, name: string}}
+ * @returns {{factor: number, name: string, least: number}} `least`: what is less than this, as it is shown, is noise
  */
 function shownUnit(unit) {
   // What is counted needs no word, and no plural.
-  if (unit === "contacts") return { factor: 1, name: "" };
-  return /^rad/.test(unit) ? { factor: DEGREES, name: unit.replace("rad", "deg") } : { factor: 1, name: unit };
+  if (unit === "contacts") return { factor: 1, name: "", least: 1 };
+  if (/^rad/.test(unit)) return { factor: DEGREES, name: unit.replace("rad", "deg"), least: 1 };
+  return { factor: 1, name: unit, least: unit === "N" ? 1 : 1e-3 };
 }
 
 /**
@@ -23,7 +24,7 @@ function told(value, unit) {
 /** @param {number} value */
 function shortNumber(value) {
   const size = Math.abs(value);
-  if (size > 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(1).replace("e+", "e");
+  if (size > 0 && (size < 1e-4 || size >= 1e5)) return value.toExponential(1).replace("e+", "e");
   return String(Number(value.toPrecision(size < 1 ? 3 : 4)));
 }
 
