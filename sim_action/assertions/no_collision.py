@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
 
+from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.channels import Channels
 from sim_action.messages import FirstFew, did_you_mean
@@ -112,6 +113,6 @@ class NoCollisionMonitor:
         x, y, z = self.first.position_xyz
         message = (
             f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "
-            f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, with {self.first.force:.3g} N"
+            f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, with {units.display(self.first.force, 'N')}"
         )
         return Verdict(False, 1.0, 0.0, -1.0, "contacts", self.first.time, message)

@@ -31,6 +31,8 @@ def test_the_first_contact_is_named() -> None:
 def test_the_force_is_that_of_all_points_of_the_step() -> None:
     points = [contact(2.0, force=30.0), contact(2.0, force=40.0), contact(2.0, body="ball"), contact(2.1, force=9.0)]
     assert judged(NoCollision(), trace([2.0], contacts=points)).message.endswith("with 70 N")
+    hard = trace([2.0], contacts=[contact(2.0, force=1234.5)])
+    assert judged(NoCollision(), hard).message.endswith("with 1234 N"), "as the replay tells it"
 
 
 def test_the_ground_never_counts() -> None:
