@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
@@ -13,6 +14,8 @@ PACKAGE_FILE: Final = "package.xml"
 # Left by a build, or not to be looked into.
 _NOT_SOURCES: Final = frozenset({"build", "devel", "install", "logs", "node_modules"})
 _EXPORT: Final = "gazebo_model_path"
+# No way to elsewhere, and nothing that a shell or ROS would take apart.
+_NAME: Final = re.compile(r"[A-Za-z0-9][\w.-]*")
 _IGNORED: Final = "CATKIN_IGNORE"
 
 
@@ -28,12 +31,13 @@ def packages_below(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def package_name(folder: Path) -> str:
-    """As its package.xml says, else as its folder is called."""
+    """As its package.xml says, else as its folder is called; folders are made that are called so."""
     try:
         name = ET.parse(folder / PACKAGE_FILE).findtext("name")  # noqa: S314 - of the user's own package
     except ET.ParseError:
         name = None
-    return (name or folder.name).strip()
+    stated = (name or "").strip()
+    return stated if _NAME.fullmatch(stated) else folder.name.strip()
 
 
 def packages_of(paths: Iterable[Path | str]) -> dict[str, Path]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from sim_action.ros1.catkin_packages import package_name, packages_below, packages_of, sources
 
 
@@ -25,6 +27,11 @@ def test_packages_are_found_at_any_depth_but_not_in_what_a_build_has_left(tmp_pa
 
 def test_a_package_without_a_name_is_called_as_its_folder(tmp_path: Path) -> None:
     assert package_name(package(tmp_path / "robot")) == "robot"
+
+
+@pytest.mark.parametrize("name", ["../../elsewhere", "/elsewhere", "a/b", "..", "two words", "${name}"])
+def test_a_name_that_no_folder_can_have_is_none(name: str, tmp_path: Path) -> None:
+    assert package_name(package(tmp_path / "robot", name)) == "robot"
 
 
 def test_of_two_the_first_counts(tmp_path: Path) -> None:
