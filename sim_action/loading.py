@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action import scenario_checks, world_checks
 from sim_action.errors import Fault, InvalidScenario, ModelError, RefusedModel, UsageError
+from sim_action.location import Problem
 from sim_action.models import check_text, load_model
 from sim_action.models.library import ModelLibrary
 from sim_action.permissions import Permissions
@@ -111,14 +112,20 @@ def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
 
 
 def _as_one(refused: Sequence[Refused], number: int) -> Refused:
-    """What is wrong with any of them, each of it once; of a fault of ours, that alone: it may hide anything.
+    """What is wrong with any of them, each of it once, also what is wrong with several values alike, such as their key.
+
+    Of a fault of ours, that alone: it may hide anything.
 
     `number`: of the first of all variations, which is where it is told.
     """
     if fault := next((each for each in refused if isinstance(each.error, Fault)), None):
         return replace(fault, number=number)
-    problems = dict.fromkeys(problem for each in refused for problem in each.problems)
-    return replace(refused[0], error=InvalidScenario(problems), number=number)
+    told: list[Problem] = []
+    known: set[str] = set()
+    for each in refused:
+        told += [problem for problem in each.problems if problem.message not in known]
+        known.update(problem.message for problem in each.problems)
+    return replace(refused[0], error=InvalidScenario(told), number=number)
 
 
 def _loaded_or_refused(

@@ -267,7 +267,6 @@ def test_a_key_that_is_none_is_told_where_it_stands_in_the_variations(tmp_path: 
     assert isinstance(refused, Refused)
     assert [str(problem).rpartition("yml:")[2].partition(" (")[0] for problem in refused.problems] == [
         "12:26: world.ground.fricton: unknown key; did you mean 'friction'?",
-        "12:29: world.ground.fricton: unknown key; did you mean 'friction'?",
     ]
 
 
