@@ -9,7 +9,7 @@ from typing import Final
 from sim_action.discovery import file_name
 from sim_action.location import Location
 
-_FRAME: Final = re.compile(r'^ *File "([^"]+)", line (\d+)(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
+_FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
 
 
 def location_in(text: str, workspace: Path) -> Location | None:
@@ -18,7 +18,7 @@ def location_in(text: str, workspace: Path) -> Location | None:
     for file, line, _ in reversed(_FRAME.findall(text)):
         try:
             path = Path(file).resolve()
-        except OSError:
+        except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
             continue
         if path.is_relative_to(root):
             return Location(shown_path(path), int(line))

@@ -30,6 +30,12 @@ def test_the_place_is_the_innermost_in_the_users_own_code(tmp_path: Path, monkey
     assert location_in(text, tmp_path / "other") is None
 
 
+def test_what_only_looks_like_a_place_is_none(tmp_path: Path) -> None:
+    (tmp_path / "round").symlink_to(tmp_path / "round")
+    for file, line in (("a.py", "9" * 5000), ("\0.py", "1"), (f"{tmp_path}/round", "1"), ("x" * 5000, "1")):
+        assert location_in(f'  File "{file}", line {line}, in test\n', tmp_path) is None
+
+
 def test_what_was_wrong_is_the_message_or_the_line_that_raised() -> None:
     plain = 'File "x.py", line 1, in test\n    assert far\n'
     assert first_line("AssertionError", f"0 != 1\n  {plain}") == "AssertionError: 0 != 1"
