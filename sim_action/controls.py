@@ -11,11 +11,12 @@ from typing import Final
 from sim_action.command import Command, JointTargets, commands_of
 from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.drives import DriveMotion
-from sim_action.errors import BadSource, RecordingError, ScriptError
+from sim_action.errors import BadSource, ScriptError, SourceProblem
 from sim_action.geometry import Twist
 from sim_action.observation import Observation
 from sim_action.scenario import Scenario
 from sim_action.scene import Scene
+from sim_action.sensors.mounting import MountedSensor
 
 Look = Callable[[int], Observation]
 """What the robot is like at a step, which is the present; looked at only if somebody asks."""
@@ -70,6 +71,12 @@ class Controls:
         """Whether any of them looks at sensors."""
         controllers = [source.controller for source in self._sources]
         return any(isinstance(controller, ClosedLoop) and controller.senses for controller in controllers)
+
+    @property
+    def sensors(self) -> tuple[MountedSensor, ...]:
+        """What they look at beside the sensors of the scenario."""
+        controllers = [source.controller for source in self._sources]
+        return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.sensors)
 
     @property
     def at_rest(self) -> JointTargets:
@@ -182,7 +189,7 @@ def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
 def _opened(index: int, source: CommandSource, scene: Scene, closing: ExitStack) -> Controller:
     try:
         controller = source.open(scene)
-    except RecordingError as error:
+    except SourceProblem as error:
         raise BadSource(index, error.key, str(error)) from None
     except ScriptError as error:
         error.source = index

@@ -6,7 +6,8 @@
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     ├── ModelError                2    a robot model cannot be read
     │   └── RefusedModel               a model file with what has to change in it
-    ├── RecordingError            2    a recorded log cannot be replayed
+    ├── SourceProblem             2    a command source cannot be opened as it is written
+    │   └── RecordingError             a recorded log cannot be replayed
     └── RunError                  1    a valid scenario ran into something that leaves it without a verdict
         ├── EngineError                the physics engine refused the world
         ├── BadStart                   the robot cannot begin where the scenario puts it
@@ -97,14 +98,21 @@ class RefusedModel(ModelError):
         self.location = self.problems[0].location
 
 
-class RecordingError(SimActionError):
-    """A recorded log that cannot be replayed; `key` is the one of the scenario's that asks for what is not there."""
+class SourceProblem(SimActionError):
+    """A command source that cannot be opened as it is written; `key` is its own that asks for what is not there."""
 
     exit_code = ExitCode.INVALID
 
-    def __init__(self, message: str, key: str = "replay") -> None:
+    def __init__(self, message: str, key: str) -> None:
         self.key = key
         super().__init__(message)
+
+
+class RecordingError(SourceProblem):
+    """A recorded log that cannot be replayed."""
+
+    def __init__(self, message: str, key: str = "replay") -> None:
+        super().__init__(message, key)
 
 
 class RunError(SimActionError):

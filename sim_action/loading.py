@@ -19,7 +19,7 @@ from sim_action.robot_model import RobotModel
 from sim_action.scenario import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario_files import read_only_scenario
 from sim_action.scenario_parts import PartReader
-from sim_action.scene import Scene, SpecProblems
+from sim_action.scene import Fitting, Scene, SpecProblems
 from sim_action.source import Refused, Source
 from sim_action.surroundings import ShapeLibrary, read_surroundings
 
@@ -158,6 +158,10 @@ def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping
         source.workspace,
         scenario.seed,
         parts=parts,
+        sensors=tuple(
+            Fitting(mounted.name, mounted.sensor.key, mounted.link or model.root, mounted.rate)
+            for mounted in scenario.sensors
+        ),
         file=source.document.file,
         variation=source.values_in_file_names,
     )

@@ -24,6 +24,22 @@ SpecProblems = Iterator[SpecProblem]
 
 
 @dataclass(frozen=True, slots=True)
+class Fitting:
+    """A sensor of the robot, as those know it who pass on what it tells.
+
+    Attributes:
+        kind: its key in YAML.
+        link: of the robot, that it sits on.
+        rate: Hz, at which it is read.
+    """
+
+    name: str
+    kind: str
+    link: str
+    rate: float
+
+
+@dataclass(frozen=True, slots=True)
 class Scene:
     """Everything that is simulated, with names resolved and files read.
 
@@ -32,6 +48,7 @@ class Scene:
         rotors: joint -> inertia of its motor in kg m^2, as the joint feels it through the gears; left out: none.
         mobility: what its drive can do, if it has one.
         parts: name of a body -> what it is made of, for bodies whose shapes were read from files.
+        sensors: of the scenario.
         namesake: of several sources of commands that run the same code, which one is to see it: each draws numbers of
             its own.
         file: of the scenario, as reports show it.
@@ -47,6 +64,7 @@ class Scene:
     rotors: Mapping[str, float] = field(default_factory=dict)
     mobility: Mobility = field(default_factory=Mobility)
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
+    sensors: tuple[Fitting, ...] = ()
     namesake: int = 0
     file: str = ""
     variation: str = ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from sim_action.backends import Backend
@@ -37,17 +37,25 @@ class Sensing:
     """The live half of `Scenario.sensors`, and the eyes of controllers."""
 
     def __init__(
-        self, scenario: Scenario, scene: Scene, backend: Backend, *, heard: bool, judged: Collection[str] = ()
+        self,
+        scenario: Scenario,
+        scene: Scene,
+        backend: Backend,
+        *,
+        heard: bool,
+        judged: Collection[str] = (),
+        more: Iterable[MountedSensor] = (),
     ) -> None:
         """What nobody listens to is not read.
 
-        `heard`: whether a controller listens; `judged`: names of the sensors that assertions read.
+        `heard`: whether a controller listens; `judged`: names of the sensors that assertions read; `more`: what
+        controllers look at beside the scenario's own.
         """
         self._backend, self._rate = backend, scenario.physics.rate
         self._judged = judged
         self._readings: dict[str, Reading] = {}
         self._sensors = [
-            _open(mounted, scenario, scene) for mounted in scenario.sensors if heard or self._keeps(mounted)
+            _open(mounted, scenario, scene) for mounted in (*scenario.sensors, *more) if heard or self._keeps(mounted)
         ]
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
 

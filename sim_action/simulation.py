@@ -129,7 +129,8 @@ class _Loop:
         with ExitStack() as opened:
             self._controls = opened.enter_context(closing(Controls(scenario, scene, self._motion, footage.command)))
             heard = self._controls.are_watching
-            self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=channels.sensors)
+            more, judged = self._controls.sensors, channels.sensors
+            self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=judged, more=more)
             self._opened = opened.pop_all()
 
     def run(self, progress: Progress) -> SimulationRun:

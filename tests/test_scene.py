@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 
+from sim_action.loading import build_scene
 from sim_action.models.urdf import read_urdf
-from sim_action.scene import Scene
+from sim_action.scene import Fitting, Scene
 from sim_action.workspace import Workspace
 from sim_action.world import Physics, Placement, Robot, World
 from tests.models.bad_models import GOOD
+from tests.scenarios import LEAST, load
 
 FOLLOWER = """
 <link name="finger"/>
@@ -95,3 +97,12 @@ def test_what_is_drawn_at_random_depends_on_seed_and_purpose_alone(tmp_path: Pat
     assert first.generator("scan").random(3).tolist() == drawn
     assert first.generator("imu").random(3).tolist() != drawn
     assert second.generator("scan").random(3).tolist() != drawn
+
+
+def test_a_scene_knows_where_the_sensors_of_its_scenario_sit(tmp_path: Path) -> None:
+    loaded = load(tmp_path, f"{LEAST}sensors: [{{lidar: {{}}, link: base_scan, rate: 5 Hz}}, contact]\n")
+
+    assert build_scene(loaded).sensors == (
+        Fitting("lidar", "lidar", "base_scan", 5.0),
+        Fitting("contact", "contact", "base_footprint", 10.0),
+    )

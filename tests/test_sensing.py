@@ -88,3 +88,17 @@ def test_a_sensor_that_only_an_assertion_reads_is_not_stored(engine: str, tmp_pa
         told = replace(told, sensors=sensing.collect())
     assert set(told.sensors) == {"contact", "left"}
     assert set(sensing.stored(told).sensors) == {"left"}
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_controller_may_look_at_more_than_the_scenario_has(engine: str, tmp_path: Path) -> None:
+    loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
+    scene = build_scene(loaded)
+    more = replace(loaded.scenario.sensors[0], name="of its own", rate=80.0)
+    with running(engine, scene) as backend:
+        sensing = Sensing(loaded.scenario, scene, backend, heard=True, more=[more])
+        assert sensing.next_tick(0, 100) == 3
+        sensing.read(0)
+        assert set(sensing.look(0).sensors) == {"contact", "left", "of its own"}
+        # It is the controller's alone.
+        assert set(sensing.collect()) == {"left"}

@@ -17,6 +17,7 @@ from sim_action.workspace import Workspace
 
 if TYPE_CHECKING:
     from sim_action.observation import Observation
+    from sim_action.sensors.mounting import MountedSensor
 
 
 def _nothing() -> None:
@@ -44,12 +45,14 @@ class ClosedLoop:
 
     Attributes:
         senses: whether it looks at sensors as well; those that nobody looks at are not read.
+        sensors: what it looks at beside those of the scenario.
         close: called once, after the run.
         notes: what it has to tell people after the run, when it is closed.
     """
 
     command: Callable[[Observation], Answer]
     senses: bool = True
+    sensors: tuple[MountedSensor, ...] = ()
     close: Callable[[], None] = _nothing
     notes: Sequence[str] = ()
 
@@ -102,7 +105,7 @@ class CommandSource(FrozenModel):
 
     @abstractmethod
     def open(self, scene: Scene) -> Controller:
-        """The live half. Raises RecordingError for a log that cannot be replayed."""
+        """The live half. Raises SourceProblem for what nobody could know before, such as of a log; RunError."""
 
 
 COMMANDS: Final = Table[type[CommandSource]](
