@@ -14,10 +14,10 @@ _PATIENCE: Final = 1.0
 
 
 class LastWords:
-    """Reads a pipe in a thread of its own until it ends."""
+    """Reads a pipe in a thread of its own until it ends; of what comes, so many bytes are kept at the most."""
 
-    def __init__(self, pipe: IO[bytes], passed_on_to: int) -> None:
-        self._pipe = pipe
+    def __init__(self, pipe: IO[bytes], passed_on_to: int, most: int = _MOST_BYTES) -> None:
+        self._pipe, self._most = pipe, most
         self._target = passed_on_to
         self._end = b""
         self._thread = threading.Thread(target=self._listen, daemon=True)
@@ -27,8 +27,11 @@ class LastWords:
         """The last lines that were written; all of them, if the program is gone."""
         if is_over:
             self._thread.join(_PATIENCE)
-        lines = self._end.decode("utf-8", errors="replace").strip().splitlines()
-        return "\n".join(lines[-_MOST_LINES:])
+        return "\n".join(self.all().strip().splitlines()[-_MOST_LINES:])
+
+    def all(self) -> str:
+        """All that is kept."""
+        return self._end.decode("utf-8", errors="replace")
 
     def close(self) -> None:
         """Waits until all is passed on, for a moment."""
@@ -37,7 +40,7 @@ class LastWords:
     def _listen(self) -> None:
         with self._pipe as pipe:
             while said := os.read(pipe.fileno(), 65536):
-                self._end = (self._end + said)[-_MOST_BYTES:]
+                self._end = (self._end + said)[-self._most :]
                 # It must be able to go on, whatever became of the place where its words are kept.
                 with suppress(OSError):
                     _write_all(self._target, said)

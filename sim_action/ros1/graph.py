@@ -72,6 +72,12 @@ class Master:
                 return False
         return True
 
+    def published(self, kind: str) -> dict[str, frozenset[str]]:
+        """Topics of a type of messages -> nodes that publish them. Raises OSError if the master is gone."""
+        types = dict(self._ask("getTopicTypes"))
+        publishers = self.graph().publishers
+        return {topic: nodes for topic, nodes in publishers.items() if nodes and types.get(topic) == kind}
+
     def _heard(self, node: str) -> Iterator[str]:
         """The topic of each connection by which a node listens."""
         with suppress(OSError, xmlrpc.client.Error, LookupError):

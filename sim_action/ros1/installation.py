@@ -65,8 +65,9 @@ class Ros:
         return self.prefix / "bin" / name
 
 
-def find_ros(python: Path = PYTHON) -> Ros:
+def find_ros(python: Path | None = None) -> Ros:
     """The distribution's. Raises UsageError if it is not here, or not whole."""
+    python = python or PYTHON
     missing, modules = _look(python) if python.exists() else (["rospy"], None)
     if modules and not missing:
         ros = Ros(python, modules)

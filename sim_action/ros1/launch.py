@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Self
+from typing import IO, Final, Self
 
 from sim_action.isolation.process_table import processes
 from sim_action.ros1.exchange import FOLDER_VARIABLE
@@ -36,8 +36,19 @@ class Launch:
         self.output = output
 
     @classmethod
-    def start(cls, words: Sequence[str], overlay: Overlay, folder: Path, more: Mapping[str, str]) -> Self:
-        """Starts a command line that sees the overlay, with some variables more. Raises OSError."""
+    def start(
+        cls,
+        words: Sequence[str],
+        overlay: Overlay,
+        folder: Path,
+        more: Mapping[str, str],
+        *,
+        is_heard: bool = False,
+    ) -> Self:
+        """Starts a command line that sees the overlay, with some variables more. Raises OSError.
+
+        `is_heard`: whether what is printed is read from `printed`, rather than kept in the file.
+        """
         output = folder / "output.txt"
         # The keeper is of this Python, what it starts is of the distribution's.
         keeper = [sys.executable, "-P", "-m", "sim_action.isolation.keeper"]
@@ -46,13 +57,19 @@ class Launch:
             process = subprocess.Popen(  # noqa: S603 - what the user asks for
                 [*keeper, "env", f"PYTHONPATH={overlay.python_path}", *words],
                 stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=file,
+                stdout=subprocess.PIPE if is_heard else file,
+                stderr=subprocess.STDOUT,
                 start_new_session=True,
                 env=variables,
                 cwd=folder,
             )
         return cls(process, folder, output)
+
+    @property
+    def printed(self) -> IO[bytes]:
+        """What its processes print, if it was started to be heard."""
+        assert self._process.stdout
+        return self._process.stdout
 
     @property
     def keeper(self) -> int:

@@ -54,7 +54,7 @@ class _Server:
         self._record = Record()
         self._traffic = Counter[str]()
         self._changes, self._present = Changes(), Present(Population(World()))
-        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME)
+        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid())
         paused, topics = Event(), Topics(self._traffic)
         if rospy.get_param("/gazebo/paused", default=False):
             paused.set()

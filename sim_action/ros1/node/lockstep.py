@@ -29,13 +29,33 @@ class TestOver(SourceOver):
     """The test that rostest has started has judged."""
 
 
-class Lockstep:
-    """Holds the clock until all nodes wait."""
+def _nobody_asks(_: frozenset[int]) -> None:
+    """Whoever launches has nothing to hear of processes that have gone."""
 
-    def __init__(self, master: Master, node: str) -> None:
+
+class Lockstep:
+    """Holds the clock until all nodes wait.
+
+    Args:
+        master: that the nodes have.
+        node: our own name among them.
+        launcher: the process that starts nodes.
+        gone: hears of each of its processes that has ended.
+        newcomers_within: s of wall time, that processes may take to become nodes.
+    """
+
+    def __init__(
+        self,
+        master: Master,
+        node: str,
+        launcher: int,
+        gone: Callable[[frozenset[int]], None] = _nobody_asks,
+        newcomers_within: float = PATIENCE,
+    ) -> None:
         self._master, self._node = master, node
+        self._gone, self._newcomers_within = gone, newcomers_within
         self._watched = Watched(spared=threading.get_native_id())
-        self._launcher = Children(os.getppid())
+        self._launcher = Children(launcher)
         self._siblings: frozenset[int] = frozenset()
         self._given_up: set[int] = set()
         self._tests: dict[int, Path] = {}
@@ -83,7 +103,7 @@ class Lockstep:
         return self._launcher.look() != self._siblings
 
     def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + self._newcomers_within
         while not self._is_everybody_there() and not is_wanted():
             self._end_if_over()
             if time.monotonic() > deadline:
@@ -96,7 +116,10 @@ class Lockstep:
 
     def _is_everybody_there(self) -> bool:
         """Whether all processes beside ours are nodes, or have started one."""
-        self._siblings = siblings = self._launcher.look()
+        siblings = self._launcher.look()
+        if ended := self._siblings - siblings:
+            self._gone(ended)
+        self._siblings = siblings
         self._note_tests(siblings)
         graph = self._master.graph()
         nodes = frozenset(graph.pids.values())
@@ -112,9 +135,8 @@ class Lockstep:
     def _give_up(self) -> None:
         for pid in self._late():
             self._given_up.add(pid)
-            self.notes.append(
-                f"'{name_of(pid)}' has not become a node of ROS within {PATIENCE:g} s of wall time; nobody waits for it"
-            )
+            within = f"within {self._newcomers_within:g} s of wall time"
+            self.notes.append(f"'{name_of(pid)}' has not become a node of ROS {within}; nobody waits for it")
 
     def _late(self) -> Iterator[int]:
         graph = self._master.graph()

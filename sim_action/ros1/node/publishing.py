@@ -20,9 +20,14 @@ class Sender:
         self._publisher = _publisher(topic, kind)
 
     @property
+    def listeners(self) -> int:
+        """How many nodes listen."""
+        return int(self._publisher.get_num_connections())
+
+    @property
     def is_heard(self) -> bool:
         """Whether a node listens: else a message need not be made."""
-        return bool(self._publisher.get_num_connections())
+        return bool(self.listeners)
 
     def send(self, message: Any) -> None:
         """Returns when all who listen have it."""

@@ -30,6 +30,11 @@ class Topics:
         self._links = Sender("/gazebo/link_states", LinkStates, traffic)
 
     @property
+    def listeners(self) -> int:
+        """How many nodes are told the time."""
+        return self._clock.listeners
+
+    @property
     def are_links_heard(self) -> bool:
         """Whether a node wants to know of links."""
         return self._links.is_heard
