@@ -105,6 +105,8 @@ def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
         ("commands", "*", "script"),
         ("commands", "replay"),
         ("commands", "*", "replay"),
+        ("commands", "ros1", "workspace"),
+        ("commands", "*", "ros1", "workspace"),
         ("expect", "**", "assertion"),
         ("expect", "**", "follow_path", "file"),
         ("expect", "**", "matches", "trace"),

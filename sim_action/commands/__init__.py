@@ -117,6 +117,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "script": "sim_action.commands.script:ScriptCommands",
         "process": "sim_action.commands.process:ProcessCommands",
         "replay": "sim_action.commands.replay:ReplayCommands",
+        "ros1": "sim_action.ros1.driving.spec:RosCommands",
     },
 )
 """The key that tells a command source from the others -> its class."""

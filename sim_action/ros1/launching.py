@@ -89,7 +89,7 @@ class Call:
         if request.program == "rostest":
             # It finds a port for its master by itself.
             return [str(self.ros.python), "-c", _ROSTEST, str(inside), *request.arguments]
-        return [str(self.ros.program("roslaunch")), "-p", str(_free_port()), str(inside), *request.arguments]
+        return [str(self.ros.program("roslaunch")), "-p", str(free_port()), str(inside), *request.arguments]
 
     def _asked(self, tags: Iterable[TestTag]) -> Request:
         """Of the node. Sim time ends where a test's own limit would end it in a simulation at real time."""
@@ -108,7 +108,8 @@ class Call:
         return InvalidScenario([Problem(Location(self.request.file), escaped_line(message))])
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """One that a master can have."""
     with socket.socket() as probe:
         probe.bind(("localhost", 0))
         return int(probe.getsockname()[1])

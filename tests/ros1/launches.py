@@ -26,7 +26,8 @@ EXAMPLES = ROOT / "examples/ros1"
 
 
 @cache
-def _missing() -> str:
+def missing_ros() -> str:
+    """Why nodes cannot run here; empty if they can."""
     if sys.platform != "linux":
         return "nodes are watched by Linux's /proc"
     try:
@@ -36,7 +37,7 @@ def _missing() -> str:
     return ""
 
 
-needs_ros = pytest.mark.skipif(bool(_missing()), reason=_missing())
+needs_ros = pytest.mark.skipif(bool(missing_ros()), reason=missing_ros())
 
 
 def ros() -> Ros:

@@ -1,0 +1,102 @@
+"""What the distribution's Python runs: roslaunch, which tells of its nodes in lines of JSON.
+
+It imports nothing of ours, and is for the Python that ROS comes with, which may be an old one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import roslaunch
+import roslaunch.config
+import roslaunch.core
+import roslaunch.parent
+import roslaunch.pmon
+
+# In s: how long a node may take to leave when it is asked to, and when it is told to.
+_ASKED, _TOLD = 2.0, 0.5
+
+
+class _Events:
+    """Writes them, from whichever thread."""
+
+    def __init__(self, path: str) -> None:
+        self._file = Path(path).open("ab", buffering=0)  # noqa: SIM115 - as long as this process is there
+        self._lock = threading.Lock()
+
+    def tell(self, event: str, **more: Any) -> None:
+        with self._lock:
+            self._file.write(json.dumps({"event": event, **more}).encode() + b"\n")
+
+
+class _Listener(roslaunch.pmon.ProcessListener):  # type: ignore[misc]  # roslaunch has no types
+    def __init__(self, monitor: Any, events: _Events) -> None:
+        self._monitor, self._events = monitor, events
+
+    def process_died(self, process_name: str, exit_code: int | None) -> None:
+        """One that is started anew is told of again and again while nobody has done so."""
+        process = self._monitor.get_process(process_name)
+        self._events.tell(
+            "died",
+            node=process_name.rpartition("-")[0] or process_name,
+            pid=process.pid,
+            exit_code=exit_code,
+            program=process.args[0],
+            required=process.required,
+        )
+
+
+def _config(task: dict[str, Any], events: _Events) -> Any:
+    """What is launched: Gazebo is not, and the clock is that of the simulation."""
+    config = roslaunch.config.load_config_default([(task["file"], task["arguments"])], task["port"], verbose=False)
+    left_out = [node for node in config.nodes if node.package in task["left_out"]]
+    config.nodes = [node for node in config.nodes if node not in left_out]
+    for node in config.nodes:
+        node.output = "screen"
+    for key, value in task["defaults"].items():
+        if key not in config.params:
+            config.add_param(roslaunch.core.Param(key, value), verbose=False)
+    for key, value in task["params"].items():
+        config.add_param(roslaunch.core.Param(key, value), verbose=False)
+    events.tell("read", left_out=[f"{node.package}/{node.type}" for node in left_out])
+    return config
+
+
+def _launched(task: dict[str, Any], events: _Events) -> Any:
+    """The monitor of all processes, once all are started."""
+    run_id = roslaunch.core.generate_run_id()
+    roslaunch.configure_logging(run_id)
+    limits = {"sigint_timeout": _ASKED, "sigterm_timeout": _TOLD}
+    parent = roslaunch.parent.ROSLaunchParent(run_id, [], port=task["port"], show_summary=False, **limits)
+    parent.config = _config(task, events)
+    parent._start_infrastructure()  # noqa: SLF001 - start() does the same, and tells nobody of those that died early
+    parent.pm.add_process_listener(_Listener(parent.pm, events))
+    parent._init_runner()  # noqa: SLF001
+    _, failed = parent.runner.launch()
+    if failed:
+        raise roslaunch.core.RLException(f"cannot launch {', '.join(failed)}")
+    events.tell("started", pid=os.getpid(), core=[process.pid for process in parent.pm.core_procs])
+    return parent
+
+
+def main(path: str) -> int:
+    """Returns the exit code: 1 if nothing could be launched."""
+    task = json.loads(Path(path).read_text(encoding="utf-8"))
+    events = _Events(task["events"])
+    try:
+        parent = _launched(task, events)
+    except Exception as error:  # noqa: BLE001 - whatever it is, the simulation is told
+        events.tell("refused", kind=type(error).__name__, message=str(error))
+        roslaunch.pmon.pmon_shutdown()
+        return 1
+    parent.spin()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -1,0 +1,177 @@
+"""What nodes hear of a robot: its odometry, its joints, and what its sensors tell, as messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Final, Protocol
+
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Image, Imu, JointState, LaserScan
+from std_msgs.msg import Bool, Header
+from tf2_msgs.msg import TFMessage
+
+from sim_action.geometry import Pose, Twist
+from sim_action.observation import Observation
+from sim_action.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
+from sim_action.robot_model import RobotModel
+from sim_action.ros1.driving.robot_topics import JOINTS, ODOMETRY
+from sim_action.ros1.node.messages import header, in_frame_of, pose_message, twist_message
+from sim_action.ros1.node.publishing import Sender, Traffic
+from sim_action.scene import Fitting
+
+# Hz, of what no sensor tells: as Gazebo's plugins are usually set.
+_STATES_RATE: Final = 30.0
+_ODOMETRY_FRAME: Final = "odom"
+
+
+class Told(Protocol):
+    """Something that nodes can hear of."""
+
+    def tell(self, tick: int, seen: Observation) -> bool:
+        """Says what is new at a tick; returns whether somebody listens."""
+
+
+def open_topics(
+    model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float, traffic: Traffic
+) -> list[Told]:
+    """All topics of a robot; `topics`: what they are of -> topic; `rate`: ticks in a second."""
+    period = max(1, round(rate / _STATES_RATE))
+    found: list[Told] = [_Joints(Sender(topics[JOINTS], JointState, traffic), model, period)]
+    if ODOMETRY in topics:
+        found.append(_Truth(_Odometry(topics[ODOMETRY], model.root, traffic), period))
+    return [*found, *_sensors(sensors, topics, model.root, traffic)]
+
+
+def _sensors(sensors: Sequence[Fitting], topics: Mapping[str, str], base: str, traffic: Traffic) -> Iterator[Told]:
+    is_first = True
+    for sensor in sensors:
+        if sensor.kind == "odometry":
+            odometry = _Odometry(topics[sensor.name], base, traffic, moves_frames=is_first)
+            is_first = False
+            yield _Sensor(sensor.name, odometry.tell_reading)
+        elif sensor.kind in _MESSAGES:
+            kind, made = _MESSAGES[sensor.kind]
+            yield _Sensor(sensor.name, _sending(Sender(topics[sensor.name], kind, traffic), made, sensor))
+
+
+class _Joints:
+    """Where joints are, and what their motors do."""
+
+    def __init__(self, sender: Sender, model: RobotModel, period: int) -> None:
+        self._sender, self._period = sender, period
+        self._names = [joint.name for joint in model.moving_joints]
+
+    def tell(self, tick: int, seen: Observation) -> bool:
+        """See Told.tell."""
+        if tick % self._period or not self._sender.is_heard or not self._names:
+            return False
+        positions, velocities, efforts = zip(*(seen.joints[name] for name in self._names), strict=True)
+        self._sender.send(JointState(header(seen.time, ""), self._names, positions, velocities, efforts))
+        return True
+
+
+class _Odometry:
+    """Where a base is said to be, as a message and as a frame."""
+
+    def __init__(self, topic: str, base: str, traffic: Traffic, *, moves_frames: bool = True) -> None:
+        self._base = base
+        self._sender = Sender(topic, Odometry, traffic)
+        self._frames = Sender("/tf", TFMessage, traffic) if moves_frames else None
+
+    def tell(self, seconds: float, pose: Pose, twist: Twist) -> bool:
+        """`twist`: in the frame of the base."""
+        senders = [sender for sender in (self._sender, self._frames) if sender is not None and sender.is_heard]
+        if not senders:
+            return False
+        message = Odometry(header=header(seconds, _ODOMETRY_FRAME), child_frame_id=self._base)
+        message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
+        self._sender.send(message)
+        if self._frames is not None:
+            moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
+            self._frames.send(TFMessage([TransformStamped(message.header, self._base, moved)]))
+        return True
+
+    def tell_reading(self, reading: OdometryReading) -> bool:
+        """Of a sensor."""
+        return self.tell(reading.time, reading.pose, reading.twist)
+
+
+class _Truth:
+    """Odometry that never errs."""
+
+    def __init__(self, odometry: _Odometry, period: int) -> None:
+        self._odometry, self._period = odometry, period
+
+    def tell(self, tick: int, seen: Observation) -> bool:
+        """See Told.tell."""
+        if tick % self._period:
+            return False
+        return self._odometry.tell(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
+
+
+class _Sensor:
+    """A sensor of the scenario, each of whose readings is told once."""
+
+    def __init__(self, name: str, send: Callable[[Any], bool]) -> None:
+        self._name, self._send = name, send
+        self._last: float | None = None
+
+    def tell(self, tick: int, seen: Observation) -> bool:
+        """See Told.tell."""
+        reading = seen.sensors[self._name]
+        if reading.time == self._last:
+            return False
+        self._last = reading.time
+        return self._send(reading)
+
+
+def _sending(sender: Sender, made: Callable[[Any, Header, Fitting], Any], sensor: Fitting) -> Callable[[Any], bool]:
+    def send(reading: Any) -> bool:
+        if not sender.is_heard:
+            return False
+        sender.send(made(reading, header(reading.time, sensor.link), sensor))
+        return True
+
+    return send
+
+
+def _scan(reading: LidarScan, head: Header, sensor: Fitting) -> LaserScan:
+    return LaserScan(
+        header=head,
+        angle_min=reading.angle_min,
+        angle_max=reading.angle_min + reading.angle_increment * (len(reading.ranges) - 1),
+        angle_increment=reading.angle_increment,
+        scan_time=1 / sensor.rate,
+        range_min=reading.range_min,
+        range_max=reading.range_max,
+        ranges=reading.ranges.tolist(),
+    )
+
+
+def _imu(reading: ImuReading, head: Header, _: Fitting) -> Imu:
+    return Imu(
+        header=head,
+        orientation=Quaternion(*reading.orientation_xyzw),
+        angular_velocity=Vector3(*reading.angular_velocity_xyz),
+        linear_acceleration=Vector3(*reading.linear_acceleration_xyz),
+    )
+
+
+def _image(reading: CameraImage, head: Header, _: Fitting) -> Image:
+    height, width, depth = reading.rgb.shape
+    data = reading.rgb.tobytes()
+    return Image(header=head, height=height, width=width, encoding="rgb8", step=width * depth, data=data)
+
+
+def _touch(reading: ContactReading, _: Header, __: Fitting) -> Bool:
+    return Bool(reading.touching)
+
+
+_MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Header, Fitting], Any]]]] = {
+    "lidar": (LaserScan, _scan),
+    "imu": (Imu, _imu),
+    "camera": (Image, _image),
+    "contact": (Bool, _touch),
+}
+"""Kind of a sensor -> type of its messages, and what makes them."""

@@ -1,0 +1,340 @@
+"""Scenarios whose robots are driven by real nodes of ROS 1, and all that may go wrong with these."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.integration.test_examples import ROOT, outcomes, sim_action
+from tests.ros1.launches import needs_ros, package
+
+pytestmark = needs_ros
+
+HEAD = "#!/usr/bin/env python\nimport os\nimport rospy\nfrom geometry_msgs.msg import Twist\n"
+# Drives on, and does something else half a second later.
+DRIVE = f"""{HEAD}
+def drive(then=lambda: None, topic="/cmd_vel", speed=0.5):
+    commands = rospy.Publisher(topic, Twist, queue_size=1)
+    rate = rospy.Rate(10)
+    twist = Twist()
+    twist.linear.x = speed
+    while not rospy.is_shutdown():
+        commands.publish(twist)
+        if rospy.get_time() >= 0.5:
+            then()
+        rate.sleep()
+"""
+NODES = {
+    "mover.py": f'{DRIVE}\nrospy.init_node("mover")\ndrive(speed=rospy.get_param("~speed", 0.5))\n',
+    "crasher.py": f'{DRIVE}\n\ndef crash():\n    1 / 0\n\n\nrospy.init_node("crasher")\ndrive(crash)\n',
+    "killed.py": f'{DRIVE}\nrospy.init_node("killed")\ndrive(lambda: os.kill(os.getpid(), 9))\n',
+    "misled.py": f'{DRIVE}\nrospy.init_node("misled")\ndrive(topic="/cmd_vell")\n',
+    "lost.py": f'{DRIVE}\nrospy.init_node("lost")\ndrive(speed=float("nan"))\n',
+    "done.py": f'{HEAD}\nrospy.init_node("done")\nrospy.sleep(0.3)\n',
+    "importer.py": f"{HEAD}\nimport no_such_module\n",
+    "sleeper.py": f"{HEAD}\nimport time\ntime.sleep(600)\n",
+}
+
+
+def scenario(folder: Path, ros1: str, more: str = "") -> None:
+    """One in an otherwise empty repository with a workspace; what is said of nodes stands on line 4."""
+    (folder / ".git").mkdir()
+    package(folder / "ws", "nodes", NODES)
+    text = f"name: driven\nrobot: {{model: turtlebot3_burger}}\ncommands:\n  ros1: {ros1}\n{more}"
+    expected = "expect:\n  - travel: {at_least: 0.4 m}\ntime_limit: 2 s\n"
+    (folder / "ws/s.sim.yml").write_text(text + ("" if "expect:" in more else expected))
+
+
+def ran(folder: Path, *words: str) -> tuple[int, dict[str, Any]]:
+    """The exit code, and the only outcome."""
+    done = sim_action(folder, "run", "ws/s.sim.yml", "--no-report", *words)
+    (outcome,) = outcomes(folder)
+    return done.returncode, outcome
+
+
+def test_a_node_drives_the_same_way_every_time(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [{package: nodes, type: mover.py, params: {speed: 0.6}}]}")
+
+    code, outcome = ran(tmp_path, "--repeat", "3")
+
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+    assert outcome["repeats"] == {"count": 3, "agreed": 3, "digests": 1}
+    assert not [note for note in outcome["notes"] if "lock-step" in note]
+
+
+FAILURES = [
+    pytest.param("crasher", ["'crasher' ended with exit code 1: ZeroDivisionError"], "crasher.py", id="a crash"),
+    pytest.param("killed", ["'killed' ended with SIGKILL"], "s.sim.yml", id="a signal"),
+    pytest.param("importer", ["'importer' ended with exit code 1", "no_such_module"], "importer.py", id="no module"),
+]
+
+
+@pytest.mark.parametrize(("node", "causes", "file"), FAILURES)
+def test_a_node_that_dies_is_an_error_with_its_cause(node: str, causes: list[str], file: str, tmp_path: Path) -> None:
+    scenario(tmp_path, f"{{nodes: [nodes/mover.py, nodes/{node}.py]}}")
+
+    code, outcome = ran(tmp_path)
+
+    (failure,) = outcome["failures"]
+    assert (code, outcome["status"], failure["kind"]) == (1, "error", "script")
+    assert all(cause in failure["message"] for cause in causes), failure
+    assert Path(failure["location"]["file"]).name == file
+    assert failure["location"]["line"] == (4 if file == "s.sim.yml" else line_of(tmp_path, file))
+    # It is at the same moment however long it takes a process to be gone.
+    assert node == "importer" or "at 0.5" in failure["message"] or "at 0.6" in failure["message"], failure
+
+
+def line_of(folder: Path, file: str) -> int:
+    lines = (folder / "ws/src/nodes" / file).read_text().splitlines()
+    return next(n for n, line in enumerate(lines, start=1) if "1 / 0" in line or "no_such_module" in line)
+
+
+def test_a_crash_comes_at_the_same_moment_every_time(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/crasher.py]}")
+
+    said = {ran(tmp_path)[1]["failures"][0]["message"] for _ in range(3)}
+
+    assert len(said) == 1, said
+
+
+def test_nodes_may_put_away_what_they_have_once_the_run_is_over(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/keeper.py]}")
+    saved = tmp_path / "saved"
+    keeps = f'rospy.on_shutdown(lambda: (rospy.rostime.wallsleep(0.5), open("{saved}", "w").close()))'
+    package(tmp_path / "ws", "nodes", {"keeper.py": f'{DRIVE}\nrospy.init_node("keeper")\n{keeps}\ndrive()\n'})
+
+    code, outcome = ran(tmp_path)
+
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+    assert saved.exists()
+    assert not [note for note in outcome["notes"] if "left behind" in note]
+
+
+def test_a_required_node_that_is_done_is_an_error_and_another_may_leave(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/mover.py, {package: nodes, type: done.py, required: true}]}")
+    code, outcome = ran(tmp_path)
+    assert (code, outcome["status"]) == (1, "error")
+    assert "'done' has finished, and nothing goes on without it: it is required" in outcome["failures"][0]["message"]
+
+    path = tmp_path / "ws/s.sim.yml"
+    path.write_text(path.read_text().replace(", required: true", ""))
+    code, outcome = ran(tmp_path)
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+
+
+def test_a_robot_that_nobody_drives_is_told_of_with_what_may_be_meant(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/misled.py]}")
+
+    code, outcome = ran(tmp_path)
+
+    assert (code, outcome["status"]) == (1, "failed")
+    (note,) = [note for note in outcome["notes"] if "no node has driven the robot" in note]
+    assert "topics: {cmd_vel: /cmd_vell}" in note
+
+    path = tmp_path / "ws/s.sim.yml"
+    path.write_text(path.read_text().replace("misled.py]", "misled.py], topics: {cmd_vel: /cmd_vell}"))
+    code, outcome = ran(tmp_path)
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+
+
+def test_a_process_that_does_not_become_a_node_is_not_waited_for_for_ever(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/sleeper.py], start_within: 1 s}")
+
+    code, outcome = ran(tmp_path)
+
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+    (note,) = [note for note in outcome["notes"] if "has not become a node" in note]
+    assert "sleeper.py' has not become a node of ROS within 1 s" in note
+
+
+def test_a_command_that_is_no_number_is_an_error(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/lost.py]}")
+
+    code, outcome = ran(tmp_path)
+
+    assert (code, outcome["status"]) == (1, "error")
+    assert "a node said on /cmd_vel: Twist(" in outcome["failures"][0]["message"]
+    assert "not every value is finite" in outcome["failures"][0]["message"]
+
+
+def test_messages_that_cannot_be_written_are_told_at_the_scenario(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/mover.py]}")
+    package(tmp_path / "ws", "broken", {"msg/Broken.msg": "no_such_type field\n"})
+
+    code, outcome = ran(tmp_path)
+
+    assert (code, outcome["status"]) == (2, "error")
+    assert "genpy cannot write the messages of broken" in outcome["failures"][0]["message"]
+    assert outcome["failures"][0]["location"]["line"] == 4
+
+
+def test_a_node_that_never_waits_costs_lock_step_and_that_is_told(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/spinner.py]}")
+    spins = "import threading\n\n\ndef spin():\n    while True:\n        pass\n\n\n"
+    begun = "threading.Thread(target=spin, daemon=True).start()\n"
+    package(tmp_path / "ws", "nodes", {"spinner.py": f'{DRIVE}\n{spins}rospy.init_node("spinner")\n{begun}drive()\n'})
+
+    _, outcome = ran(tmp_path)
+
+    assert [note for note in outcome["notes"] if "lock-step was lost at 0 s" in note and "not deterministic" in note]
+
+
+def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/mover.py]}")
+    # Read by each interpreter as it starts.
+    absent = (
+        "from pathlib import Path\nfrom sim_action.ros1 import installation\ninstallation.PYTHON = Path('/no/python')\n"
+    )
+    (tmp_path / "sitecustomize.py").write_text(absent)
+    done = subprocess.run(
+        [sys.executable, "-m", "sim_action", "run", "ws/s.sim.yml", "--no-report"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}", "COLUMNS": "1000"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "invalid scenario: commands.ros1: ROS 1 is not installed here" in done.stdout
+    assert "sudo apt-get install --no-install-recommends python3-rospy" in done.stdout
+    assert "s.sim.yml:4:3" in done.stdout
+
+
+LAUNCHES = [
+    pytest.param('<launch><include file="$(find nods)/x.launch"/></launch>', ["'nods'", "'nodes'"], id="no package"),
+    pytest.param('<launch><group><param name="x"/></group></launch>', ["param", "x"], id="no launch file"),
+    pytest.param('<launch><node pkg="nodes" type="no.py" name="n"/></launch>', ["nodes/no.py"], id="no node"),
+    pytest.param('<launch><param name="x" value="$(arg a)"/></launch>', ["requires", "'a'"], id="no argument"),
+]
+
+
+@pytest.mark.parametrize(("text", "causes"), LAUNCHES)
+def test_a_launch_file_that_cannot_be_launched_is_an_error(text: str, causes: list[str], tmp_path: Path) -> None:
+    scenario(tmp_path, "{launch: [nodes, drive.launch]}")
+    (tmp_path / "ws/src/nodes/drive.launch").write_text(text)
+
+    code, outcome = ran(tmp_path)
+
+    (failure,) = outcome["failures"]
+    assert (code, outcome["status"]) == (1, "error")
+    assert all(cause in failure["message"] for cause in causes), failure
+    assert (failure["location"]["line"], failure["location"]["column"]) == (4, 3)
+
+
+PROBE = f"""{HEAD}
+import json, sys
+from gazebo_msgs.msg import ModelStates
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Image, Imu, JointState, LaserScan
+from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
+KINDS = {{
+    "/odom": Odometry, "/joint_states": JointState, "/scan": LaserScan, "/imu": Imu, "/bumper": Bool,
+    "/eye/image_raw": Image, "/tf": TFMessage, "/gazebo/model_states": ModelStates,
+}}
+heard = {{topic: [0, ""] for topic in KINDS}}
+
+def hear(message, topic):
+    heard[topic][0] += 1
+    heard[topic][1] = message.header.frame_id if hasattr(message, "header") else ""
+    if topic == "/gazebo/model_states":
+        heard[topic][1] = " ".join(message.name)
+
+rospy.init_node("probe")
+for topic, kind in KINDS.items():
+    rospy.Subscriber(topic, kind, hear, topic)
+rospy.sleep(1.005)
+heard["parameters"] = [rospy.get_param("/use_sim_time"), rospy.get_param("/robot_description")[:6]]
+with open(sys.argv[1], "w") as file:
+    json.dump(heard, file)
+rospy.spin()
+"""
+SENSORS = """\
+world: {objects: [{name: wall, box: [0.1, 1, 1], pose: {x: 2}}]}
+sensors:
+  - {lidar: {rays: 36}, link: base_scan, rate: 5 Hz}
+  - {imu: {}, rate: 120 Hz}
+  - {contact: {}, link: wheel_left_link, rate: 24 Hz}
+  - {camera: {width: 8, height: 6}, name: eye, rate: 2 Hz}
+expect: [no_collision]
+time_limit: 1.5 s
+"""
+
+
+def test_nodes_hear_of_the_robot_and_its_sensors(tmp_path: Path) -> None:
+    heard = tmp_path / "heard.json"
+    probe = f"{{package: nodes, type: probe.py, args: '{heard}'}}"
+    scenario(tmp_path, f"{{nodes: [{probe}], topics: {{contact: /bumper}}}}", SENSORS)
+    package(tmp_path / "ws", "nodes", {"probe.py": PROBE})
+
+    code, outcome = ran(tmp_path)
+
+    assert code == 0, outcome
+    told = json.loads(heard.read_text())
+    assert told == {
+        # From 0 s to the tick at which 1.005 s have gone by since the first that a clock tells.
+        "/odom": [31, "odom"],
+        "/joint_states": [31, ""],
+        "/scan": [6, "base_scan"],
+        "/imu": [123, "base_footprint"],
+        "/bumper": [25, ""],
+        "/eye/image_raw": [3, "base_footprint"],
+        "/tf": [31, ""],
+        "/gazebo/model_states": [123, "ground_plane wall turtlebot3_burger"],
+        "parameters": [True, "<robot"],
+    }
+
+
+def marked(folder: Path) -> list[int]:
+    """Processes that were born of a call in this folder."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                    found.append(int(entry.name))
+            except OSError:
+                continue
+    return found
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 120
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert condition()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_nothing_of_a_run_is_left_whoever_ends_it(number: signal.Signals, tmp_path: Path) -> None:
+    begun = tmp_path / "begun"
+    more = "expect: [no_collision]\ntime_limit: 1000 s\nwall_limit: 500 s\n"
+    scenario(tmp_path, "{nodes: [nodes/stays.py]}", more)
+    stays = f'{DRIVE}\nrospy.init_node("stays")\ndrive(lambda: open("{begun}", "w").close())\n'
+    package(tmp_path / "ws", "nodes", {"stays.py": stays})
+    call = subprocess.Popen(
+        [sys.executable, "-m", "sim_action", "run", "ws/s.sim.yml", "--no-report"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "MARK": str(tmp_path)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        wait_for(begun.exists)
+        os.kill(call.pid, number)
+        call.wait(120)
+    finally:
+        call.kill()
+
+    wait_for(lambda: marked(tmp_path) == [])
