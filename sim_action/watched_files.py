@@ -34,6 +34,7 @@ _NAMED: Final = re.compile(
     re.MULTILINE,
 )
 _FOUND: Final = re.compile(r"\$\(find ([\w.-]+)\)/?(.*)")
+_NODES: Final = ("**/*.py", "**/*.launch", "**/*.yaml", "package.xml")
 _LOOKS_LIKE_A_FILE: Final = re.compile(r"[^\s:]*\.[A-Za-z]\w{0,9}")
 
 Stamp = tuple[int, int, int] | None
@@ -58,9 +59,21 @@ class _Reader:
             yield from _in_folder(path.parent, "*.py")
 
     def _in_scenario(self, path: Path) -> Iterator[Path]:
-        for text in _texts(_document(path)):
+        data = _document(path)
+        for package in dict.fromkeys(_packages_of_nodes(data)):
+            yield from self._in_package(package, path)
+        for text in _texts(data):
             for name in dict.fromkeys((text, *_words(text), text.partition(":")[0])):
                 yield from self._at(path.parent, name)
+
+    def _in_package(self, name: str, referrer: Path) -> Iterator[Path]:
+        """What nodes of ROS 1 are made of; a package that is not of the workspace does not change."""
+        try:
+            folder = self.packages.find(name, referrer).path
+        except (PackageError, ValueError):
+            return
+        if folder.is_relative_to(self.workspace.root):
+            yield from _in_folder(folder, *_NODES)
 
     def _at(self, folder: Path, name: str) -> Iterator[Path]:
         if len(name) > _LONGEST_NAME or not name.isprintable():
@@ -151,6 +164,17 @@ def _mapped(data: object) -> Mapping[str, str]:
     stated = robot.get("packages") if isinstance(robot, dict) else None
     pairs = stated.items() if isinstance(stated, dict) else ()
     return {name: folder for name, folder in pairs if isinstance(name, str) and isinstance(folder, str)}
+
+
+def _packages_of_nodes(data: object) -> Iterator[str]:
+    """Names of packages, as far as `commands: {ros1: ...}` is what it should be."""
+    commands = data.get("commands") if isinstance(data, dict) else None
+    for source in commands if isinstance(commands, tuple) else (commands,):
+        spec = source.get("ros1") if isinstance(source, dict) else None
+        launch, nodes = (spec.get("launch"), spec.get("nodes")) if isinstance(spec, dict) else (None, None)
+        named = [*(launch[:1] if isinstance(launch, tuple) else ()), *(nodes if isinstance(nodes, tuple) else ())]
+        names = (node.get("package") if isinstance(node, dict) else node for node in named)
+        yield from (name.partition("/")[0] for name in names if isinstance(name, str))
 
 
 def _texts(data: object) -> Iterator[str]:

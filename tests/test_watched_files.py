@@ -55,6 +55,28 @@ def test_names_are_seen_from_the_file_that_they_stand_in() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    "ros1",
+    [
+        "{launch: [driver, drive.launch]}",
+        "{nodes: [driver/mover.py]}",
+        "{nodes: [{package: driver, type: mover.py}, {package: 3}, 4, nobody/a.py]}",
+    ],
+)
+def test_packages_of_nodes_are_watched(ros1: str) -> None:
+    of_package = [f"ws/src/driver/{name}" for name in ("launch/drive.launch", "mover.py", "package.xml")]
+    for name in of_package:
+        write(name, "<package><name>driver</name></package>")
+
+    assert set(of_package) <= set(found(f"commands: {{ros1: {ros1}}}"))
+    assert set(of_package) <= set(found(f"commands: [{{ros1: {ros1}}}]"))
+
+
+@pytest.mark.parametrize("ros1", ["3", "{}", "{launch: 3}", "{nodes: 3}", "{launch: []}"])
+def test_what_is_no_list_of_nodes_is_no_file(ros1: str) -> None:
+    assert found(f"commands: {{ros1: {ros1}}}") == ["sim/a.sim.yml"]
+
+
 def test_a_script_is_watched_with_what_it_may_import() -> None:
     write("sim/controller.py")
     write("sim/steering.py")
