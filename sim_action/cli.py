@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from sim_action import __version__
+from sim_action import __version__, garbage
 from sim_action.errors import ExitCode, SimActionError
 from sim_action.subcommands import SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.subcommands.paths import complain
@@ -25,14 +24,10 @@ _BEFORE_IMPORTS = {
     "PYDANTIC_DISABLE_PLUGINS": "__all__",
 }
 
-# What is imported stays. To look through it for garbage time and again, as Python does from 700 new objects on, takes
-# a tenth of a short call.
-_MADE_BEFORE_A_COLLECTION: Final = 500_000
-
 
 def main() -> NoReturn:
     """The entry point."""
-    gc.set_threshold(_MADE_BEFORE_A_COLLECTION)
+    garbage.look_rarely()
     _open_closed_streams()
     leave(call(sys.argv[1:]))
 

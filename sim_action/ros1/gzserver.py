@@ -7,11 +7,13 @@ import signal
 import sys
 from pathlib import Path
 
+from sim_action import garbage
 from sim_action.ros1.exchange import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, Request, new_run
 
 
 def main() -> None:
     """The entry of a fresh interpreter."""
+    garbage.look_rarely()
     # Before any thread is there, an engine's too: whichever does not block them may be given them (node.leaving).
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     folder = Path(os.environ[FOLDER_VARIABLE])
