@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.errors import ModelError
 from sim_action.messages import did_you_mean
@@ -17,7 +17,9 @@ from sim_action.models.packages import PackageError, Packages
 from sim_action.models.urdf import model_of, read_urdf
 from sim_action.robot_model import RobotModel
 from sim_action.workspace import PathError, Workspace
-from sim_action.world import Robot
+
+if TYPE_CHECKING:
+    from sim_action.world import Robot
 
 _BUILT_IN_FOLDER: Final = Path(__file__).parent / "built_in"
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,3 +62,11 @@ def test_an_error_has_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_a_model_that_is_not_here_is_told_with_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(_FALLBACKS / "turtlebot3_description/urdf/turtlebot3_waffle.urdf.xacro")]) == 2
     assert "turtlebot3_description into the workspace" in capsys.readouterr().err
+
+
+def test_it_imports_nothing_of_scenarios() -> None:
+    # Each launch file of a robot calls it, and waits.
+    code = (
+        "import sys, sim_action.ros1.xacro; print(sorted({'pydantic', 'numpy', 'sim_action.world'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
