@@ -43,7 +43,7 @@ def serve(folder: Path, request: Request) -> None:
     leaving.begin(NAME.strip("/"))
     _Server(folder, request).run().write(folder)
     # Whoever is left may still ask; what tells it to leave is roslaunch.
-    rospy.spin()
+    leaving.wait()
 
 
 class _Server:

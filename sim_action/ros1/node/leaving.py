@@ -13,13 +13,21 @@ from typing import Final
 import rospy
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_left: Final = threading.Event()
 
 
 def begin(name: str) -> None:
     """Makes this process a node that leaves when it is told to, with all its threads; before any other is started."""
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     rospy.init_node(name, disable_signals=True)
+    # Called after those of rospy itself: the master knows by then that this node has gone.
+    rospy.core.add_shutdown_hook(lambda _: _left.set())
     threading.Thread(target=_wait, name="leaving", daemon=True).start()
+
+
+def wait() -> None:
+    """Returns once the node has left; rospy.spin() would look for that every half a second."""
+    _left.wait()
 
 
 def _wait() -> None:
