@@ -6,6 +6,7 @@ import argparse
 import os
 import signal
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +21,9 @@ from sim_action.geometry import quaternion_from_rpy
 
 _PLACE: Final = ("x", "y", "z", "R", "P", "Y")
 _LEAVING: Final = 2  # s
+# As the master's answers begin (ROS Master API).
+_KNOWN: Final = 1
+_LOOK: Final = 0.02  # s
 
 
 def spawn(words: Sequence[str] | None = None) -> int:
@@ -69,8 +73,19 @@ def _asked(space: str, asked: argparse.Namespace, description: str) -> Any:
 
 
 def _service(space: str, name: str, kind: Any) -> Any:
-    rospy.wait_for_service(f"{space}/{name}")
-    return rospy.ServiceProxy(f"{space}/{name}", kind)
+    called = rospy.resolve_name(f"{space}/{name}")
+    # What waits for services in rospy looks three times a second.
+    while not (rospy.is_shutdown() or _is_there(called)):
+        time.sleep(_LOOK)
+    rospy.wait_for_service(called)
+    return rospy.ServiceProxy(called, kind)
+
+
+def _is_there(service: str) -> bool:
+    with suppress(OSError):
+        code, *_ = rospy.get_master().lookupService(service)
+        return bool(code == _KNOWN)
+    return False
 
 
 def _description(asked: argparse.Namespace) -> str:
