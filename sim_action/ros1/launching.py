@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -64,14 +64,20 @@ class Call:
         files = {path.name for path in package.rglob("*") if path.suffix in (".test", ".launch")}
         raise self._invalid(f"the package has no file '{request.file}'{did_you_mean(request.file, files)}")
 
-    def launched(self, file: Path, interruption: Interruption) -> Findings:
-        """What the launch has left, once all of its processes are gone. Raises UsageError."""
+    def launched(
+        self, file: Path, interruption: Interruption, meanwhile: Callable[[], object] = lambda: None
+    ) -> Findings:
+        """What the launch has left, once all of its processes are gone. Raises UsageError.
+
+        `meanwhile`: called once it has begun, when this process has nothing to do but to wait.
+        """
         tags = test_tags(file)
         asked = self._asked(tags)
         (self.folder / REQUEST_FILE).write_text(asked.model_dump_json(), encoding="utf-8")
         more = {"ROS_TEST_RESULTS_DIR": str(self.folder / RESULTS), "ROS_LOG_DIR": str(self.folder / LOGS)}
         launch = Launch.start(self._words(file), self.overlay, self.folder, more)
         try:
+            meanwhile()
             deadline = time.monotonic() + (self.request.wall_limit or _wall_limit(tags))
             watch = Watch(launch, deadline, has_tests=self.request.program == "rostest")
             ending = watch.wait(interruption)

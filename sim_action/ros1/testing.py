@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -16,7 +17,8 @@ from sim_action import __version__
 from sim_action.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.interruption import Interruption
 from sim_action.outcome import Outcome
-from sim_action.reporting import ReportRequest, report_options, write_reports
+from sim_action.reporting import ReportRequest, make_ready, report_options, write_reports
+from sim_action.reports import ReportOptions
 from sim_action.results import Results
 from sim_action.ros1.exchange import REPLAY_FILE, TRACE_FILE
 from sim_action.ros1.findings import Run
@@ -42,7 +44,7 @@ def run(request: RosRequest, reports: ReportRequest, interruption: Interruption)
         folder = Path(os.path.realpath(scratch))
         overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve())
         call = Call(request, ros, overlay, _made(folder / "call"))
-        outcomes = tuple(_outcomes(call, options.folder, interruption))
+        outcomes = tuple(_outcomes(call, options, interruption))
     results = Results(
         sim_action=__version__,
         python=platform.python_version(),
@@ -68,16 +70,16 @@ def _parent() -> str:
     )
 
 
-def _outcomes(call: Call, results: Path, interruption: Interruption) -> Iterator[Outcome]:
+def _outcomes(call: Call, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:
     """With the trace and the replay of each where those of other runs are."""
-    request, started = call.request, time.monotonic()
+    request, results, started = call.request, options.folder, time.monotonic()
     try:
         file = call.file()
     except InvalidScenario as error:
         known = {"name": f"{request.package}/{request.file}", "call": request.words}
         yield Outcome.of_invalid(request.file, error).model_copy(update=known)
         return
-    findings = call.launched(file, interruption)
+    findings = call.launched(file, interruption, partial(make_ready, options))
     judged = Judge(request, shown_path(file.resolve()), time.monotonic() - started).outcomes(findings)
     paths = trace_paths([outcome.name for outcome, _ in judged], results)
     for (outcome, run), path in zip(judged, paths, strict=True):
