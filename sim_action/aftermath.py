@@ -141,7 +141,7 @@ def _left_behind(child: Child) -> tuple[str, ...]:
 def _failure(child: Child, ending: Ending, output: str) -> Failure:
     place = _stuck_at(child.job) if ending == "wall limit" else None
     kind, title, cause = _cause(child, ending, output, place)
-    message = "; ".join((cause, f"sim time had come to {child.sim_time:.2f} s", *_left_behind(child)))
+    message = "; ".join((cause, f"it was last heard of at {child.sim_time:.2f} s of sim time", *_left_behind(child)))
     if place is None and ending == "wall limit":
         place = _limiting_key(child.job.loaded.document)
     return Failure(kind=kind, title=title, message=message, location=place, details=_last_words(output))

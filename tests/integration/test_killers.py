@@ -68,7 +68,7 @@ KILLERS: Final = {
         "if os.fork() == 0: time.sleep(600)\nos._exit(7)",
         "",
         "crash",
-        "sim time had come to 0.00 s; ended a process that its script had left behind",
+        "it was last heard of at 0.00 s of sim time; ended a process that its script had left behind",
     ),
     "leaves a session": (
         LEAVES_A_SESSION,
