@@ -35,6 +35,7 @@ _SENTENCES = {
     "greater_than_equal": "must be at least {ge}, found {found}",
     "less_than": "must be less than {lt}, found {found}",
     "less_than_equal": "must be at most {le}, found {found}",
+    "string_pattern_mismatch": "expected text that fits {pattern}, found {found}",
     "too_long": "expected a list of {max_length}, found {found}",
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",

@@ -74,6 +74,11 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
             "7:21: commands.twist.0.angle: unknown key; did you mean 'angular'? (allowed: angular,",
         ),
         ("name:", "wall_limt: 1\nname:", f"1:1: wall_limt: unknown key; did you mean 'wall_limit'? {KEYS}"),
+        (
+            "name:",
+            "tags: [größe]\nname:",
+            "1:8: tags.0: expected text that fits ^[A-Za-z0-9][A-Za-z0-9_.-]*$, found 'größe'",
+        ),
         ("travel:", "travle:", "9:5: expect.0.travle: unknown assertion 'travle'; did you mean 'travel'? (allowed: "),
         ("twist:", "twists:", "6:3: commands.twists: unknown command 'twists'; did you mean 'twist'? (allowed: "),
         (MODEL, f"{MODEL}\n  drive: {{dif: {{}}}}", "4:11: robot.drive.dif: unknown drive 'dif'; did you mean 'diff'?"),
