@@ -40,12 +40,18 @@ class ScriptProblem(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class ScriptClass:
-    """A class of a script; `is_plain`: all that it has stands in its body."""
+    """A class of a script.
+
+    Attributes:
+        is_plain: all that it has stands in its body.
+        asks_for: the first argument that its own `__init__` cannot do without; None: there is none.
+    """
 
     name: str
     line: int
     names: frozenset[str]
     is_plain: bool
+    asks_for: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +96,18 @@ def _parsed(source: bytes) -> Script | str:
 
 def _class_of(node: ast.ClassDef) -> ScriptClass:
     is_plain = not (node.bases or node.keywords or node.decorator_list)
-    return ScriptClass(node.name, node.lineno, _names_bound_in(node.body), is_plain)
+    inits = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
+    asks_for = _asked(inits[-1].args) if inits and not inits[-1].decorator_list else None
+    return ScriptClass(node.name, node.lineno, _names_bound_in(node.body), is_plain, asks_for)
+
+
+def _asked(arguments: ast.arguments) -> str | None:
+    """The first argument of a method, but for `self`, that has no default."""
+    plain = [*arguments.posonlyargs, *arguments.args]
+    needed = plain[1 : len(plain) - len(arguments.defaults)]
+    pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
+    needed += [argument for argument, default in pairs if default is None]
+    return needed[0].arg if needed else None
 
 
 def _names_bound_in(body: Sequence[ast.AST]) -> frozenset[str]:

@@ -47,8 +47,13 @@ def _must_have(names: Collection[str], name: str, missing: str, likely: Collecti
 
 
 def class_problem(script: Script, name: str) -> str | None:
-    """What is plainly missing from a class that inherits nothing: its method `step`."""
-    for found in script.classes:
-        if found.name == name and found.is_plain and "step" not in found.names:
-            return f":{found.line}: class '{name}' has no method 'step'{did_you_mean('step', found.names)}"
+    """What is plainly wrong with a class that inherits nothing: it has no method `step`, or cannot be made."""
+    found = next((each for each in script.classes if each.name == name and each.is_plain), None)
+    if found is None:
+        return None
+    if "step" not in found.names:
+        return f":{found.line}: class '{name}' has no method 'step'{did_you_mean('step', found.names)}"
+    if found.asks_for is not None:
+        asks = f"its __init__ asks for '{found.asks_for}'; what it has to know of the robot, reset(self, robot) is told"
+        return f":{found.line}: class '{name}' is made without arguments, and {asks}"
     return None

@@ -349,6 +349,9 @@ def test_a_key_says_which_of_two_controllers_is_asked(tmp_path: Path) -> None:
         failing.command(START)
 
 
+STEP = "    def step(self, seen): ...\n"
+
+
 def test_class_and_function_exclude_each_other(tmp_path: Path) -> None:
     written(tmp_path, BOTH)
     spec = ScriptCommands.model_validate({"script": "controller.py", "class": "Controller", "function": "control"})
@@ -360,6 +363,11 @@ def test_class_and_function_exclude_each_other(tmp_path: Path) -> None:
     [
         ("class Controller:\n    def stepp(self, seen): ...", "class 'Controller' has no method 'step'; did you mean"),
         ("class Controler:\n    def step(self, seen): ...", "no class 'Controller'; did you mean 'Controler'?"),
+        (
+            f"class Controller:\n    def __init__(self, robot): ...\n{STEP}",
+            ":1: class 'Controller' is made without arg",
+        ),
+        (f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}", "its __init__ asks for 'bot'"),
     ],
 )
 def test_a_class_that_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
@@ -374,9 +382,12 @@ def test_a_class_that_cannot_work_is_a_problem(text: str, message: str, tmp_path
         "from neighbour import Base\nclass Controller(Base): ...",
         "def made(kind): return kind\n@made\nclass Controller: ...",
         "class Controller:\n    step = print",
+        f"class Controller:\n    def __init__(self, a=1, /, *more, b=2, **others): ...\n{STEP}",
+        f"class Controller:\n    def __init__(*all): ...\n{STEP}",
+        f"def made(kind): return kind\nclass Controller:\n    @made\n    def __init__(self, a): ...\n{STEP}",
     ],
 )
-def test_a_step_may_come_from_elsewhere(text: str, tmp_path: Path) -> None:
+def test_what_may_well_work_is_no_problem(text: str, tmp_path: Path) -> None:
     assert problems(tmp_path, written(tmp_path, text)) == []
 
 
