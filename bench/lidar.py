@@ -92,24 +92,25 @@ def _load(engine: str, sensors: str) -> LoadedScenario:
         return load_scenario(path)
 
 
-def _pybullet(_: Any, scan_period: int) -> object:
+def _pybullet(backend: Any, scan_period: int) -> object:
     import pybullet
 
-    robot = pybullet.getBodyUniqueId(pybullet.getNumBodies() - 1)
-    infos = [pybullet.getJointInfo(robot, index) for index in range(pybullet.getNumJoints(robot))]
+    client = backend._client  # noqa: SLF001 - as a user would have it at hand
+    robot = pybullet.getBodyUniqueId(pybullet.getNumBodies(client) - 1, client)
+    infos = [pybullet.getJointInfo(robot, index, client) for index in range(pybullet.getNumJoints(robot, client))]
     wheels = [info[0] for info in infos if info[3] >= 0]
     (lidar,) = (info[0] for info in infos if info[12] == b"base_scan")
     rows, scans = [], []
     for step in range(1, STEPS + 1):
         if step % scan_period == 0:
-            place, turned = pybullet.getLinkState(robot, lidar, computeForwardKinematics=1)[4:6]
+            place, turned = pybullet.getLinkState(robot, lidar, computeForwardKinematics=1, physicsClientId=client)[4:6]
             matrix = np.reshape(pybullet.getMatrixFromQuaternion(turned), (3, 3))
             ends = (_DIRECTIONS @ matrix.T + place).tolist()
-            hits = pybullet.rayTestBatch([place] * 360, ends, collisionFilterMask=3)
+            hits = pybullet.rayTestBatch([place] * 360, ends, collisionFilterMask=3, physicsClientId=client)
             scans.append(np.array([hit[2] * RANGE if hit[0] >= 0 else np.inf for hit in hits]))
-        pybullet.stepSimulation()
-        base = pybullet.getBasePositionAndOrientation(robot), pybullet.getBaseVelocity(robot)
-        rows.append((*base, pybullet.getJointStates(robot, wheels)))
+        pybullet.stepSimulation(client)
+        base = pybullet.getBasePositionAndOrientation(robot, client), pybullet.getBaseVelocity(robot, client)
+        rows.append((*base, pybullet.getJointStates(robot, wheels, client)))
     return rows, scans
 
 

@@ -22,15 +22,21 @@ Row = tuple[float, ...]
 
 def drive() -> list[Row]:
     """One run, from connection to the last sample."""
-    pybullet.connect(pybullet.DIRECT)
-    pybullet.setGravity(0, 0, -9.80665)
-    pybullet.setPhysicsEngineParameter(fixedTimeStep=1 / RATE, deterministicOverlappingPairs=1)
-    ground = pybullet.createMultiBody(0, pybullet.createCollisionShape(pybullet.GEOM_PLANE))
-    pybullet.changeDynamics(ground, -1, lateralFriction=1)
-    robot = pybullet.loadURDF(str(MODEL), flags=pybullet.URDF_USE_IMPLICIT_CYLINDER)
-    for link in range(-1, pybullet.getNumJoints(robot)):
-        pybullet.changeDynamics(robot, link, linearDamping=0, angularDamping=0)
-    wheels = [index for index in range(pybullet.getNumJoints(robot)) if pybullet.getJointInfo(robot, index)[2] == 0]
+    client = pybullet.connect(pybullet.DIRECT)
+    engine = {"physicsClientId": client}
+    pybullet.setGravity(0, 0, -9.80665, client)
+    pybullet.setPhysicsEngineParameter(fixedTimeStep=1 / RATE, deterministicOverlappingPairs=1, **engine)
+    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, **engine)
+    ground = pybullet.createMultiBody(0, shape, **engine)
+    pybullet.changeDynamics(ground, -1, lateralFriction=1, **engine)
+    robot = pybullet.loadURDF(str(MODEL), flags=pybullet.URDF_USE_IMPLICIT_CYLINDER, **engine)
+    for link in range(-1, pybullet.getNumJoints(robot, client)):
+        pybullet.changeDynamics(robot, link, linearDamping=0, angularDamping=0, **engine)
+    wheels = [
+        index
+        for index in range(pybullet.getNumJoints(robot, client))
+        if pybullet.getJointInfo(robot, index, client)[2] == 0
+    ]
     rows = []
     for step in range(-SETTLE_STEPS, RATE * DURATION):
         speed = min(1.0, max(0, step + 1) / RATE)
@@ -41,14 +47,15 @@ def drive() -> list[Row]:
                 pybullet.VELOCITY_CONTROL,
                 targetVelocities=[speed / WHEEL_RADIUS] * 2,
                 forces=[10, 10],
+                **engine,
             )
-        pybullet.stepSimulation()
-        position, orientation = pybullet.getBasePositionAndOrientation(robot)
-        linear, angular = pybullet.getBaseVelocity(robot)
-        states = pybullet.getJointStates(robot, wheels)
+        pybullet.stepSimulation(client)
+        position, orientation = pybullet.getBasePositionAndOrientation(robot, client)
+        linear, angular = pybullet.getBaseVelocity(robot, client)
+        states = pybullet.getJointStates(robot, wheels, client)
         joints = [value for state in states for value in (state[0], state[1], state[3])]
         rows.append((*position, *orientation, *linear, *angular, *joints))
-    pybullet.disconnect()
+    pybullet.disconnect(client)
     return rows
 
 

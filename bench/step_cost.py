@@ -56,15 +56,17 @@ def _raw(loaded: LoadedScenario) -> float:
     drive = loaded.scenario.robot.drive
     brake = drive.open(scene.model, physics.rate).targets(Twist(), 1) if drive else []
     backend.advance(-settling, [*brake, *[None] * (settling - len(brake))])
-    robot = pybullet.getBodyUniqueId(pybullet.getNumBodies() - 1)
-    joints = [n for n in range(pybullet.getNumJoints(robot)) if pybullet.getJointInfo(robot, n)[3] >= 0]
+    client = backend._client  # noqa: SLF001 - as a user would have it at hand
+    robot = pybullet.getBodyUniqueId(pybullet.getNumBodies(client) - 1, client)
+    infos = [pybullet.getJointInfo(robot, index, client) for index in range(pybullet.getNumJoints(robot, client))]
+    joints = [info[0] for info in infos if info[3] >= 0]
     steps = round(SECONDS * physics.rate)
     rows = []
     started = time.perf_counter()
     for _ in range(steps):
-        pybullet.stepSimulation()
-        base = pybullet.getBasePositionAndOrientation(robot), pybullet.getBaseVelocity(robot)
-        rows.append((*base, pybullet.getJointStates(robot, joints) if joints else ()))
+        pybullet.stepSimulation(client)
+        base = pybullet.getBasePositionAndOrientation(robot, client), pybullet.getBaseVelocity(robot, client)
+        rows.append((*base, pybullet.getJointStates(robot, joints, client) if joints else ()))
     took = time.perf_counter() - started
     backend.close()
     return took / steps * 1e6

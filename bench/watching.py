@@ -86,17 +86,18 @@ def _load(engine: str, watching: str) -> LoadedScenario:
         return load_scenario(path)
 
 
-def _pybullet(_: Any) -> object:
+def _pybullet(backend: Any) -> object:
     import pybullet
 
-    robot = pybullet.getBodyUniqueId(pybullet.getNumBodies() - 1)
-    infos = [pybullet.getJointInfo(robot, index) for index in range(pybullet.getNumJoints(robot))]
+    client = backend._client  # noqa: SLF001 - as a user would have it at hand
+    robot = pybullet.getBodyUniqueId(pybullet.getNumBodies(client) - 1, client)
+    infos = [pybullet.getJointInfo(robot, index, client) for index in range(pybullet.getNumJoints(robot, client))]
     wheels = [info[0] for info in infos if info[3] >= 0]
     rows = []
     for _step in range(STEPS):
-        pybullet.stepSimulation()
-        base = pybullet.getBasePositionAndOrientation(robot), pybullet.getBaseVelocity(robot)
-        rows.append((*base, pybullet.getJointStates(robot, wheels)))
+        pybullet.stepSimulation(client)
+        base = pybullet.getBasePositionAndOrientation(robot, client), pybullet.getBaseVelocity(robot, client)
+        rows.append((*base, pybullet.getJointStates(robot, wheels, client)))
     return rows
 
 

@@ -108,7 +108,7 @@ def _subfolder(scratch: Path, index: int) -> Path:
 
 
 def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:
-    """Imports the engines that they run on, and makes ready what children write, once for all of them."""
+    """Makes ready the engines that they run on, and what children write, once for all of them."""
     Outcome.model_rebuild()
     if replays:
         from sim_action.replay import making
@@ -116,7 +116,7 @@ def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, rep
         making.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
     with muted():
         for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
-            BACKENDS.load(engine)
+            BACKENDS.load(engine).warm_up()
     for package in (package for name in formats if scenarios for package in EXPORTS.load(name).packages):
         import_module(package)
 

@@ -93,9 +93,9 @@ class Footage:
 
     def _rows(self, seen: Trace, stride: int, *, is_last: bool) -> NDArray[np.intp]:
         """Those of every stride-th step, counted from t = 0."""
-        first_step = round(seen.time[0] * self._rate)
+        first_step, last = round(seen.time[0] * self._rate), len(seen) - 1
         rows = np.arange(-first_step % stride, len(seen), stride)
-        last = len(seen) - 1
+        # numpy's own union imports masked arrays, which takes longer than most replays.
         return np.append(rows, last) if is_last and last not in rows[-1:] else rows
 
 

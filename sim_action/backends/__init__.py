@@ -67,6 +67,9 @@ class BackendFactory(Protocol):
     def __call__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> Backend:
         """Loads a scene; `channels`: what traces hold beside the robot's state. Raises EngineError."""
 
+    def warm_up(self) -> None:
+        """Makes ready what any scene needs, once for all processes that are forked from this one."""
+
 
 BACKENDS: Final = Table[BackendFactory](
     "engine",

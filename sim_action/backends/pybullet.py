@@ -20,6 +20,7 @@ from sim_action.backends.body_tracks import BodyTracks
 from sim_action.backends.clearances import Clearances
 from sim_action.backends.glance import Glance
 from sim_action.backends.push import wrench
+from sim_action.backends.pybullet_connection import connect_ahead, connected
 from sim_action.backends.pybullet_distances import Distances
 from sim_action.backends.pybullet_links import in_link_frame, link_pose, link_twist
 from sim_action.backends.pybullet_overlaps import clashes, overlaps
@@ -28,11 +29,11 @@ from sim_action.backends.pybullet_rays import cast_rays, hide_from_rays
 from sim_action.backends.pybullet_scene import (
     BASE,
     add_gear,
-    add_ground,
     add_object,
     add_rotor,
     configure,
     load_robot,
+    pave,
     place,
     set_surfaces,
 )
@@ -53,13 +54,14 @@ class PyBulletBackend:
     """One DIRECT connection with the scene in it."""
 
     version = f"pybullet {version('pybullet')}"
+    warm_up = staticmethod(connect_ahead)
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
-        self._client = pybullet.connect(pybullet.DIRECT)
+        self._client, self._ground = connected()
         self._glance = Glance()
         try:
             configure(self._client, scene.physics.rate, scene.world.gravity_xyz)
-            self._ground, tiles = add_ground(self._client, scene.world)
+            tiles = pave(self._client, self._ground, scene.world)
             self._objects = {
                 body.name: add_object(self._client, body, scene.parts_of(body)) for body in scene.world.objects
             }

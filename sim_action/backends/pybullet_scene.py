@@ -46,10 +46,8 @@ def configure(client: int, rate: float, gravity_xyz: Vector3) -> None:
     )
 
 
-def add_ground(client: int, world: World) -> tuple[int, list[int]]:
-    """Adds the plane z = 0; returns the engine's number for it, and those of the tiles that take its place."""
-    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
-    plane = int(pybullet.createMultiBody(0, shape, physicsClientId=client))
+def pave(client: int, plane: int, world: World) -> list[int]:
+    """Makes the plane z = 0 the ground of a world; returns the engine's numbers for tiles that take its place."""
     _set_dynamics(client, plane, BASE, lateralFriction=world.ground.friction)
     tiles = [
         number
@@ -59,7 +57,7 @@ def add_ground(client: int, world: World) -> tuple[int, list[int]]:
     if tiles:
         # What is asked for how far it is from the ground asks the plane, which nothing touches.
         pybullet.setCollisionFilterGroupMask(plane, BASE, 0, 0, physicsClientId=client)
-    return plane, tiles
+    return tiles
 
 
 def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int, Pose]]:

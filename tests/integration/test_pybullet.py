@@ -171,3 +171,21 @@ def test_a_bolted_base_touches_what_moves_and_not_what_is_fixed(tmp_path: Path) 
     with scene(tmp_path, BALL, bolted, World(objects=(wall, crate)), contacts=True) as backend:
         backend.advance(0, [None] * 240)
         assert {contact.body for contact in backend.collect().contacts} == {"crate"}
+
+
+def test_a_connection_that_was_made_ahead_is_like_any_other_and_is_used_once(tmp_path: Path) -> None:
+    from sim_action.backends.pybullet import PyBulletBackend
+
+    def fall() -> tuple[int, list[list[float]]]:
+        world = World(objects=(Body(name="stone", sphere=Sphere(radius=0.1), mass=1, pose=Placement(x=0.15)),))
+        with scene(tmp_path, BALL, Robot(model="robot.urdf", pose=Placement(z=0.5)), world) as backend:
+            backend.advance(0, [None] * 240)
+            return backend._client, backend.collect().state.tolist()
+
+    PyBulletBackend.warm_up()
+    PyBulletBackend.warm_up()
+    with scene(tmp_path, BALL, Robot(model="robot.urdf")) as ahead:
+        later, fallen = fall()
+        assert later != ahead._client
+    PyBulletBackend.warm_up()
+    assert fall() == (ahead._client, fallen)

@@ -94,6 +94,10 @@ class MuJoCoBackend:
         self._touches: list[Contact] = []
         self._glance = Glance()
 
+    @staticmethod
+    def warm_up() -> None:
+        """See BackendFactory.warm_up; there is nothing that would be the same for all."""
+
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """See Backend.advance."""
         self._glance.settle()
