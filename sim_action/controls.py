@@ -55,6 +55,8 @@ class Controls:
         self._told = told
         self._motion = motion
         self._twist: Twist | None = None
+        # The numbers of the twist that the wheels have come to, and turn on as they were told.
+        self._reached: tuple[float, ...] = ()
         self._owners: dict[str, _Source] = {}
         self._driver: _Source | None = None
         scenes = _seen_by(scenario.commands, scene)
@@ -64,7 +66,8 @@ class Controls:
                 for index, (source, seen) in enumerate(zip(scenario.commands, scenes, strict=True))
             ]
             self._closing = closing.pop_all()
-        self._closed_loops = any(isinstance(source.controller, ClosedLoop) for source in self._sources)
+        looking = [source for source in self._sources if isinstance(source.controller, ClosedLoop)]
+        self._look_together = len(looking) > 1
 
     @property
     def are_watching(self) -> bool:
@@ -100,17 +103,27 @@ class Controls:
         """Targets for the steps from here to the next tick, or to step `end`; None: as before. Raises ScriptError."""
         asked = self._ask(step, look)
         steps = min([end - step, *(source.period - step % source.period for source in self._sources)])
-        planned: list[JointTargets] = []
-        if self._motion and self._twist:
-            planned = self._motion.targets(self._twist, steps)
+        planned = self._driven(steps)
         if asked is not None:
             planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
         return padded(planned, steps)
 
+    def _driven(self, steps: int) -> list[JointTargets]:
+        """What the drive tells the wheels for the present twist; nothing once they were told all of it."""
+        if self._motion is None or self._twist is None:
+            return []
+        # Copied: a script may change the vectors of a twist that it has given.
+        twist = (*self._twist.linear_xyz, *self._twist.angular_xyz)
+        if twist == self._reached:
+            return []
+        planned = self._motion.targets(self._twist, steps)
+        self._reached = twist if len(planned) < steps else ()
+        return planned
+
     def _ask(self, step: int, look: Look) -> JointTargets | None:
         """Takes the commands of this tick; returns the joint targets among them."""
         targets: JointTargets | None = None
-        look_once = lru_cache(maxsize=1)(look) if self._closed_loops else look
+        look_once = lru_cache(maxsize=1)(look) if self._look_together else look
         for source in self._sources:
             if step % source.period:
                 continue
@@ -134,7 +147,7 @@ class Controls:
         targets = targets.updated_by(command) if targets else command
         if self._motion and not self._motion.joints.isdisjoint(command.names()):
             # A source that turns the wheels by hand takes them over from the drive.
-            targets, self._twist = self._motion.released.updated_by(targets), None
+            targets, self._twist, self._reached = self._motion.released.updated_by(targets), None, ()
         return targets
 
     def _commands(self, source: _Source, step: int, look: Look) -> tuple[Command, ...]:
@@ -149,7 +162,8 @@ class Controls:
 
     def _refuse_two_ways(self, commands: tuple[Command, ...]) -> None:
         """Raises ScriptError for a twist beside targets for the wheels that it turns."""
-        if self._motion is None or not any(isinstance(command, Twist) for command in commands):
+        # One command is one way, which saves most ticks the search.
+        if self._motion is None or len(commands) < 2 or not any(isinstance(command, Twist) for command in commands):
             return
         named = {name for command in commands if isinstance(command, JointTargets) for name in command.names()}
         if wheels := self._motion.joints & named:

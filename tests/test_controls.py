@@ -38,6 +38,16 @@ def twist_and_nothing(observation):
 
 def nothing(observation):
     return JointTargets()
+
+THE_SAME = Twist([0.05, 0.0, 0.0], [0.0, 0.0, 0.0])
+
+def changed_in_place(observation):
+    THE_SAME.linear_xyz[0] = 0.05 if observation.time < 0.3 else 0.1
+    return THE_SAME
+
+def by_hand_in_between(observation):
+    by_hand = 0.25 < observation.time < 0.35
+    return JointTargets(velocity={"wheel_left_joint": 3.0}) if by_hand else Twist.planar(0.05)
 """
 
 
@@ -146,6 +156,18 @@ def test_one_source_may_take_the_wheels_over_from_the_drive(tmp_path: Path) -> N
     (target, *others) = found.plan(24, 48, lambda _: Observation(0.1, START.pose, START.twist, START.joints))
     assert target == JointTargets(velocity={"wheel_left_joint": 3.0})
     assert others == [None] * 23
+
+
+@pytest.mark.parametrize("function", ["changed_in_place", "by_hand_in_between"])
+def test_wheels_are_told_of_a_twist_until_they_turn_as_it_says_and_again_when_they_no_longer_do(
+    tmp_path: Path, function: str
+) -> None:
+    found = controls(tmp_path, script(function))
+    ticks = [
+        found.plan(step, step + 24, lambda now: Observation(now / 240, START.pose, START.twist, START.joints))
+        for step in range(0, 144, 24)
+    ]
+    assert [any(tick) for tick in ticks] == [True, False, False, True, function == "by_hand_in_between", False]
 
 
 ROVER = Path(__file__).parent.parent / "examples/drives/rover.urdf"
