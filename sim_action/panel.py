@@ -62,7 +62,7 @@ class Panel:
         if any(m.state is State.BROKEN for m in self._decisive()):
             return "broken"
         duration = self.scenario.duration
-        if self.has_goals and not self._pending() and self._reached(duration or 0.0) and self._all_opened():
+        if self.has_goals and not self.is_pending and self._reached(duration or 0.0) and self._all_opened():
             return "goals met"
         if not self.has_goals and duration is not None and self._reached(duration) and self._all_opened():
             return "duration"
@@ -93,7 +93,9 @@ class Panel:
         pairs = zip(self.monitors, self.scenario.expect, strict=True)
         return [monitor for monitor, expected in pairs if expected.severity == "error"]
 
-    def _pending(self) -> bool:
+    @property
+    def is_pending(self) -> bool:
+        """Whether there is still something that must come true."""
         return any(monitor.state is State.PENDING for monitor in self.monitors)
 
     def _all_opened(self) -> bool:

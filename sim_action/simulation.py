@@ -36,8 +36,10 @@ Progress = Callable[[float], None]
 # At rest: nothing moves faster than this, in m/s and rad/s, at the end of a period of settling.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD: Final = 0.1
-# How long the panel waits for its next look, in s: it looks at every step then, but looking costs.
+# How long the panel waits for its next look, in s: it looks at every step then, but looking costs. What was stepped
+# beyond the end of the run is for nothing: goals are there to be met before the end, invariants not to be broken.
 _PERIOD: Final = 0.5
+_PERIOD_WITHOUT_GOALS: Final = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,13 +151,12 @@ class _Loop:
         footage.begin(start)
         started = time.perf_counter()
         while panel.end is None:
-            trace, failure = self._advance()
+            trace, failure = self._advance(_PERIOD if panel.is_pending else _PERIOD_WITHOUT_GOALS, progress)
             if len(trace):
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
                 is_last = panel.end is not None or failure is not None
                 footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
-                progress(panel.time)
             if isinstance(failure, SourceOver):
                 break
             if failure is not None and panel.end is None:
@@ -197,9 +198,9 @@ class _Loop:
         if limit:
             self._notes.append(f"not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0")
 
-    def _advance(self) -> tuple[Trace, RunError | None]:
-        """The moments of the next period, and what ended it early; the run may have been over before that."""
-        end = min(self._last_step, self._step + max(1, self._scenario.steps(_PERIOD)))
+    def _advance(self, period: float, progress: Progress) -> tuple[Trace, RunError | None]:
+        """The moments of the next period in s, and what ended it early; the run may have been over before that."""
+        end, rate = min(self._last_step, self._step + max(1, self._scenario.steps(period))), self._scenario.physics.rate
         failure: RunError | None = None
         try:
             while self._step < end:
@@ -208,7 +209,8 @@ class _Loop:
                 planned = self._controls.plan(self._step, until, self._sensing.look)
                 self._backend.advance(self._step, planned)
                 self._step += len(planned)
-                self._arrivals.refuse_blocked(self._step, self._scenario.physics.rate, self._backend)
+                self._arrivals.refuse_blocked(self._step, rate, self._backend)
+                progress(self._step / rate)
         except RunError as error:
             failure = error
         told = replace(self._backend.collect(), sensors=self._sensing.collect())
