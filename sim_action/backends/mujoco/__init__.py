@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from typing import Final
 
@@ -71,7 +71,7 @@ class MuJoCoBackend:
         self._scene, self._rate = scene, scene.physics.rate
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene.model, compiled, self._rate)
-        self._pusher = Pusher(compiled, self._rate)
+        self._pusher, self._pushes = Pusher(compiled, self._rate), False
         self._states = States(compiled, self._joint_names, self._rate, self._motors.efforts)
         self._links = Links(compiled)
         self._objects = Objects(compiled)
@@ -79,7 +79,6 @@ class MuJoCoBackend:
         self._contacts = Contacts(compiled)
         self._stage = MuJoCoStage(compiled, self._objects)
         self._timetable = Timetable.of(scene, self._stage)
-        self._watches_contacts = channels.contacts and bool(scene.world.objects)
         self._distances = distances = Distances(compiled)
         # In MuJoCo's own format, axes may be beside the frames of their links: nobody knows how far.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
@@ -88,7 +87,7 @@ class MuJoCoBackend:
         self._tracks = BodyTracks(tracked, self._rate, self._objects.looking_at(tracked))
         # What stands still may be looked at afterwards, when all that moves has been put down.
         self._looks_back = not self._clearances.is_idle and self._clearances.stand_still
-        self._looks_now = not self._clearances.is_idle and not self._looks_back
+        self._watchers = list(self._watching(channels))
         # A live view of how often the engine has warned of what.
         self._warned = memoryview(compiled.data.warning.number)
         self._touches: list[Contact] = []
@@ -118,11 +117,10 @@ class MuJoCoBackend:
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Backend.observe."""
-        time, pose, twist, joints = self._states.now(step)
         if not contacts:
-            return Observation(time, pose, twist, joints)
-        touching = self._glance.at(lambda: self._contacts.of_step(time, ground=True))
-        return Observation(time, pose, twist, joints, touching)
+            return self._states.now(step, ())
+        touching = self._glance.at(lambda: self._contacts.of_step(step / self._rate, ground=True))
+        return self._states.now(step, touching)
 
     def link_pose(self, link: str) -> Pose:
         """See Probe.link_pose."""
@@ -152,34 +150,51 @@ class MuJoCoBackend:
         """See Backend.close; the engine's memory goes with what holds it."""
         self._glance.settle()
 
+    def _watching(self, channels: Channels) -> Iterator[Callable[[int], None]]:
+        """What has to look at the present after each step, of which it is told the number."""
+        if channels.contacts and self._scene.world.objects:
+            yield self._see_contacts
+        if not self._tracks.is_idle:
+            yield self._tracks.see
+        if not self._clearances.is_idle and not self._looks_back:
+            yield self._see_clearances
+
+    def _see_contacts(self, step: int) -> None:
+        if self._contacts.may_matter():
+            self._touches += self._contacts.of_step(step / self._rate, ground=False)
+
+    def _see_clearances(self, step: int) -> None:
+        self._distances.look_at_present()
+        self._clearances.see(step, *self._states.place(self._states.last()))
+
     def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        warned, states = self._warned, self._states
-        for step, wanted in enumerate(targets, start=first_step):
+        warned, states, watchers, last = self._warned, self._states, self._watchers, first_step + len(targets)
+        for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
-                self._motors.apply(wanted)
-                if wanted.base is not None:
-                    self._pusher.apply(wanted.base)
+                self._apply(wanted)
             if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
                 # There is nothing left to simulate, and what is left of the trace are no numbers.
-                states.lose(range(step + 1, first_step + len(targets) + 1))
+                states.lose(range(step, last + 1))
                 return
-            if not self._pusher.is_idle:
-                here = self.observe(step, contacts=False)
+            if self._pushes:
+                here = self.observe(step - 1, contacts=False)
                 self._pusher.step(here.pose, here.twist)
             self._step(step)
-            states.keep(step + 1)
-            if self._watches_contacts and self._contacts.may_matter():
-                self._touches += self._contacts.of_step((step + 1) / self._rate, ground=False)
-            if not self._tracks.is_idle:
-                self._tracks.see(step + 1)
-            if self._looks_now:
-                self._distances.look_at_present()
-                self._clearances.see(step + 1, *states.place(states.last()))
+            states.keep(step)
+            for watch in watchers:
+                watch(step)
+
+    def _apply(self, wanted: JointTargets) -> None:
+        self._motors.apply(wanted)
+        if wanted.base is not None:
+            self._pushes = True
+            self._pusher.apply(wanted.base)
 
     def _step(self, step: int) -> None:
+        """From the state before to that of a number."""
         if self._timetable is None:
             self._motors.step()
             return
-        self._timetable.before(step)
+        self._timetable.before(step - 1)
         self._motors.step(self._stage.carry)
-        self._timetable.after(step + 1)
+        self._timetable.after(step)

@@ -36,11 +36,6 @@ class Pusher:
         self._data.xfrc_applied[self._base, :3] = found.force_xyz
         self._data.xfrc_applied[self._base, 3:] = np.add(found.torque_xyz, np.cross(arm, found.force_xyz))
 
-    @property
-    def is_idle(self) -> bool:
-        """Whether nothing was ever to be pushed."""
-        return self._push is None
-
 
 def _pushed(compiled: Compiled) -> Pushed:
     """What is pushed; joints are where they are now."""

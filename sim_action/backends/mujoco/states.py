@@ -4,24 +4,15 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from sim_action import geometry
 from sim_action.backends.mujoco.model import Compiled
 from sim_action.geometry import Pose, Twist
-from sim_action.observation import ByName, JointState
+from sim_action.observation import ByName, Contact, JointState, Observation
 from sim_action.trace import FloatArray
-
-
-class Present(NamedTuple):
-    """What the robot is like now: sim time in s, base link and its twist in the world frame, joints by name."""
-
-    time: float
-    pose: Pose
-    twist: Twist
-    joints: dict[str, JointState]
 
 
 class States:
@@ -88,14 +79,15 @@ class States:
         self._steps, self._kept = [], []
         return rows
 
-    def now(self, step: int) -> Present:
+    def now(self, step: int, contacts: Sequence[Contact]) -> Observation:
         """The present, as that of a step: bit by bit what `in_our_terms` makes of it.
 
         Number by number, since arrays of one row would take five times as long.
         """
         row = self._row(step)
-        joints = ByName((name, JointState(row[p], row[v], row[e])) for name, p, v, e in self._places)
-        return Present(step / self._rate, *self._present_base(row), joints)
+        joints = ByName([(name, JointState(row[p], row[v], row[e])) for name, p, v, e in self._places])
+        pose, twist = self._present_base(row)
+        return Observation(step / self._rate, pose, twist, joints, contacts)
 
     def _row(self, step: int) -> list[float]:
         """(1 + P + V + J,): after a step, its row is the present; else it is read anew."""
