@@ -29,6 +29,7 @@ OUR_MODULES: Final = str(Path(__file__).resolve().parents[2])
 # Package and name of a node -> the module of ours that is run, and its first arguments.
 _NODES: Final = {
     ("gazebo_ros", "gzserver"): "sim_action.ros1.gzserver",
+    ("gazebo_ros", "gazebo"): "sim_action.ros1.gzserver",
     ("gazebo_ros", "spawn_model"): "sim_action.ros1.spawn_model",
     ("controller_manager", "spawner"): "sim_action.ros1.controllers spawner",
     ("controller_manager", "unspawner"): "sim_action.ros1.controllers unspawner",
@@ -113,6 +114,9 @@ def _lay_out(name: str, source: Path, target: Path) -> None:
             prefix = shlex.quote(str(target.parent.parent))
             variables = f"PYTHONPATH={shlex.quote(OUR_MODULES)}:$PYTHONPATH AMENT_PREFIX_PATH={prefix}"
             _write_program(target / node, f'{variables} exec {shlex.quote(sys.executable)} -m {module} "$@"')
+    if name == "gazebo_ros":
+        # There is no window, and nobody misses it.
+        _write_program(target / "gzclient", "exit 0")
 
 
 def _write_program(path: Path, line: str) -> None:

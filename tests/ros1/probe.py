@@ -256,6 +256,10 @@ class Probe(unittest.TestCase):
         self.assertTrue(spawn(ROBOT, 3, 0, "urdf", description).success)
         rospy.sleep(0.2)
         self.assertAlmostEqual(state().pose.position.x, 3, delta=0.05)
+        command = rospy.Publisher("/cmd_vel", Twist, queue_size=1, latch=True)
+        command.publish(linear=Vector3(0.2, 0, 0))
+        rospy.sleep(1.0)
+        self.assertGreater(hear("/odom", Odometry).pose.pose.position.x, 3.05)
 
     def test_22_sim_time_begins_anew(self):
         before = rospy.get_time()

@@ -54,9 +54,9 @@ PACKAGE = """\
 
 YARD_TEST = """\
 <launch>
-  <include file="$(find gazebo_ros)/launch/empty_world.launch">
-    <arg name="world_name" value="$(find yard)/yard.world"/>
-  </include>
+  <param name="/use_sim_time" value="true"/>
+  <node name="gazebo" pkg="gazebo_ros" type="gazebo" args="-e ode $(find yard)/yard.world"/>
+  <node name="gazebo_gui" pkg="gazebo_ros" type="gzclient"/>
   <test test-name="yard" pkg="yard" type="test_yard.py" time-limit="60"/>
 </launch>
 """
@@ -127,9 +127,10 @@ class Yard(unittest.TestCase):
 
     def test_2_a_robot_is_spawned_with_its_spawner_and_goes_with_it(self):
         self.assertTrue(call("delete_model", DeleteModel, "rover").success)
-        words = ["-sdf", "-database", "rover", "-model", "two", "-x", "0.5", "-reference_frame", "wall", "-b"]
+        place = ["-x", "0.5", "-y", "-5", "-reference_frame", "wall", "-robot_namespace", "/two"]
+        words = ["-b", "-wait", "wall", "-sdf", "-database", "rover", "-model", "two"]
         path = os.path.join(os.environ["ROS_PACKAGE_PATH"], "gazebo_ros", "spawn_model")
-        spawner = subprocess.Popen([path] + words + ["-y", "-5", "-robot_namespace", "/two"])
+        spawner = subprocess.Popen([path] + words + place)
         while "two" not in names():
             time.sleep(0.02)
         rospy.sleep(0.5)

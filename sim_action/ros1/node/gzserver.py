@@ -56,7 +56,7 @@ class _Server:
         self._changes, self._present = Changes(), Present(Population(World()))
         self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid())
         paused, topics = Event(), Topics(self._traffic)
-        if rospy.get_param("/gazebo/paused", default=False):
+        if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
             paused.set()
         self._session = Session(
             self._present,
@@ -92,7 +92,7 @@ class _Server:
 
     def _populated(self) -> Population:
         """As the launch file's world has it; one that is Gazebo's own, and not here, is empty. Raises BadWorld."""
-        named = Path(str(rospy.get_param("/gazebo/world_name", "worlds/empty.world")))
+        named = Path(str(rospy.get_param("/gazebo/world_name", _world_argument())))
         if not named.is_absolute() or not named.exists():
             if named.name != "empty.world":
                 self._notes.append(f"the world '{named}' is not here; the robot is in an empty one")
@@ -165,6 +165,11 @@ class _Server:
             messages=dict(sorted(self._traffic.items())),
             in_step=self._lockstep.is_kept,
         )
+
+
+def _world_argument() -> str:
+    """The world that a launch file names to Gazebo itself, and not to `empty_world.launch`."""
+    return next((word for word in rospy.myargv()[1:] if word.endswith(".world")), "worlds/empty.world")
 
 
 def _end_of(over: SourceOver | None) -> End:

@@ -21,6 +21,7 @@ class SpawnedRobot:
         joints: where its joints are, in rad or m; those left out are at home.
         space: the namespace of its plugins that state none.
         file: that the description is in, if what it names is found from there.
+        number: of its spawning: another one makes another robot of the same description.
     """
 
     name: str
@@ -29,10 +30,11 @@ class SpawnedRobot:
     joints: Mapping[str, float] = field(default_factory=dict)
     space: str = ""
     file: str | None = None
+    number: int = 0
 
     def is_same_as(self, other: SpawnedRobot) -> bool:
         """Whether it is the same robot, wherever it is."""
-        return (self.description, self.space) == (other.description, other.space)
+        return self.number == other.number
 
 
 @dataclass(frozen=True, slots=True)

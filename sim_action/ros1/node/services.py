@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from threading import Event
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -39,6 +40,7 @@ class Services:
 
     def __init__(self, present: Present, changes: Changes, paused: Event, efforts: Efforts) -> None:
         self._present, self._changes, self._paused, self._efforts = present, changes, paused, efforts
+        self._numbers = count(1)
         for name, kind, answer in (
             ("spawn_urdf_model", SpawnModel, self._spawn),
             ("spawn_sdf_model", SpawnModel, self._spawn),
@@ -72,8 +74,10 @@ class Services:
             if is_robot(request.model_xml):
                 if population.robot is not None:
                     raise ValueError(f"one robot at a time: '{population.robot.name}' is there already")
-                space = request.robot_namespace
-                return replace(population, robot=SpawnedRobot(name, request.model_xml, pose, space=space))
+                number, space = next(self._numbers), request.robot_namespace
+                return replace(
+                    population, robot=SpawnedRobot(name, request.model_xml, pose, space=space, number=number)
+                )
             try:
                 return population.with_body(body_of(name, request.model_xml, pose))
             except BadWorld as error:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import rospy
-from gazebo_msgs.srv import DeleteModel, SetModelConfiguration, SpawnModel
+from gazebo_msgs.srv import DeleteModel, GetWorldProperties, SetModelConfiguration, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 from std_srvs.srv import Empty
 
@@ -23,13 +23,15 @@ _PLACE: Final = ("x", "y", "z", "R", "P", "Y")
 _LEAVING: Final = 2  # s
 # As the master's answers begin (ROS Master API).
 _KNOWN: Final = 1
-_LOOK: Final = 0.02  # s
+_LOOK: Final = 0.02  # s of wall time
 
 
 def spawn(words: Sequence[str] | None = None) -> int:
     """Returns the exit code."""
     rospy.init_node("spawn_model", anonymous=True)
-    asked = _parser().parse_args(rospy.myargv()[1:] if words is None else words)
+    asked, unknown = _parser().parse_known_args(rospy.myargv()[1:] if words is None else words)
+    if unknown:
+        rospy.logwarn("spawn_model: %s is not known here", " ".join(unknown))
     try:
         description = _description(asked)
         if asked.package_to_model:
@@ -37,6 +39,8 @@ def spawn(words: Sequence[str] | None = None) -> int:
     except (OSError, KeyError) as error:
         return _complain(f"there is no model to spawn: {error}")
     space = asked.gazebo_namespace.rstrip("/")
+    while asked.wait and asked.wait not in _service(space, "get_world_properties", GetWorldProperties)().model_names:
+        time.sleep(_LOOK)
     answer = _asked(space, asked, description)
     if not answer.success:
         return _complain(answer.status_message)
@@ -112,7 +116,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("spawn_model", prefix_chars="-", allow_abbrev=False)
     for flag in ("-urdf", "-sdf", "-gazebo", "-unpause", "-stdin", "-b", "-package_to_model"):
         parser.add_argument(flag, action="store_true")
-    for name in ("-param", "-file", "-database"):
+    for name in ("-param", "-file", "-database", "-wait", "-trimesh_mode"):
         parser.add_argument(name)
     parser.add_argument("-model", required=True)
     for name in _PLACE:
