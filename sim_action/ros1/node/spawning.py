@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -32,23 +32,14 @@ def spawn(words: Sequence[str] | None = None) -> int:
     asked, unknown = _parser().parse_known_args(rospy.myargv()[1:] if words is None else words)
     if unknown:
         rospy.logwarn("spawn_model: %s is not known here", " ".join(unknown))
+    space = asked.gazebo_namespace.rstrip("/")
     try:
         description = _description(asked)
-        if asked.package_to_model:
-            description = description.replace("package://", "model://")
     except (OSError, KeyError) as error:
         return _complain(f"there is no model to spawn: {error}")
-    space = asked.gazebo_namespace.rstrip("/")
-    while asked.wait and asked.wait not in _service(space, "get_world_properties", GetWorldProperties)().model_names:
-        time.sleep(_LOOK)
-    answer = _asked(space, asked, description)
-    if not answer.success:
-        return _complain(answer.status_message)
-    if asked.joints:
-        names, values = zip(*asked.joints, strict=True)
-        answer = _service(space, "set_model_configuration", SetModelConfiguration)(
-            asked.model, asked.param or "", list(names), list(map(float, values))
-        )
+    if asked.wait:
+        _await_model(space, asked.wait)
+    for answer in _answers(space, asked, description):
         if not answer.success:
             return _complain(answer.status_message)
     if asked.unpause:
@@ -56,6 +47,21 @@ def spawn(words: Sequence[str] | None = None) -> int:
     if asked.b:
         _stay(space, asked.model)
     return 0
+
+
+def _await_model(space: str, name: str) -> None:
+    look = _service(space, "get_world_properties", GetWorldProperties)
+    while name not in look().model_names and not rospy.is_shutdown():
+        time.sleep(_LOOK)
+
+
+def _answers(space: str, asked: argparse.Namespace, description: str) -> Iterator[Any]:
+    """Of one service after the other; whoever looks at them stops at the first that failed."""
+    yield _asked(space, asked, description)
+    if asked.joints:
+        names, values = zip(*asked.joints, strict=True)
+        call = _service(space, "set_model_configuration", SetModelConfiguration)
+        yield call(asked.model, asked.param or "", list(names), list(map(float, values)))
 
 
 def _stay(space: str, model: str) -> None:
@@ -93,6 +99,12 @@ def _is_there(service: str) -> bool:
 
 
 def _description(asked: argparse.Namespace) -> str:
+    """Raises OSError, KeyError."""
+    text = _text(asked)
+    return text.replace("package://", "model://") if asked.package_to_model else text
+
+
+def _text(asked: argparse.Namespace) -> str:
     """Raises OSError, KeyError."""
     if asked.param:
         return str(rospy.get_param(asked.param))
