@@ -22,6 +22,7 @@ from sim_action.ros1.catkin_packages import exported_models, packages_below, pac
 from sim_action.ros1.installation import Ros
 from sim_action.ros1.message_generation import generate_messages
 
+_SITE: Final = Path(__file__).with_name("awaited_messages.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"
 OUR_MODULES: Final = str(Path(__file__).resolve().parents[2])
 """Where this package is imported from."""
@@ -71,6 +72,7 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path) -> Overlay:
         else:
             (share / name).symlink_to(path)
     generate_messages({**users, **stand_ins}, packages, modules, ros)
+    (modules / "sitecustomize.py").symlink_to(_SITE)
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
     python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))

@@ -81,7 +81,6 @@ def call(name, kind, *arguments):
 
 
 class Latest:
-    # rospy.wait_for_message looks every 10 ms of wall time whether a message has come, while sim time goes on.
 
     def __init__(self, topic, kind):
         self.message = None
