@@ -6,12 +6,13 @@ import os
 import signal
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from sim_action import garbage
 from sim_action.ros1.exchange import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, Request, new_run
 
 
-def main() -> None:
+def main() -> NoReturn:
     """The entry of a fresh interpreter."""
     garbage.look_rarely()
     # Before any thread is there, an engine's too: whichever does not block them may be given them (node.leaving).
@@ -25,6 +26,10 @@ def main() -> None:
     from sim_action.ros1.node.gzserver import serve
 
     serve(run, request)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # roslaunch waits. To take the interpreter apart takes a while, and threads of rospy's still run in it.
+    os._exit(0)
 
 
 if __name__ == "__main__":
