@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 import platform
-import re
 import shutil
 import tempfile
 import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Final
 
 from sim_action import __version__
-from sim_action.errors import ExitCode, InvalidScenario, UsageError
+from sim_action.errors import ExitCode, InvalidScenario
 from sim_action.interruption import Interruption
 from sim_action.outcome import Outcome
 from sim_action.reporting import ReportRequest, make_ready, report_options, write_reports
@@ -27,12 +25,9 @@ from sim_action.ros1.judging import Judge
 from sim_action.ros1.launching import Call
 from sim_action.ros1.overlay import build_overlay
 from sim_action.ros1.request import RosRequest
+from sim_action.ros1.scratch import scratch_parent
 from sim_action.ros1.traceback_text import shown_path
 from sim_action.trace_files import replay_path, trace_paths
-
-# Where to go if TMPDIR cannot be had.
-_TEMPORARY: Final = ("/tmp", "/var/tmp")  # noqa: S108 - a folder with a random name is made in it
-_SPLIT: Final = re.compile(r"[\s'\"\\$]")
 
 
 def run(request: RosRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
@@ -40,7 +35,7 @@ def run(request: RosRequest, reports: ReportRequest, interruption: Interruption)
     started = time.monotonic()
     ros = find_ros()
     options = report_options(reports)
-    with tempfile.TemporaryDirectory(prefix="sim-action-", dir=_parent(), ignore_cleanup_errors=True) as scratch:
+    with tempfile.TemporaryDirectory(prefix="sim-action-", dir=scratch_parent(), ignore_cleanup_errors=True) as scratch:
         folder = Path(os.path.realpath(scratch))
         overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve())
         call = Call(request, ros, overlay, _made(folder / "call"))
@@ -54,20 +49,6 @@ def run(request: RosRequest, reports: ReportRequest, interruption: Interruption)
     )
     write_reports(results, options)
     return results.exit_code
-
-
-def _parent() -> str:
-    """A folder for folders of calls. Raises UsageError.
-
-    roslaunch splits `$(find xacro)/xacro ...` at blanks once it has put the paths in.
-    """
-    for folder in (tempfile.gettempdir(), *_TEMPORARY):
-        if not _SPLIT.search(os.path.realpath(folder)) and os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    raise UsageError(
-        f"'{tempfile.gettempdir()}' has a blank or a quote in its name, at which roslaunch splits commands; "
-        "set TMPDIR to a folder without"
-    )
 
 
 def _outcomes(call: Call, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:

@@ -146,6 +146,43 @@ def test_a_robot_that_nobody_drives_is_told_of_with_what_may_be_meant(tmp_path: 
     assert (code, outcome["status"]) == (0, "passed"), outcome
 
 
+def test_a_callback_that_raised_is_noted_with_its_place(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/heedless.py]}")
+    hears = "from nav_msgs.msg import Odometry\n\n\ndef look(message):\n    message.no_such_field\n\n\n"
+    listens = 'rospy.init_node("heedless")\nrospy.Subscriber("/odom", Odometry, look)\ndrive()\n'
+    package(tmp_path / "ws", "nodes", {"heedless.py": f"{DRIVE}\n{hears}{listens}"})
+
+    code, outcome = ran(tmp_path)
+
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+    (note,) = [note for note in outcome["notes"] if "callback" in note]
+    assert "a callback of the node 'heedless' raised" in note
+    assert "no_such_field" in note
+    assert "ws/src/nodes/heedless.py:" in note
+
+
+def test_a_launch_file_with_commands_is_launched_where_paths_have_blanks(tmp_path: Path) -> None:
+    (tmp_path / "a b").mkdir()
+    scenario(tmp_path / "a b", "{launch: [nodes, drive.launch, 'speed:=0.5']}")
+    text = """\
+<launch>
+  <arg name="speed" default="0"/>
+  <param name="robot_description" command="$(find xacro)/xacro $(find nodes)/robot.xacro"/>
+  <node pkg="gazebo_ros" type="spawn_model" name="spawn" args="-urdf -model r -param robot_description"/>
+  <node pkg="controller_manager" type="spawner" name="controllers" args="joints"/>
+  <node pkg="nodes" type="mover.py" name="mover"><param name="speed" value="$(arg speed)"/></node>
+</launch>
+"""
+    files = {"drive.launch": text, "robot.xacro": '<robot name="r"><link name="base"/></robot>'}
+    package(tmp_path / "a b/ws", "nodes", files)
+
+    code, outcome = ran(tmp_path / "a b")
+
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+    left_out = "gazebo_ros/spawn_model, controller_manager/spawner"
+    assert [note for note in outcome["notes"] if note.endswith(left_out)]
+
+
 def test_a_process_that_does_not_become_a_node_is_not_waited_for_for_ever(tmp_path: Path) -> None:
     scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/sleeper.py], start_within: 1 s}")
 

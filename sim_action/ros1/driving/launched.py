@@ -18,11 +18,14 @@ from sim_action.ros1.driving.events import Event, Events
 from sim_action.ros1.driving.failing import Failing
 from sim_action.ros1.installation import Ros
 from sim_action.ros1.launch import Launch
+from sim_action.ros1.node_logs import bad_callbacks
 from sim_action.ros1.overlay import Overlay, build_overlay
+from sim_action.ros1.scratch import scratch_parent
 from sim_action.ros1.siblings import children
 
 _LAUNCHER: Final = Path(__file__).with_name("launcher.py")
-_LEFT_OUT: Final = ("gazebo_ros",)
+# What would wait for ever for a Gazebo that is not there, or for controllers of its plugins.
+_LEFT_OUT: Final = ("gazebo_ros", "controller_manager")
 _STANDARD_OUTPUT: Final = 1
 _KEPT: Final = 100_000
 _LOOK: Final = 0.005
@@ -59,7 +62,8 @@ class Nodes:
     def __init__(self, asked: Launching) -> None:
         """Launches them, and returns at once. Raises UsageError."""
         with ExitStack() as undo:
-            self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-")))
+            self._workspace = asked.workspace
+            self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
             self.overlay = build_overlay(_made(self.folder / "overlay"), asked.ros, asked.workspace)
             self._events = Events(self.folder / "events")
@@ -74,6 +78,10 @@ class Nodes:
         self._core = frozenset[int]()
         self.notes: list[str] = []
 
+    @property
+    def _logs(self) -> Path:
+        return self.folder / "log"
+
     def _start(self, asked: Launching) -> Launch:
         task: dict[str, Any] = {
             "events": str(self.folder / "events"),
@@ -87,7 +95,7 @@ class Nodes:
         (self.folder / "task.json").write_text(json.dumps(task), encoding="utf-8")
         words = [str(asked.ros.python), "-c", _LAUNCHER.read_text(encoding="utf-8"), str(self.folder / "task.json")]
         call = _made(self.folder / "call")
-        more = {"ROS_LOG_DIR": str(self.folder / "log"), "ROS_MASTER_URI": f"http://localhost:{asked.port}"}
+        more = {"ROS_LOG_DIR": str(self._logs), "ROS_MASTER_URI": f"http://localhost:{asked.port}"}
         return Launch.start(words, self.overlay, call, more, is_heard=True)
 
     def await_start(self) -> None:
@@ -124,6 +132,8 @@ class Nodes:
         deadline = time.monotonic() + _LEAVING
         while self._launch.poll() is None and self._are_there() and time.monotonic() < deadline:
             time.sleep(_LOOK)
+        if self._logs.is_dir():
+            self.notes += map(str, bad_callbacks(self._logs, None, self._workspace))
         self._closing.close()
         self._words.close()
 

@@ -67,8 +67,8 @@ class RosCommands(CommandSource):
       several of a kind, each has its name before it: `/NAME/scan`. `topics` calls them otherwise, by their names.
 
     `/robot_description` is the robot's URDF, unless a launch file sets it. A launch file that starts Gazebo may stay as
-    it is: nodes of `gazebo_ros` are left out, since the scenario says which robot and which world there is. Services of
-    Gazebo are not offered.
+    it is: nodes of `gazebo_ros` and of `controller_manager` are left out, since the scenario says which robot and which
+    world there is. Services of Gazebo are not offered.
 
     Sim time is 0 when all nodes are up, and hear whom they listen to; a process that has not become a node
     `start_within` that time is no longer waited for, and noted. From then on it goes on only when every node has dealt
@@ -81,8 +81,8 @@ class RosCommands(CommandSource):
     none has driven the robot, that is noted, with topics on which some might have meant to.
 
     A node of a list is `package/type`, or a map of `package`, `type`, `name`, `args`, `params` (its private ones),
-    `remap`, `namespace` and `required`. Nodes are code, as scripts are: they run with the rights of the job, and are
-    refused where scripts are.
+    `remap`, `namespace` and `required`. Nodes are code, as scripts are: they run with the rights of the job and what
+    scripts see of its environment, each within `memory_limit`, and are refused where scripts are.
     """
 
     runs_user_code: ClassVar[bool] = True

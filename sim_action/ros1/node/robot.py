@@ -20,6 +20,7 @@ from sim_action.robot_model import RobotModel
 from sim_action.ros1.driving.launched import Nodes
 from sim_action.ros1.driving.robot_topics import COMMANDS
 from sim_action.ros1.graph import Master
+from sim_action.ros1.node.ears import Ear
 from sim_action.ros1.node.lockstep import Lockstep
 from sim_action.ros1.node.messages import twist_of
 from sim_action.ros1.node.readings import open_topics
@@ -60,9 +61,7 @@ class RobotNode:
         traffic = Counter[str]()
         self._states = Topics(traffic)
         self._others = open_topics(robot.model, robot.sensors, robot.topics, robot.rate, traffic)
-        self._twist: geometry.Twist | None = None
-        self._is_latched = False
-        rospy.Subscriber(robot.topics[COMMANDS], Twist, self._listen, queue_size=1, tcp_nodelay=True)
+        self._ear = Ear(robot.topics[COMMANDS], Twist, twist_of, traffic)
         self._has_begun = False
         self._listeners = self._deaths = 0
         self._is_driven = False
@@ -84,30 +83,23 @@ class RobotNode:
             self._look_after_leavers()
         except OSError:
             raise self._nodes.why_over() from None
-        self._is_driven = self._is_driven or self._twist is not None
-        if problem := problem_with(self._twist, self._robot.model):
-            raise ScriptError(f"a node said on {self._robot.topics[COMMANDS]}: {problem}")
-        return self._twist
+        twist: geometry.Twist | None = self._ear.heard
+        self._is_driven = self._is_driven or twist is not None
+        if problem := problem_with(twist, self._robot.model):
+            raise ScriptError(f"a node said on {self._ear.topic}: {problem}")
+        return twist
 
     def close(self) -> None:
         """Ends the nodes, and notes what there is to say of them."""
-        self.notes += [*self._nodes.notes, *self._lockstep.notes, *(() if self._is_driven else self._why_not_driven())]
+        why = () if self._is_driven else self._why_not_driven()
         self._nodes.close()
-
-    def _listen(self, message: Twist) -> None:
-        self._twist = twist_of(message)
-        # Where rospy's documents say that it is.
-        self._is_latched = message._connection_header.get("latching") == "1"  # noqa: SLF001
+        self.notes += [*self._nodes.notes, *self._lockstep.notes, *why]
 
     def _begin(self) -> None:
-        """The clock does not start before everybody is there.
-
-        What was said before is forgotten: whether it was heard depends on who came up first. What is latched is heard
-        in any case.
-        """
-        self._lockstep.begin(lambda: frozenset({self._robot.topics[COMMANDS]}), lambda: False)
-        if not self._is_latched:
-            self._twist = None
+        """The clock does not start before everybody is there."""
+        self._lockstep.begin(lambda: frozenset({self._ear.topic}), lambda: False)
+        # Whether something was heard depends on who came up first.
+        self._ear.begin()
         self._listeners, self._deaths = self._states.listeners, self._nodes.deaths
         self._has_begun = True
 
@@ -136,7 +128,7 @@ class RobotNode:
 
     def _why_not_driven(self) -> tuple[str, ...]:
         """What to say of a robot that nobody has told anything; topics on which nodes talk of twists may be meant."""
-        topic = self._robot.topics[COMMANDS]
+        topic = self._ear.topic
         try:
             twists = self._master.published(_TWIST)
         except (OSError, LookupError):
