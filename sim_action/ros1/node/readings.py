@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final, Protocol
 
-from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, Imu, JointState, LaserScan
 from std_msgs.msg import Bool, Header
@@ -13,11 +13,12 @@ from tf2_msgs.msg import TFMessage
 
 from sim_action.geometry import Pose, Twist
 from sim_action.observation import Observation
-from sim_action.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
+from sim_action.readings import OdometryReading
 from sim_action.robot_model import RobotModel
 from sim_action.ros1.driving.robot_topics import JOINTS, ODOMETRY
 from sim_action.ros1.node.messages import header, in_frame_of, pose_message, twist_message
 from sim_action.ros1.node.publishing import Sender, Traffic
+from sim_action.ros1.node.sensor_messages import image_message, imu_message, scan_message
 from sim_action.scene import Fitting
 
 # Hz, of what no sensor tells: as Gazebo's plugins are usually set.
@@ -136,42 +137,10 @@ def _sending(sender: Sender, made: Callable[[Any, Header, Fitting], Any], sensor
     return send
 
 
-def _scan(reading: LidarScan, head: Header, sensor: Fitting) -> LaserScan:
-    return LaserScan(
-        header=head,
-        angle_min=reading.angle_min,
-        angle_max=reading.angle_min + reading.angle_increment * (len(reading.ranges) - 1),
-        angle_increment=reading.angle_increment,
-        scan_time=1 / sensor.rate,
-        range_min=reading.range_min,
-        range_max=reading.range_max,
-        ranges=reading.ranges.tolist(),
-    )
-
-
-def _imu(reading: ImuReading, head: Header, _: Fitting) -> Imu:
-    return Imu(
-        header=head,
-        orientation=Quaternion(*reading.orientation_xyzw),
-        angular_velocity=Vector3(*reading.angular_velocity_xyz),
-        linear_acceleration=Vector3(*reading.linear_acceleration_xyz),
-    )
-
-
-def _image(reading: CameraImage, head: Header, _: Fitting) -> Image:
-    height, width, depth = reading.rgb.shape
-    data = reading.rgb.tobytes()
-    return Image(header=head, height=height, width=width, encoding="rgb8", step=width * depth, data=data)
-
-
-def _touch(reading: ContactReading, _: Header, __: Fitting) -> Bool:
-    return Bool(reading.touching)
-
-
 _MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Header, Fitting], Any]]]] = {
-    "lidar": (LaserScan, _scan),
-    "imu": (Imu, _imu),
-    "camera": (Image, _image),
-    "contact": (Bool, _touch),
+    "lidar": (LaserScan, lambda reading, head, sensor: scan_message(reading, head, 1 / sensor.rate)),
+    "imu": (Imu, lambda reading, head, _: imu_message(reading, head)),
+    "camera": (Image, lambda reading, head, _: image_message(reading, head)),
+    "contact": (Bool, lambda reading, _, __: Bool(reading.touching)),
 }
 """Kind of a sensor -> type of its messages, and what makes them."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from geometry_msgs.msg import Quaternion, Vector3
 from sensor_msgs.msg import Imu as ImuMessage
 
 from sim_action.geometry import Pose
@@ -13,6 +12,7 @@ from sim_action.readings import ImuReading
 from sim_action.ros1.gazebo_tags import Plugin
 from sim_action.ros1.node.devices import TICKS, Device, Wiring, period_of
 from sim_action.ros1.node.messages import header
+from sim_action.ros1.node.sensor_messages import imu_message
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.mounting import MountedSensor
 
@@ -38,13 +38,6 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         reading = seen.sensors[sensor.name]
         if not isinstance(reading, ImuReading):
             return
-        sender.send(
-            ImuMessage(
-                header=header(seconds, frame),
-                orientation=Quaternion(*reading.orientation_xyzw),
-                angular_velocity=Vector3(*reading.angular_velocity_xyz),
-                linear_acceleration=Vector3(*reading.linear_acceleration_xyz),
-            )
-        )
+        sender.send(imu_message(reading, header(seconds, frame)))
 
     yield Device(period, (sender,), publish, sensor)

@@ -13,6 +13,7 @@ from sim_action.readings import LidarScan
 from sim_action.ros1.gazebo_tags import Plugin
 from sim_action.ros1.node.devices import TICKS, Device, Wiring, period_of
 from sim_action.ros1.node.messages import header
+from sim_action.ros1.node.sensor_messages import scan_message
 from sim_action.sensors.lidar import Lidar
 from sim_action.sensors.mounting import MountedSensor
 
@@ -28,18 +29,7 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         scan = seen.sensors[name]
         if not isinstance(scan, LidarScan):
             return
-        sender.send(
-            LaserScan(
-                header=header(seconds, frame),
-                angle_min=scan.angle_min,
-                angle_max=scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1),
-                angle_increment=scan.angle_increment,
-                scan_time=period / TICKS,
-                range_min=scan.range_min,
-                range_max=scan.range_max,
-                ranges=scan.ranges.tolist(),
-            )
-        )
+        sender.send(scan_message(scan, header(seconds, frame), period / TICKS))
 
     lidar = wiring.heard(_lidar(plugin), sender)
     mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), TICKS / period, trace=False)
