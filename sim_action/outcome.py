@@ -45,6 +45,7 @@ class Failure(FrozenModel):
         title: a word or two, such as "invalid scenario" or "SIGSEGV".
         location: what has to be mended, where that is known.
         details: the last words of the process, or the way through a script that led to its error, for people.
+        time: s of sim time at which it is to be seen, where that is known: of what is flaky, when runs parted.
     """
 
     kind: FailureKind
@@ -52,6 +53,7 @@ class Failure(FrozenModel):
     message: str
     location: Location | None = None
     details: str = ""
+    time: float | None = None
 
     @classmethod
     def of_fault(cls, fault: Fault) -> Self:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sim_action.divergence import first_divergence
+from sim_action.divergence import Divergence, first_divergence
 from sim_action.errors import ExitCode
 from sim_action.outcome import Failure, Outcome, Repeats
 from sim_action.scenario import LoadedScenario
@@ -89,24 +89,32 @@ def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[O
     if not others:
         return first.outcome.model_copy(update=about), [first.outcome]
     other = min((group[0] for group in others), key=lambda run: run.number)
+    parted = _parting(first, other, folder)
     message = "; ".join(
         (
             f"{len(most) if len(most) > 1 else 'none'} of {len(runs)} runs agree",
-            *_differences(first, other, folder),
+            *_differences(first, other, parted),
             _CAUSES if loaded.scenario.runs_user_code else _NO_CODE,
         )
     )
-    failure = Failure(kind="flaky", title="flaky", message=message)
+    failure = Failure(kind="flaky", title="flaky", message=message, time=parted.time if parted else None)
     note = f"the trace of run {first.number} is here, that of run {other.number} in {other.outcome.trace}"
     flaky = {"status": "flaky", "failures": (failure,), "expectations": (), "notes": (*first.outcome.notes, note)}
     return first.outcome.model_copy(update=about | flaky), [first.outcome, other.outcome]
 
 
-def _differences(first: _Run, other: _Run, folder: Path) -> Iterator[str]:
-    """What tells one run from another."""
+def _parting(first: _Run, other: _Run, folder: Path) -> Divergence | None:
+    """Where they are no longer the same; None: their traces do not tell."""
     ours, theirs = _trace(first.outcome, folder), _trace(other.outcome, folder)
-    if ours is not None and theirs is not None and (told := _divergence(ours, theirs)):
-        yield f"run {other.number} left run {first.number} {told}"
+    with suppress(ValueError):
+        return None if ours is None or theirs is None else first_divergence(ours, theirs)
+    return None
+
+
+def _differences(first: _Run, other: _Run, parted: Divergence | None) -> Iterator[str]:
+    """What tells one run from another."""
+    if parted is not None:
+        yield f"run {other.number} left run {first.number} {_where(parted)}"
     if first.outcome.digest == other.outcome.digest or first.outcome.status != other.outcome.status:
         yield from _endings(first, other)
 
@@ -130,14 +138,8 @@ def _judged(verdict: Verdict) -> str:
     return f"{'passed' if verdict.passed else 'failed'}: {verdict.message}{measured}"
 
 
-def _divergence(first: Trace, other: Trace) -> str:
-    """Such as "at 0.304 s, in x of base_position_xyz: 0.25 and not 0.26"; empty if they are the same."""
-    try:
-        found = first_divergence(first, other)
-    except ValueError:
-        return ""
-    if found is None:
-        return ""
+def _where(found: Divergence) -> str:
+    """Such as "at 0.304 s, in x of base_position_xyz: 0.25 and not 0.26"."""
     ours, theirs = found.values
     if not found.column:
         return f"at {found.time:.6g} s, where one was over: they ended at {theirs:.6g} s and {ours:.6g} s"

@@ -98,7 +98,7 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
     """What did not hold, and by which part of its limit."""
     for failure in outcome.failures:
         where = failure.location or outcome.location
-        message = failure.message + _replayed(outcome, options, None)
+        message = failure.message + _replayed(outcome, options, failure.time)
         yield Annotation("error", f"{name}: {failure.title}", message, where), 0.0
     for expected in outcome.causes_first:
         if expected.verdict.passed:

@@ -76,6 +76,7 @@ def _entry(identity: str, outcome: Outcome, replay: Replay | None) -> dict[str, 
         "name": one_line(outcome.name),
         "status": mood(outcome),
         "replay": None if replay is None else f"replay-{identity}",
+        "moment": next((failure.time for failure in outcome.failures if failure.time is not None), None),
         "expectations": [
             {
                 "name": one_line(expected.name),

@@ -53,7 +53,8 @@ def _fragment(results: Results, options: ReportOptions) -> str:
     worst = next(iter(results.worst_first()), None)
     if worst is None or worst.status in ("passed", "skipped"):
         return ""
-    times = [expected.verdict.time for expected in worst.causes_first if expected.failed]
+    times = [failure.time for failure in worst.failures]
+    times += [expected.verdict.time for expected in worst.causes_first if expected.failed]
     link = replay_link(worst, options, next(iter(times), None))
     return link.removeprefix(REPORT_FILE)
 

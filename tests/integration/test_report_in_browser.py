@@ -104,6 +104,16 @@ def test_a_broken_run(check: str, broken: Path) -> None:
     look(check, broken)
 
 
+def test_runs_that_part(tmp_path: Path) -> None:
+    flaky = WALL.format(name="burger", more="", limit="2 s").replace("twist: [{linear: 1.0}]", "script: wanders.py")
+    (tmp_path / "a.sim.yml").write_text(flaky, encoding="utf-8")
+    script = "import time\nfrom sim_action import Twist\n\ndef control(seen):\n    return Twist.planar({})\n"
+    (tmp_path / "wanders.py").write_text(script.format("(time.time_ns() % 1000) / 1e4 if seen.time > 0.4 else 0.1"))
+    ran = sim_action(tmp_path, "run", ".", "--repeat", "3")
+    assert "flaky" in ran.stdout, ran.stdout + ran.stderr
+    look("opens where runs parted", tmp_path / "sim-results/report.html")
+
+
 def test_a_run_that_breaks_off(tmp_path: Path) -> None:
     breaks = WALL.format(name="burger", more="", limit="30 s").replace("twist: [{linear: 1.0}]", "script: breaks.py")
     (tmp_path / "a.sim.yml").write_text(breaks, encoding="utf-8")

@@ -121,6 +121,7 @@ FLAKY = PASSED.model_copy(
                 kind="flaky",
                 title="flaky",
                 message="3 of 5 runs agree; run 2 left run 1 at 0.3042 s, in x of base_position_xyz: 0.25 and not 0.26",
+                time=0.3042,
             ),
         ),
         "notes": ("the trace of run 1 is here, that of run 2 in traces/burger-wanders-2.npz",),

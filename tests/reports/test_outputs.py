@@ -58,6 +58,11 @@ def test_the_report_opens_at_what_decided_why_the_worst_scenario_failed(
     assert outputs(passed, options)["report-fragment"] == ""
     told = outputs(found, replace(options, silenced=frozenset({"report"})))
     assert (told["report-path"], told["report-fragment"]) == ("", "")
+    [parted] = [
+        outcome.model_copy(update={"replay": "replays/a.json.gz"}) for outcome in samples["flaky"].outcomes[1:2]
+    ]
+    flaky = found.model_copy(update={"outcomes": (*samples["passed"].outcomes, parted)})
+    assert outputs(flaky, options)["report-fragment"] == "#scenario=burger%20wanders&t=0.3"
 
 
 def test_travelled_of_one_scenario(samples: dict[str, Results], options: ReportOptions) -> None:

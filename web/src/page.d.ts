@@ -200,6 +200,8 @@ interface ScenarioEntry {
   name: string;
   status: string;
   replay: string | null;
+  /** s, at which what went wrong is to be seen, if no expectation says so. */
+  moment: number | null;
   expectations: ExpectationEntry[];
 }
 

@@ -37,6 +37,14 @@ const CHECKS = {
       assert.equal(behind, await page.$eval("html", (all) => getComputedStyle(all).backgroundColor));
     },
   },
+  "opens where runs parted": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      const parted = Number(await page.getAttribute(".reason button.moment", "data-time"));
+      assert.ok(parted > 0);
+      assert.ok(Math.abs((await time(page)) - parted) < 0.01);
+    },
+  },
   "opens where it broke off": {
     look: async (page) => {
       await page.waitForSelector(READY);

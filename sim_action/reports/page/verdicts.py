@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from sim_action import units
 from sim_action.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.reports import ReportOptions
@@ -46,6 +48,7 @@ def _failure(failure: Failure, options: ReportOptions) -> Html:
         "section",
         element("h3", failure.title),
         element("p", failure.message, class_="what"),
+        _named_figures({"at": jump(failure.time)}),
         element("p", source(failure.location, options), class_="faint") if failure.location else "",
         element("pre", failure.details) if failure.details.strip() else "",
         class_="reason failed",
@@ -72,7 +75,11 @@ def _figures(verdict: Verdict) -> Html:
     # What is counted is missed by as much as is measured.
     margin = 0.0 if verdict.margin is None or verdict.unit == "contacts" else verdict.margin
     missed = units.display(-margin, verdict.unit) if margin < 0 else ""
-    named = {"measured": measured, "limit": limit, "missed by": missed, "at": jump(verdict.time)}
+    return _named_figures({"measured": measured, "limit": limit, "missed by": missed, "at": jump(verdict.time)})
+
+
+def _named_figures(named: Mapping[str, str]) -> Html:
+    """Those that there are."""
     told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
     return element("dl", *told, class_="figures") if told else Html("")
 

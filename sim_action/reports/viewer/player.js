@@ -35,6 +35,7 @@ class Player {
   /** When what matters happened: where something failed, or where it broke off, else where it begins. */
   mattered() {
     const first = moments(this.entry.expectations)[0];
+    if (this.entry.moment !== null) return this.entry.moment;
     if (first && first.status === "failed") return first.time;
     return this.entry.status === "error" ? this.clock.end : this.clock.start;
   }
