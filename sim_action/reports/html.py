@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -76,14 +77,19 @@ def _entry(identity: str, outcome: Outcome, replay: Replay | None) -> dict[str, 
         "name": one_line(outcome.name),
         "status": mood(outcome),
         "replay": None if replay is None else f"replay-{identity}",
-        "moment": next((failure.time for failure in outcome.failures if failure.time is not None), None),
+        "moment": next((time for failure in outcome.failures if (time := _moment(failure.time)) is not None), None),
         "expectations": [
             {
                 "name": one_line(expected.name),
                 "status": "passed" if expected.verdict.passed else "warned" if expected.warned else "failed",
-                "time": expected.verdict.time,
+                "time": _moment(expected.verdict.time),
                 "cutOff": expected.verdict.cut_off,
             }
             for expected in outcome.expectations
         ],
     }
+
+
+def _moment(time: float | None) -> float | None:
+    """A time in s that JSON can tell; results may be a stranger's."""
+    return time if time is not None and isfinite(time) else None

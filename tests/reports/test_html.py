@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -55,6 +57,23 @@ def test_failures_first(samples: Samples, make_results: MakeResults, options: Re
     outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
     names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(make_results(*outcomes), options))
     assert names == ["crash", "failed", "passed"]
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
+def test_a_time_that_is_none_leaves_the_index_what_a_browser_can_read(
+    time: float, samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    cut, parted = samples["cut"].outcomes[0], samples["flaky"].outcomes[1]
+    judged = [
+        expected.model_copy(update={"verdict": replace(expected.verdict, time=time)}) for expected in cut.expectations
+    ]
+    failed = [failure.model_copy(update={"time": time}) for failure in parted.failures]
+    strange = cut.model_copy(update={"expectations": tuple(judged)}), parted.model_copy(update={"failures": failed})
+
+    def refuse(constant: str) -> None:
+        raise ValueError(constant)
+
+    json.loads(page(make_results(*strange), options).index, parse_constant=refuse)
 
 
 def test_nothing_of_a_stranger_is_markup(hostile: str, samples: Samples, options: ReportOptions) -> None:
