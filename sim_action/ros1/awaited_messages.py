@@ -70,8 +70,8 @@ class _Finder(importlib.abc.MetaPathFinder):
 
 def _read_next() -> None:
     """The `sitecustomize` that this one stands before, if there is one."""
-    here = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120 - pathlib takes 10 ms of each start
-    spec = PathFinder.find_spec("sitecustomize", [path for path in sys.path if os.path.abspath(path) != here])  # noqa: PTH100
+    here = os.path.dirname(__file__)  # noqa: PTH120 - to import pathlib takes 10 ms of each start
+    spec = PathFinder.find_spec("sitecustomize", [path for path in sys.path if path != here])
     if spec is not None and spec.loader is not None:
         spec.loader.exec_module(importlib.util.module_from_spec(spec))
 

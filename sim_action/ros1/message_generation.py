@@ -47,8 +47,10 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
     includes = {name: [str(folder / "msg")] for name, folder in known.items() if (folder / "msg").is_dir()}
     task = json.dumps({"packages": written, "modules": str(modules), "includes": includes})
     command = [str(ros.python), "-c", _GENERATION]
-    # The distribution's Python and a program of ours; what it reads comes on standard input.
-    made = subprocess.run(command, input=task, capture_output=True, text=True, check=False, cwd="/")  # noqa: S603
+    # What it reads comes on standard input.
+    made = subprocess.run(  # noqa: S603 - the distribution's Python and a program of ours
+        command, input=task, capture_output=True, text=True, check=False, cwd="/"
+    )
     if made.returncode:
         said = (made.stderr.strip() or made.stdout.strip()).splitlines()[-1:]
         raise UsageError(f"genpy cannot write the messages of {', '.join(written)}: {' '.join(said)}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import shutil
 import tempfile
 import time
 from collections.abc import Iterator
@@ -27,7 +26,7 @@ from sim_action.ros1.overlay import build_overlay
 from sim_action.ros1.request import RosRequest
 from sim_action.ros1.scratch import scratch_parent
 from sim_action.ros1.traceback_text import shown_path
-from sim_action.trace_files import replay_path, trace_paths
+from sim_action.trace_files import copy_stored, replay_path, trace_paths
 
 
 def run(request: RosRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
@@ -70,16 +69,16 @@ def _outcomes(call: Call, options: ReportOptions, interruption: Interruption) ->
 def _stored(outcome: Outcome, run: Run | None, path: Path, results: Path) -> Outcome:
     if run is None:
         return outcome
-    moves = {"trace": (run.folder / TRACE_FILE, path), "replay": (run.folder / REPLAY_FILE, replay_path(path))}
-    kept = {key: _moved(source, target, results) for key, (source, target) in moves.items()}
+    copies = {"trace": (run.folder / TRACE_FILE, path), "replay": (run.folder / REPLAY_FILE, replay_path(path))}
+    kept = {key: _copied(source, target, results) for key, (source, target) in copies.items()}
     return outcome.model_copy(update=kept)
 
 
-def _moved(source: Path, target: Path, results: Path) -> str | None:
+def _copied(source: Path, target: Path, results: Path) -> str | None:
     if not source.is_file():
         return None
     target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.move(source, target)
+    copy_stored(source, target)
     return target.relative_to(results).as_posix()
 
 

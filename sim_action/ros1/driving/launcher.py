@@ -76,7 +76,7 @@ def _launched(task: dict[str, Any], events: _Events) -> Any:
     parent.config = _config(task, events)
     parent._start_infrastructure()  # noqa: SLF001 - start() does the same, and tells nobody of those that died early
     parent.pm.add_process_listener(_Listener(parent.pm, events))
-    parent._init_runner()  # noqa: SLF001
+    parent._init_runner()  # noqa: SLF001 - likewise
     _, failed = parent.runner.launch()
     if failed:
         raise roslaunch.core.RLException(f"cannot launch {', '.join(failed)}")

@@ -43,6 +43,5 @@ class Ear:
     def _hear(self, message: Any) -> None:
         self.heard = self._read(message)
         self.count += 1
-        # Where rospy's documents say that it is.
-        self._is_latched = message._connection_header.get("latching") == "1"  # noqa: SLF001
+        self._is_latched = message._connection_header.get("latching") == "1"  # noqa: SLF001 - so say rospy's documents
         self._traffic[self.topic] += 1
