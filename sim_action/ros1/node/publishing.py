@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import warnings
 from collections import Counter
 from typing import Any
@@ -21,13 +22,13 @@ class Sender:
 
     @property
     def listeners(self) -> int:
-        """How many nodes listen."""
-        return int(self._publisher.get_num_connections())
+        """How many nodes listen; one that has hung up does not, though rospy finds out only by writing to it twice."""
+        return sum(map(_is_there, tuple(self._publisher.impl.connections)))
 
     @property
     def is_heard(self) -> bool:
         """Whether a node listens: else a message need not be made."""
-        return bool(self.listeners)
+        return bool(self._publisher.get_num_connections())
 
     def send(self, message: Any) -> None:
         """Returns when all who listen have it."""
@@ -35,6 +36,16 @@ class Sender:
             return
         self._traffic[self._topic] += 1
         self._publisher.publish(message)
+
+
+def _is_there(connection: Any) -> bool:
+    looking = select.poll()
+    try:
+        looking.register(connection.socket.fileno(), select.POLLRDHUP)
+    except (AttributeError, OSError, TypeError, ValueError):
+        # It is closed, or about to be.
+        return False
+    return not looking.poll(0)
 
 
 def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
