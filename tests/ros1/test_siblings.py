@@ -56,8 +56,11 @@ def test_children_of_all_threads_as_they_come_and_go() -> None:
 
 
 def test_where_a_test_writes_what_it_found() -> None:
-    command = [sys.executable, "-c", "input()", "--gtest_output=xml:/tmp/a b.xml", "__name:=x"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE) as it:
+    # What has been called is not there to be read before it runs.
+    command = [sys.executable, "-c", "input(print(flush=True))", "--gtest_output=xml:/tmp/a b.xml", "__name:=x"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as it:
+        assert it.stdout is not None
+        it.stdout.readline()
         assert result_of(it.pid) == Path("/tmp/a b.xml")
         assert result_of(os.getpid()) is None
         assert name_of(it.pid) == f"{Path(sys.executable).name} -c"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 from std_msgs.msg import Float64, Float64MultiArray
@@ -18,56 +19,6 @@ GAINS: Final = "a servo of the engine, with the effort that the model allows, is
 """What to know of controllers that make efforts, or velocities, of what they are told."""
 
 
-def open_position(opening: Opening) -> Controller:
-    """position_controllers/JointPositionController."""
-    return _one(opening, "position", "position")
-
-
-def open_velocity(opening: Opening) -> Controller:
-    """velocity_controllers/JointVelocityController."""
-    return _one(opening, "velocity", "velocity")
-
-
-def open_effort(opening: Opening) -> Controller:
-    """effort_controllers/JointEffortController."""
-    return _one(opening, "effort", "effort")
-
-
-def open_servo(opening: Opening) -> Controller:
-    """effort_controllers/JointPositionController: at 100 ticks a second its gains would shake what is light."""
-    return _one(opening, "position", "effort")
-
-
-def open_servo_on_velocity(opening: Opening) -> Controller:
-    """velocity_controllers/JointPositionController."""
-    return _one(opening, "position", "velocity")
-
-
-def open_motor(opening: Opening) -> Controller:
-    """effort_controllers/JointVelocityController."""
-    return _one(opening, "velocity", "effort")
-
-
-def open_group_position(opening: Opening) -> Controller:
-    """position_controllers/JointGroupPositionController."""
-    return _group(opening, "position", "position")
-
-
-def open_group_velocity(opening: Opening) -> Controller:
-    """velocity_controllers/JointGroupVelocityController."""
-    return _group(opening, "velocity", "velocity")
-
-
-def open_group_effort(opening: Opening) -> Controller:
-    """effort_controllers/JointGroupEffortController."""
-    return _group(opening, "effort", "effort")
-
-
-def open_group_servo(opening: Opening) -> Controller:
-    """effort_controllers/JointGroupPositionController."""
-    return _group(opening, "position", "effort")
-
-
 def _one(opening: Opening, told: Reading, interface: Reading) -> Controller:
     joints = opening.fitting("joint", interface)[:1]
     ear = opening.wiring.ear(opening.topic("command"), Float64, lambda message: (message.data,))
@@ -78,6 +29,19 @@ def _group(opening: Opening, told: Reading, interface: Reading) -> Controller:
     joints = opening.fitting("joints", interface)
     ear = opening.wiring.ear(opening.topic("command"), Float64MultiArray, lambda message: tuple(message.data))
     return _controller(opening, joints, told, interface, ear)
+
+
+# Which types these are, `catalogue` says. Servos on efforts: at 100 ticks a second, gains would shake what is light.
+open_position: Final = partial(_one, told="position", interface="position")
+open_velocity: Final = partial(_one, told="velocity", interface="velocity")
+open_effort: Final = partial(_one, told="effort", interface="effort")
+open_servo: Final = partial(_one, told="position", interface="effort")
+open_servo_on_velocity: Final = partial(_one, told="position", interface="velocity")
+open_motor: Final = partial(_one, told="velocity", interface="effort")
+open_group_position: Final = partial(_group, told="position", interface="position")
+open_group_velocity: Final = partial(_group, told="velocity", interface="velocity")
+open_group_effort: Final = partial(_group, told="effort", interface="effort")
+open_group_servo: Final = partial(_group, told="position", interface="effort")
 
 
 def _controller(opening: Opening, joints: tuple[str, ...], told: Reading, interface: Reading, ear: Ear) -> Controller:
