@@ -33,7 +33,6 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
 
 
 def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(tmp_path: Path) -> None:
-    """The test waits for messages as people do, by rospy.wait_for_message."""
     files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
     folder = package(tmp_path / "ws", "cart", files)
 
