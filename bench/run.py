@@ -235,7 +235,7 @@ def worlds() -> Iterator[Ratio]:
 
 def watching() -> Iterator[Ratio]:
     """Contacts and clearance, watched at every step of a robot that goes round among things."""
-    # 1.4 is what was asked for. In MuJoCo, a step of this robot takes a quarter of PyBullet's time: its loop is a third
+    # 1.4 is what was asked for. In MuJoCo, a step of this robot takes a quarter of PyBullet's time: its loop is a sixth
     # dearer than one by hand before anything is watched, and what Python adds to watch it weighs four times as much.
     for engine, unwatched, watched in (("pybullet", 1.2, 1.4), ("mujoco", 1.4, 2.0)):
         cost = watching_cost(engine)

@@ -6,6 +6,7 @@ it is a `supervisor`, whose child is the scenario's own process: copies of one p
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import signal
@@ -123,9 +124,12 @@ class LinuxChild(Child):
 def _fork(job: Job, writer: int) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
+    # What is there already is no garbage of the child's: to look through it would take time, and copy all its pages.
+    gc.freeze()
     pid = os.fork()
     if pid == 0:
         _child_main(job, writer)
+    gc.unfreeze()
     return pid
 
 
