@@ -31,7 +31,7 @@ PYTHON: Final = Path("/usr/bin/python3")
 
 _LOOK: Final = """\
 import importlib.util
-names = ("rospy", "rostest", "roslaunch", "genpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_srvs", "tf2_msgs")
+names = "rospy rostest roslaunch genpy geometry_msgs nav_msgs sensor_msgs std_srvs tf2_msgs trajectory_msgs".split()
 found = {name: importlib.util.find_spec(name) for name in names}
 print(",".join(name for name, spec in found.items() if spec is None))
 print(found["rospy"].submodule_search_locations[0] if found["rospy"] else "")
