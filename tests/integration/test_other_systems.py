@@ -16,6 +16,7 @@ import sim_action.models
 from sim_action.outcome import Outcome
 from sim_action.results import Results
 from tests.integration.conftest import sim_action as command_line
+from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
 
 SCENARIO: Final = """\
@@ -78,26 +79,6 @@ def start(folder: Path, variables: Mapping[str, str], *options: str) -> subproce
         text=True,
         start_new_session=True,
     )
-
-
-def processes_of(folder: Path) -> list[int]:
-    """Processes that were born of a call in this folder."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
-                    found.append(int(entry.name))
-            except OSError:
-                continue
-    return found
-
-
-def wait_for(count: int, folder: Path) -> None:
-    deadline = time.monotonic() + 30
-    while len(processes_of(folder)) != count and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert len(processes_of(folder)) == count
 
 
 @every_system

@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +15,7 @@ from sim_action.backends import installed
 from sim_action.location import Location
 from sim_action.outcome import Outcome
 from sim_action.results import Results
+from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
 
 ROOT: Final = Path(__file__).parents[2]
@@ -113,19 +113,6 @@ def run(folder: Path, *options: str, paths: str = ".", variables: dict[str, str]
         check=False,
     )
     return {outcome.name: outcome for outcome in Results.read(folder / "sim-results/results.json").outcomes}
-
-
-def processes_of(folder: Path) -> list[int]:
-    """Processes that were born of a call in this folder."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
-                    found.append(int(entry.name))
-            except OSError:
-                continue
-    return found
 
 
 def test_there_is_another_language_than_python() -> None:
@@ -371,13 +358,6 @@ def test_a_call_that_is_killed_outright_leaves_no_program(tmp_path: Path) -> Non
     call.kill()
     call.wait(30)
     wait_for(0, tmp_path)
-
-
-def wait_for(count: int, folder: Path) -> None:
-    deadline = time.monotonic() + 30
-    while len(processes_of(folder)) != count and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert len(processes_of(folder)) == count
 
 
 def test_programs_are_refused_where_scripts_are(tmp_path: Path) -> None:

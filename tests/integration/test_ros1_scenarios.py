@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from tests.integration.marked_processes import wait_for
 from tests.integration.test_examples import ROOT, outcomes, sim_action
 from tests.ros1.launches import needs_ros, package
 
@@ -332,20 +333,7 @@ def test_nodes_hear_of_the_robot_and_its_sensors(tmp_path: Path) -> None:
     }
 
 
-def marked(folder: Path) -> list[int]:
-    """Processes that were born of a call in this folder."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
-                    found.append(int(entry.name))
-            except OSError:
-                continue
-    return found
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
+def wait_until(condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + 120
     while not condition() and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -368,10 +356,10 @@ def test_nothing_of_a_run_is_left_whoever_ends_it(number: signal.Signals, tmp_pa
         start_new_session=True,
     )
     try:
-        wait_for(begun.exists)
+        wait_until(begun.exists)
         os.kill(call.pid, number)
         call.wait(120)
     finally:
         call.kill()
 
-    wait_for(lambda: marked(tmp_path) == [])
+    wait_for(0, tmp_path)

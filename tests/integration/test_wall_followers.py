@@ -11,7 +11,8 @@ import pytest
 
 from sim_action.backends import installed
 from sim_action.trace_storage import load_trace
-from tests.integration.test_processes import processes_of, run
+from tests.integration.marked_processes import processes_of
+from tests.integration.test_processes import run
 
 # It begins too near to the wall to its right for its lidar, and sees nothing in the middle of the room.
 SCENARIO: Final = """\

@@ -1,0 +1,28 @@
+"""Processes that were born of a call, known by its folder in their environment."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+
+def processes_of(folder: Path) -> list[int]:
+    """Those that have MARK=folder in their environment."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                    found.append(int(entry.name))
+            except OSError:
+                continue
+    return found
+
+
+def wait_for(count: int, folder: Path) -> None:
+    """Until there are so many at a time: programs that are asked something come and go."""
+    deadline, found = time.monotonic() + 120, processes_of(folder)
+    while len(found) != count and time.monotonic() < deadline:
+        time.sleep(0.02)
+        found = processes_of(folder)
+    assert len(found) == count
