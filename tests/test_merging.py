@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from sim_action.outcome import Failure, Outcome
 from sim_action.reporting import ReportRequest
 from sim_action.results import Results
 from tests.results import outcome, results, source, stored
+from tests.work import work_of
 
 
 @pytest.fixture(autouse=True)
@@ -306,10 +306,14 @@ def test_a_link_that_leads_in_a_circle_is_but_a_name() -> None:
 def test_very_many_outcomes_of_one_name_take_no_longer_than_others() -> None:
     failure = Failure(kind="crash", title="SIGSEGV", message="it was ended")
     made = Outcome(name="same", file="", status="error", failures=(failure,))
-    stored(Path("shards"), results(*[made] * 20_000))
-    started = time.process_time()
-    assert merge(request()) is ExitCode.FAILED
-    assert time.process_time() - started < 30, "when it grows with the square, it takes minutes"
+
+    def work(count: int) -> int:
+        stored(Path(f"{count}"), results(*[made] * count))
+        return work_of(lambda: merge(request(f"{count}", folder=f"joined{count}")))
+
+    work(1)  # what is done once is done
+    once, twice, four_times = map(work, (100, 200, 400))
+    assert four_times - twice < 1.2 * 2 * (twice - once)
 
 
 def test_silenced_reports_are_not_written(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -165,7 +165,7 @@ def test_names_that_lead_nowhere_cost_the_same_each(tmp_path: Path) -> None:
         return work_of(lambda: refused(tmp_path, sdf(link("a"), *frames)))
 
     # The first few are compared with all names.
-    assert work(2_000) - work(1_000) < 1.2 * (work(1_000) - work(500)) + 1_000
+    assert work(400) - work(200) < 1.2 * 2 * (work(200) - work(100)) + 1_000
 
 
 WORDS = ("0", "-1", "nan", "1e309", "0 0 1", "0 0 1 0 0 0", "world", "base", "tool", "a::tool", "__model__", "true", "")
