@@ -3,44 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from functools import partial
+from typing import Any, Final
+
+from trajectory_msgs.msg import JointTrajectory
 
 from sim_action.command import JointTargets
 from sim_action.observation import Observation
 from sim_action.robot_model import Joint, Reading
 from sim_action.ros1.joint_trajectory import JointCurve, Waypoint, curves
-from sim_action.ros1.node.control import BadController, Controller, Opening
+from sim_action.ros1.node.control import Controller, Opening
 from sim_action.ros1.node.control.forward import GAINS, within_limits
 from sim_action.ros1.node.ears import Ear
 from sim_action.ros1.transmissions import INTERFACES
 
 
-def open_on_position(opening: Opening) -> Controller:
-    """position_controllers/JointTrajectoryController."""
-    return _controller(opening, "position")
-
-
-def open_on_velocity(opening: Opening) -> Controller:
-    """velocity_controllers/JointTrajectoryController."""
-    return _controller(opening, "velocity")
-
-
-def open_on_effort(opening: Opening) -> Controller:
-    """effort_controllers/JointTrajectoryController."""
-    return _controller(opening, "effort")
-
-
 def _controller(opening: Opening, interface: Reading) -> Controller:
-    try:
-        from trajectory_msgs.msg import JointTrajectory
-    except ImportError:
-        raise BadController("trajectories need the messages of ROS: apt-get install python3-trajectory-msgs") from None
     joints = opening.fitting("joints", interface)
     ear = opening.wiring.ear(opening.topic("command"), JointTrajectory, lambda message: message)
     if interface != "position":
         opening.wiring.warn(f"the controller '{opening.parameters.space}': {GAINS}")
     following = Following(opening, joints, ear)
     return Controller(INTERFACES[interface], joints, following, ears=(ear,), begin=following.begin)
+
+
+# Which types these are, `catalogue` says.
+open_on_position: Final = partial(_controller, interface="position")
+open_on_velocity: Final = partial(_controller, interface="velocity")
+open_on_effort: Final = partial(_controller, interface="effort")
 
 
 class Following:
