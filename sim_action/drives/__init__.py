@@ -59,8 +59,8 @@ class Drive(FrozenModel):
         """The live half, for physics steps at `rate` Hz and a weight of mass times `gravity` m/s^2."""
 
     @abstractmethod
-    def wheel_motion(self, model: RobotModel) -> WheelMotion:
-        """How its wheels move the robot."""
+    def wheel_motion(self, model: RobotModel) -> WheelMotion | None:
+        """How its wheels move the robot; None: it has none."""
 
     @abstractmethod
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:

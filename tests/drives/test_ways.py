@@ -59,6 +59,7 @@ def way(drive: Drive, model: RobotModel, twist: Twist) -> PlanarWay:
 
 def moved(drive: Drive, model: RobotModel, planned: JointTargets) -> PlanarWay:
     motion = drive.wheel_motion(model)
+    assert motion is not None
     assert set(motion.gears) == set(planned.velocity)
     assert set(motion.steering) == set(planned.position)
     rolled = {name: gear * planned.velocity[name] * TIME for name, gear in motion.gears.items()}
@@ -119,4 +120,6 @@ def test_wheels_that_are_steered_across_tell_of_no_curve() -> None:
 def test_it_is_the_middle_of_the_axle_that_goes_this_way(
     drive: Drive, model: RobotModel, middle: tuple[float, float]
 ) -> None:
-    assert drive.wheel_motion(model).middle_xy == pytest.approx(middle)
+    motion = drive.wheel_motion(model)
+    assert motion is not None
+    assert motion.middle_xy == pytest.approx(middle)

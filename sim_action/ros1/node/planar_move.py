@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar, Final, NoReturn, Self
+from typing import ClassVar, Final, Self
 
 from sim_action.command import NO_PUSH, BasePush, JointTargets
 from sim_action.drives import Drive, is_level
@@ -40,9 +40,8 @@ class PlanarMove(Drive):
         """See Drive.open."""
         return PlanarMotion(centre_of_mass(model), _FORCE * model.mass * max(gravity, GRAVITY))
 
-    def wheel_motion(self, model: RobotModel) -> NoReturn:
-        """No sensor of this node reads wheels, and there are none."""
-        raise NotImplementedError
+    def wheel_motion(self, model: RobotModel) -> None:
+        """See Drive.wheel_motion."""
 
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
         """See Drive.describe."""
