@@ -40,6 +40,11 @@ class _Thread:
         os.close(self._schedstat)
 
 
+def _count(pid: int) -> int:
+    """Goes up and down with its threads. Raises OSError when it is gone."""
+    return os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
+
+
 class Watched:
     """Processes, by their ids; `spared`: a thread of ours that may run, since it is the one that looks."""
 
@@ -83,7 +88,9 @@ class Watched:
         try:
             before: list[bytes] = []
             for thread in threads:
-                before.append(thread.ran())  # noqa: PERF401 - it must be known which one has gone
+                before.append(thread.ran())
+            if not all(map(self._is_counted, tuple(self._counts))):
+                return thread
             for thread, ran in zip(threads, before, strict=True):
                 if not thread.is_asleep() or thread.ran() != ran:
                     return thread
@@ -102,7 +109,7 @@ class Watched:
     def _threads_of(self, pid: int) -> Iterable[_Thread]:
         """Those that there are now."""
         try:
-            count = os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
+            count = _count(pid)
             if count != self._counts[pid]:
                 self._find_threads(pid)
                 self._counts[pid] = count
@@ -110,6 +117,13 @@ class Watched:
             self._forget(pid)
             return ()
         return tuple(self._threads[pid].values())
+
+    def _is_counted(self, pid: int) -> bool:
+        """Whether it has as many threads as when they were listed, or is gone."""
+        try:
+            return _count(pid) == self._counts[pid]
+        except OSError:
+            return True
 
     def _find_threads(self, pid: int) -> None:
         found = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings

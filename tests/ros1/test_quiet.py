@@ -50,6 +50,21 @@ def answer():
 threading.Thread(target=answer).start()
 print('up', flush=True)
 """
+# The same by a thread for each byte, beside others: the more there are, the longer it takes to look at them.
+ANSWERS_IN_NEW_THREADS = """\
+import _thread, socket, sys, threading, time
+there = socket.create_connection(('127.0.0.1', int(sys.argv[1])))
+def answer(byte):
+    sum(range(300_000))
+    there.sendall(byte)
+def hear():
+    while byte := there.recv(1):
+        _thread.start_new_thread(answer, (byte,))
+for _ in range(50):
+    threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
+threading.Thread(target=hear).start()
+print('up', flush=True)
+"""
 
 
 @contextmanager
@@ -119,9 +134,10 @@ def test_threads_that_come_and_go_are_followed() -> None:
         assert one.wait(LONG)
 
 
-def test_who_is_woken_by_a_message_has_answered_it_when_all_is_quiet() -> None:
+@pytest.mark.parametrize("text", [ANSWERS, ANSWERS_IN_NEW_THREADS])
+def test_who_is_woken_by_a_message_has_answered_it_when_all_is_quiet(text: str) -> None:
     """What lock-step rests on. A look that missed one moment of 200 would find no answer there."""
-    with socket.create_server(("127.0.0.1", 0)) as server, process(ANSWERS, str(server.getsockname()[1])) as node:
+    with socket.create_server(("127.0.0.1", 0)) as server, process(text, str(server.getsockname()[1])) as node:
         here, _ = server.accept()
         one = watched(node.pid)
         assert one.wait(LONG)
