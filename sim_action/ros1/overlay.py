@@ -22,7 +22,7 @@ from sim_action.ros1.catkin_packages import exported_models, packages_below, pac
 from sim_action.ros1.installation import Ros
 from sim_action.ros1.message_generation import generate_messages
 
-_SITE: Final = Path(__file__).with_name("awaited_messages.py")
+_SITE: Final = Path(__file__).with_name("without_polling.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"
 OUR_MODULES: Final = str(Path(__file__).resolve().parents[2])
 """Where this package is imported from."""

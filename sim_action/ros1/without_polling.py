@@ -1,7 +1,11 @@
-"""`rospy.wait_for_message` in lock-step, for nodes: they wake as the message comes, and not at the next look.
+"""What ROS's own processes do as soon as there is something to do, and not at their next look by the wall clock.
 
-rospy's own looks every 10 ms of wall time whether a message has come. Sim time goes on meanwhile, as far as the machine
-is quick: what a node sees then is not the same every time. Nothing of rospy is changed but this one function.
+Sim time goes on while somebody sleeps between two looks, as far as the machine is quick: what a node sees then is not
+the same every time. Two things are replaced, and nothing else of ROS:
+
+- `rospy.wait_for_message` looks every 10 ms of wall time whether a message has come. Here it wakes with the message.
+- The master tells those who listen to a topic of somebody new who publishes it, by threads that look every 100 ms of
+  wall time whether there is somebody to be told. Here they wake with what is to be told.
 
 Python reads this as `sitecustomize` when it starts, in every process of a launch: it knows nothing of this package.
 """
@@ -48,13 +52,49 @@ def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
     return messages[0]
 
 
+def _awaiting(pool: type[Any]) -> type[Any]:
+    """The master's pool of threads, which wait until there is a task that one of them may take."""
+
+    class Pool(pool):  # type: ignore[misc]  # ROS has no types
+        def __init__(self, threads: int) -> None:
+            self._changed = threading.Condition()
+            super().__init__(threads)
+
+        def queue_task(self, *task: Any) -> Any:
+            with self._changed:
+                self._changed.notify_all()
+                return super().queue_task(*task)
+
+        def remove_marker(self, marker: Any) -> None:
+            with self._changed:
+                self._changed.notify_all()
+                super().remove_marker(marker)
+
+        def get_next_task(self) -> Any:
+            with self._changed:
+                while (task := super().get_next_task())[1] is None:
+                    self._changed.wait()
+                return task
+
+    return Pool
+
+
+def _replace(module: ModuleType) -> None:
+    """Puts what is replaced into a module of ROS that has been read."""
+    names = vars(module)
+    if module.__name__ == "rospy.client":
+        names["wait_for_message"] = wait_for_message
+    else:
+        names["MarkedThreadPool"] = _awaiting(names["MarkedThreadPool"])
+
+
 class _Finder(importlib.abc.MetaPathFinder):
-    """Finds rospy's module where it is, and puts the function into it once it is read."""
+    """Finds ROS's modules where they are, and puts into them what is replaced once they are read."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if fullname != "rospy.client":
+        if fullname not in {"rospy.client", "rosmaster.threadpool"}:
             return None
         spec = PathFinder.find_spec(fullname, path, target)
         if spec is not None and spec.loader is not None:
@@ -62,7 +102,7 @@ class _Finder(importlib.abc.MetaPathFinder):
 
             def read_and_replace(module: ModuleType) -> None:
                 read(module)
-                vars(module)["wait_for_message"] = wait_for_message
+                _replace(module)
 
             vars(spec.loader)["exec_module"] = read_and_replace
         return spec

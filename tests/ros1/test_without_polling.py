@@ -1,4 +1,4 @@
-"""What replaces rospy's function is read by every Python of a launch, and hides nothing that was there."""
+"""What replaces functions of ROS is read by every Python of a launch, and hides nothing that was there."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import subprocess
 import sys
 from pathlib import Path
 
-from sim_action.ros1 import awaited_messages
+from sim_action.ros1 import without_polling
+from sim_action.ros1.request import RosRequest
+from tests.ros1.launches import launched, needs_ros, package
 
 
 def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> None:
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
     ours.mkdir()
     theirs.mkdir()
-    (ours / "sitecustomize.py").symlink_to(awaited_messages.__file__)
+    (ours / "sitecustomize.py").symlink_to(without_polling.__file__)
     (theirs / "sitecustomize.py").write_text("import sys\nsys.hooked = True\n")
     rospy = theirs / "rospy"
     rospy.mkdir()
@@ -27,3 +29,59 @@ def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> No
     said = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True, check=True)
 
     assert said.stdout.split() == ["True", "sitecustomize", "rospy.client"]
+
+
+# Drives from one place, ten times, by a publisher that is there only then: how far is a matter of when it is heard.
+LATE_PUBLISHERS = r"""#!/usr/bin/env python
+import unittest
+
+import rospy
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import GetModelState, SetModelState
+from geometry_msgs.msg import Twist, Vector3
+
+
+def driven():
+    publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1, latch=True)
+    publisher.publish(linear=Vector3(0.2, 0, 0))
+    rospy.sleep(0.5)
+    came = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)("turtlebot3_burger", "").pose.position.x
+    publisher.publish(Twist())
+    rospy.sleep(0.2)
+    publisher.unregister()
+    rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)(ModelState(model_name="turtlebot3_burger"))
+    rospy.sleep(0.3)
+    return came
+
+
+class Late(unittest.TestCase):
+    def test_each_is_heard_as_soon(self):
+        rospy.init_node("late")
+        rospy.sleep(0.5)
+        driven()
+        came = [driven() for _ in range(10)]
+        self.assertGreater(min(came), 0.08)
+        self.assertLess(max(came) - min(came), 0.0005)
+
+
+if __name__ == "__main__":
+    import rostest
+
+    rostest.rosrun("late", "late", Late)
+"""
+LATE_PUBLISHERS_TEST = """<launch>
+  <include file="$(find turtlebot3_gazebo)/launch/turtlebot3_empty_world.launch"/>
+  <test test-name="late" pkg="late" type="late.py"/>
+</launch>
+"""
+
+
+@needs_ros
+def test_who_publishes_late_is_heard_at_once(tmp_path: Path) -> None:
+    package(tmp_path / "ws", "late", {"late.py": LATE_PUBLISHERS, "late.test": LATE_PUBLISHERS_TEST})
+
+    found = launched(tmp_path / "run", RosRequest("rostest", "late", "late.test", workspace=tmp_path / "ws"))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert [case.text for case in test.methods.cases] == [""], found.text
