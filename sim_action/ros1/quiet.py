@@ -7,6 +7,7 @@ nodes wait, each has dealt with everything that it was sent.
 from __future__ import annotations
 
 import os
+import resource
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -14,6 +15,11 @@ from typing import Final
 
 _ROOM: Final = 1024
 _SLEEPING: Final = (b"S", b"I")
+# In s: how long a thread is looked at without a pause, and a pause.
+_SOON: Final = 2e-4
+_NAP: Final = 5e-5
+# Links to a folder that has as many folders in it as a process has threads: its name, and its own dot.
+_OWN_ENTRIES: Final = 2
 
 
 class _Thread:
@@ -40,18 +46,13 @@ class _Thread:
         os.close(self._schedstat)
 
 
-def _count(pid: int) -> int:
-    """Goes up and down with its threads. Raises OSError when it is gone."""
-    return os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
-
-
 class Watched:
     """Processes, by their ids; `spared`: a thread of ours that may run, since it is the one that looks."""
 
     def __init__(self, spared: int) -> None:
+        _allow_many_files()
         self._spared = spared
         self._threads: dict[int, dict[int, _Thread]] = {}
-        self._counts: dict[int, int] = {}
 
     def watch(self, pids: Iterable[int]) -> None:
         """From now on these processes and no others."""
@@ -60,70 +61,57 @@ class Watched:
             self._forget(pid)
         for pid in wanted - set(self._threads):
             self._threads[pid] = {}
-            self._counts[pid] = -1
 
     def wait(self, patience: float) -> bool:
         """Waits until all of them wait; False if that has taken longer than `patience` seconds."""
         deadline = time.monotonic() + patience
-        while (busy := self._busy()) is not None:
-            # Nobody else needs to be looked at while this one is.
-            while self._is_busy(busy):
-                if time.monotonic() > deadline:
-                    return False
-                # Lets it run where there is but one processor.
-                os.sched_yield()
+        while not self._is_quiet(deadline):
             if time.monotonic() > deadline:
                 return False
         return True
 
-    def _busy(self) -> _Thread | None:
-        """A thread that runs, or has run while they were all looked at; None if there is none.
+    def _is_quiet(self, deadline: float) -> bool:
+        """Whether none runs, or has run while they were all looked at; if one does, returns when it sleeps.
 
         A thread that is asleep the second time, and has not run since the first, was asleep all the while: otherwise
         it would have run in order to fall asleep. So there was a moment, between the last of the first looks and the
-        first of the second, at which all of them were.
+        first of the second, at which all of them were; and at that moment there were no others.
         """
         threads = [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]
         thread = None
         try:
             before: list[bytes] = []
             for thread in threads:
-                before.append(thread.ran())
-            if not all(map(self._is_counted, tuple(self._counts))):
-                return thread
+                before.append(thread.ran())  # noqa: PERF401 - it must be known which one has gone
+            if not all(map(self._knows_all_of, tuple(self._threads))):
+                return False
             for thread, ran in zip(threads, before, strict=True):
                 if not thread.is_asleep() or thread.ran() != ran:
-                    return thread
+                    _wait_for(thread, deadline)
+                    return False
         except OSError:
             assert thread is not None
             self._forget_thread(thread)
-            return thread
-        return None
-
-    def _is_busy(self, thread: _Thread) -> bool:
-        try:
-            return not thread.is_asleep()
-        except OSError:
             return False
+        return True
 
     def _threads_of(self, pid: int) -> Iterable[_Thread]:
         """Those that there are now."""
-        try:
-            count = _count(pid)
-            if count != self._counts[pid]:
+        if not self._knows_all_of(pid):
+            try:
                 self._find_threads(pid)
-                self._counts[pid] = count
-        except OSError:
-            self._forget(pid)
-            return ()
+            except OSError:
+                self._forget(pid)
+                return ()
         return tuple(self._threads[pid].values())
 
-    def _is_counted(self, pid: int) -> bool:
-        """Whether it has as many threads as when they were listed, or is gone."""
+    def _knows_all_of(self, pid: int) -> bool:
+        """Whether it has no threads but those that are known, if they are all there."""
         try:
-            return _count(pid) == self._counts[pid]
+            entries = os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
         except OSError:
-            return True
+            return False
+        return entries == _OWN_ENTRIES + len(self._threads[pid]) + (pid == os.getpid())
 
     def _find_threads(self, pid: int) -> None:
         found = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings
@@ -131,14 +119,27 @@ class Watched:
         for tid in set(known) - found:
             self._forget_thread(known[tid])
         for tid in found - set(known):
-            with suppress(OSError):
+            with suppress(FileNotFoundError, ProcessLookupError):
                 known[tid] = _Thread(pid, tid)
 
     def _forget_thread(self, thread: _Thread) -> None:
         self._threads[thread.pid].pop(thread.tid).close()
-        self._counts[thread.pid] = -1
 
     def _forget(self, pid: int) -> None:
         for thread in self._threads.pop(pid).values():
             thread.close()
-        del self._counts[pid]
+
+
+def _allow_many_files() -> None:
+    """As many as there may be: with two for each thread, twenty nodes would take the 1,024 that are usual."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+
+
+def _wait_for(thread: _Thread, deadline: float) -> None:
+    """Until it sleeps: nobody else needs to be looked at while it runs. Raises OSError when it is gone."""
+    began = time.monotonic()
+    while not thread.is_asleep() and (now := time.monotonic()) < deadline:
+        # Most sleep soon. To the others the processor is left: by a nap, since who yields it may wait long for it.
+        if now - began > _SOON:
+            time.sleep(_NAP)

@@ -30,6 +30,13 @@ threading.Thread(target=run, daemon=True).start()
 print('up', flush=True)
 time.sleep(600)
 """
+SLEEPS_IN_MANY_THREADS = """\
+import threading, time
+for _ in range(50):
+    threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
+print('up', flush=True)
+time.sleep(600)
+"""
 STARTS_THREADS = """\
 import sys, threading, time
 print('up', flush=True)
@@ -148,6 +155,23 @@ def test_who_is_woken_by_a_message_has_answered_it_when_all_is_quiet(text: str) 
             assert one.wait(LONG)
             assert here.recv(16) == byte
         here.close()
+
+
+# Started with the id of a process that has more threads than this one may have files; says whether that one is quiet.
+LOOKS_WITH_FEW_FILES = """\
+import resource, sys, threading
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+from sim_action.ros1.quiet import Watched
+looking = Watched(spared=threading.get_native_id())
+looking.watch([int(sys.argv[1])])
+print(looking.wait(20))
+"""
+
+
+def test_there_may_be_more_threads_than_files_are_usual() -> None:
+    with process(SLEEPS_IN_MANY_THREADS) as sleeper:
+        looking = [sys.executable, "-c", LOOKS_WITH_FEW_FILES, str(sleeper.pid)]
+        assert subprocess.run(looking, capture_output=True, text=True, check=True).stdout == "True\n"
 
 
 RELAYS = """\
