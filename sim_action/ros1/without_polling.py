@@ -1,11 +1,13 @@
-"""What ROS's own processes do as soon as there is something to do, and not at their next look by the wall clock.
+"""What ROS's own processes do as soon as there is something to do, and not some time of the wall clock later.
 
-Sim time goes on while somebody sleeps between two looks, as far as the machine is quick: what a node sees then is not
-the same every time. Two things are replaced, and nothing else of ROS:
+Sim time goes on while all of them sleep, as far as the machine is quick: what a node sees then is not the same every
+time. Three things are replaced, and nothing else of ROS:
 
 - `rospy.wait_for_message` looks every 10 ms of wall time whether a message has come. Here it wakes with the message.
 - The master tells those who listen to a topic of somebody new who publishes it, by threads that look every 100 ms of
   wall time whether there is somebody to be told. Here they wake with what is to be told.
+- TCP may hold a small message back until the one before it was acknowledged, up to 40 ms of wall time (RFC 896, RFC
+  1122 in 4.2.3.2), unless who listens wants no delay. Here everybody wants none.
 
 Python reads this as `sitecustomize` when it starts, in every process of a launch: it knows nothing of this package.
 """
@@ -79,13 +81,28 @@ def _awaiting(pool: type[Any]) -> type[Any]:
     return Pool
 
 
-def _replace(module: ModuleType) -> None:
-    """Puts what is replaced into a module of ROS that has been read."""
-    names = vars(module)
-    if module.__name__ == "rospy.client":
-        names["wait_for_message"] = wait_for_message
-    else:
-        names["MarkedThreadPool"] = _awaiting(names["MarkedThreadPool"])
+def _replace_waiting(client: dict[str, Any]) -> None:
+    client["wait_for_message"] = wait_for_message
+
+
+def _replace_delays(connections: dict[str, Any]) -> None:
+    configure, listener = connections["_configure_pub_socket"], connections["TCPROSSub"]
+    fields = listener.get_header_fields
+    # Asked of who publishes, in whatever language; and done by who publishes in ours, whatever is asked.
+    listener.get_header_fields = lambda self: {**fields(self), "tcp_nodelay": "1"}
+    connections["_configure_pub_socket"] = lambda socket, _: configure(socket, True)
+
+
+def _replace_pool(threadpool: dict[str, Any]) -> None:
+    threadpool["MarkedThreadPool"] = _awaiting(threadpool["MarkedThreadPool"])
+
+
+# Module of ROS -> what puts into its names what is replaced.
+_REPLACED = {
+    "rospy.client": _replace_waiting,
+    "rospy.impl.tcpros_pubsub": _replace_delays,
+    "rosmaster.threadpool": _replace_pool,
+}
 
 
 class _Finder(importlib.abc.MetaPathFinder):
@@ -94,7 +111,7 @@ class _Finder(importlib.abc.MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if fullname not in {"rospy.client", "rosmaster.threadpool"}:
+        if fullname not in _REPLACED:
             return None
         spec = PathFinder.find_spec(fullname, path, target)
         if spec is not None and spec.loader is not None:
@@ -102,7 +119,7 @@ class _Finder(importlib.abc.MetaPathFinder):
 
             def read_and_replace(module: ModuleType) -> None:
                 read(module)
-                _replace(module)
+                _REPLACED[fullname](vars(module))
 
             vars(spec.loader)["exec_module"] = read_and_replace
         return spec

@@ -31,37 +31,68 @@ def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> No
     assert said.stdout.split() == ["True", "sitecustomize", "rospy.client"]
 
 
-# Drives from one place, ten times, by a publisher that is there only then: how far is a matter of when it is heard.
-LATE_PUBLISHERS = r"""#!/usr/bin/env python
+# Begins to drive, and to listen, amid the run and again and again: when it is heard, and hears, must be the same.
+LATE = r"""#!/usr/bin/env python
+import socket
 import unittest
 
 import rospy
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import GetModelState, SetModelState
 from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+
+ROBOT = "turtlebot3_burger"
 
 
 def driven():
     publisher = rospy.Publisher("/cmd_vel", Twist, queue_size=1, latch=True)
     publisher.publish(linear=Vector3(0.2, 0, 0))
     rospy.sleep(0.5)
-    came = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)("turtlebot3_burger", "").pose.position.x
+    came = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)(ROBOT, "").pose.position.x
     publisher.publish(Twist())
     rospy.sleep(0.2)
     publisher.unregister()
-    rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)(ModelState(model_name="turtlebot3_burger"))
+    rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)(ModelState(model_name=ROBOT))
     rospy.sleep(0.3)
     return came
 
 
+def heard():
+    stamps = []
+    subscriber = rospy.Subscriber("/odom", Odometry, lambda message: stamps.append(message.header.stamp))
+    began = rospy.Time.now()
+    rospy.sleep(0.45)
+    subscriber.unregister()
+    rospy.sleep(0.45)
+    return [(stamp - began).to_nsec() for stamp in stamps]
+
+
 class Late(unittest.TestCase):
-    def test_each_is_heard_as_soon(self):
+    @classmethod
+    def setUpClass(cls):
         rospy.init_node("late")
         rospy.sleep(0.5)
+
+    def test_who_publishes_is_heard_as_soon(self):
         driven()
         came = [driven() for _ in range(10)]
-        self.assertGreater(min(came), 0.08)
+        self.assertGreater(min(came), 0.07)
         self.assertLess(max(came) - min(came), 0.0005)
+
+    def test_who_listens_hears_as_much(self):
+        # 0.9 s are a multiple of what is between two messages.
+        first, *others = [heard() for _ in range(8)]
+        self.assertEqual(others, [first] * 7)
+
+    def test_small_messages_are_not_held_back(self):
+        publisher = rospy.Publisher("/late", Twist, queue_size=1)
+        rospy.Subscriber("/late", Twist, lambda message: None)
+        rospy.sleep(0.1)
+        (connection,) = publisher.impl.connections
+        self.assertTrue(connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+        listening = rospy.impl.tcpros_pubsub.TCPROSSub("/late", Twist)
+        self.assertEqual(listening.get_header_fields()["tcp_nodelay"], "1")
 
 
 if __name__ == "__main__":
@@ -69,7 +100,7 @@ if __name__ == "__main__":
 
     rostest.rosrun("late", "late", Late)
 """
-LATE_PUBLISHERS_TEST = """<launch>
+LATE_TEST = """<launch>
   <include file="$(find turtlebot3_gazebo)/launch/turtlebot3_empty_world.launch"/>
   <test test-name="late" pkg="late" type="late.py"/>
 </launch>
@@ -77,11 +108,11 @@ LATE_PUBLISHERS_TEST = """<launch>
 
 
 @needs_ros
-def test_who_publishes_late_is_heard_at_once(tmp_path: Path) -> None:
-    package(tmp_path / "ws", "late", {"late.py": LATE_PUBLISHERS, "late.test": LATE_PUBLISHERS_TEST})
+def test_who_comes_late_is_heard_and_hears_at_once(tmp_path: Path) -> None:
+    package(tmp_path / "ws", "late", {"late.py": LATE, "late.test": LATE_TEST})
 
     found = launched(tmp_path / "run", RosRequest("rostest", "late", "late.test", workspace=tmp_path / "ws"))
 
     (test,) = found.tests
     assert test.methods is not None, found.text
-    assert [case.text for case in test.methods.cases] == [""], found.text
+    assert [case.text for case in test.methods.cases] == ["", "", ""], found.text
