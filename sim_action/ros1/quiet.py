@@ -14,6 +14,7 @@ from contextlib import suppress
 from typing import Final
 
 _ROOM: Final = 1024
+_GONE: Final = (FileNotFoundError, ProcessLookupError)
 _SLEEPING: Final = (b"S", b"I")
 # In s: how long a thread is looked at without a pause, and a pause.
 _SOON: Final = 2e-4
@@ -23,13 +24,19 @@ _OWN_ENTRIES: Final = 2
 
 
 class _Thread:
-    """The files of one thread, which are kept open: to open them takes as long as to read them ten times."""
+    """The files of one thread, which are kept open: to open them takes as long as to read them ten times.
+
+    Raises OSError when it is gone.
+    """
 
     def __init__(self, pid: int, tid: int) -> None:
         self.pid, self.tid = pid, tid
-        self._stat, self._schedstat = (
-            os.open(f"/proc/{pid}/task/{tid}/{name}", os.O_RDONLY | os.O_CLOEXEC) for name in ("stat", "schedstat")
-        )
+        self._stat = os.open(f"/proc/{pid}/task/{tid}/stat", os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            self._schedstat = os.open(f"/proc/{pid}/task/{tid}/schedstat", os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:
+            os.close(self._stat)
+            raise
 
     def is_asleep(self) -> bool:
         """Whether it waits for something. Raises OSError when it is gone."""
@@ -100,7 +107,7 @@ class Watched:
         if not self._knows_all_of(pid):
             try:
                 self._find_threads(pid)
-            except OSError:
+            except _GONE:
                 self._forget(pid)
                 return ()
         return tuple(self._threads[pid].values())
@@ -119,7 +126,7 @@ class Watched:
         for tid in set(known) - found:
             self._forget_thread(known[tid])
         for tid in found - set(known):
-            with suppress(FileNotFoundError, ProcessLookupError):
+            with suppress(*_GONE):
                 known[tid] = _Thread(pid, tid)
 
     def _forget_thread(self, thread: _Thread) -> None:
