@@ -26,7 +26,7 @@ def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
     numbers: dict[str, int] = {}
     paths = []
     for name in names:
-        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:80] or "scenario"
+        plain = _plain(name)
         unique, number = plain, numbers.get(plain.lower(), 1)
         while unique.lower() in taken:
             number += 1
@@ -35,6 +35,16 @@ def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
         taken.add(unique.lower())
         paths.append(folder / TRACE_FOLDER / f"{unique}.npz")
     return paths
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:80] or "scenario"
+
+
+def number_among_namesakes(name: str, stored: str) -> int:
+    """Which one of a name it is, from 1 on, by its replay: `replays/a-2.json.gz` is of the second `a`."""
+    number = Path(stored).name.removesuffix(".json.gz").removeprefix(f"{_plain(name)}-")
+    return int(number) if re.fullmatch("[1-9][0-9]{0,5}", number) else 1
 
 
 def replay_path(trace: Path) -> Path:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import chain, count
 from math import isfinite
 from pathlib import Path
 from typing import Final
@@ -20,7 +23,7 @@ from sim_action.reports.page.packing import Parcel, told
 from sim_action.reports.reproduction import REPORT_FILE
 from sim_action.reports.wording import mood
 from sim_action.results import Results
-from sim_action.trace_files import stored_file
+from sim_action.trace_files import number_among_namesakes, stored_file
 from sim_action.whole_files import whole_file
 
 MOST_SCENARIOS: Final = 2_000
@@ -38,7 +41,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     found = worst_first(groups(results.outcomes))
     ordered = [outcome for group in found for outcome in group.worst_first()][:MOST_SCENARIOS]
     ids = {id(outcome): f"s{number}" for number, outcome in enumerate(ordered)}
-    parcel = Parcel()
+    parcel, numbers = Parcel(), _numbers(ordered)
     articles, entries = [], []
     for outcome in ordered:
         identity = ids[id(outcome)]
@@ -47,7 +50,7 @@ def page(results: Results, options: ReportOptions) -> Page:
             replay, missing = None, "No room was left for the replay of this run: failures come first."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome)
         articles.append(article(identity, outcome, results, options, still))
-        entries.append(_entry(identity, outcome, replay))
+        entries.append(_entry(identity, outcome, numbers[id(outcome)], replay))
     body = joined(
         head(results),
         element("div", joined(listing(found, ids), element("main", joined(*articles))), class_="layout"),
@@ -70,11 +73,24 @@ def _replay(outcome: Outcome, folder: Path) -> tuple[Replay | None, str]:
         return None, f"There is no replay: {one_line(str(error))}"
 
 
-def _entry(identity: str, outcome: Outcome, replay: Replay | None) -> dict[str, object]:
+def _numbers(outcomes: Sequence[Outcome]) -> dict[int, int]:
+    """By ids of outcomes: which of several of its name each is, told from its replay as links from elsewhere are."""
+    taken: defaultdict[str, set[int]] = defaultdict(set)
+    numbers = {}
+    for outcome in sorted(outcomes, key=lambda outcome: outcome.replay is None):
+        others = taken[one_line(outcome.name)]
+        stated = number_among_namesakes(outcome.name, outcome.replay or "")
+        numbers[id(outcome)] = number = next(number for number in chain([stated], count(1)) if number not in others)
+        others.add(number)
+    return numbers
+
+
+def _entry(identity: str, outcome: Outcome, number: int, replay: Replay | None) -> dict[str, object]:
     """What the page's script has to know of a scenario."""
     return {
         "id": identity,
         "name": one_line(outcome.name),
+        "number": number,
         "status": mood(outcome),
         "replay": None if replay is None else f"replay-{identity}",
         "moment": next((time for failure in outcome.failures if (time := _moment(failure.time)) is not None), None),

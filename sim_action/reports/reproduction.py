@@ -13,6 +13,7 @@ from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.paths import seen_from
+from sim_action.trace_files import number_among_namesakes
 
 REPORT_FILE: Final = "report.html"
 
@@ -63,11 +64,15 @@ def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = N
     """Where in the report a moment is, in s of sim time: `report.html#scenario=...&t=4.5`; empty if it is not there."""
     if outcome.replay is None or "report" in options.silenced:
         return ""
-    return f"{REPORT_FILE}{fragment(outcome.name, time)}"
+    return f"{REPORT_FILE}{fragment(outcome.name, time, number_among_namesakes(outcome.name, outcome.replay))}"
 
 
-def fragment(scenario: str, time: float | None = None) -> str:
-    """What stands behind the address of a report to open it at a scenario, and at a moment, in s of sim time."""
+def fragment(scenario: str, time: float | None = None, number: int = 1) -> str:
+    """What stands behind the address of a report to open it at a scenario, and at a moment, in s of sim time.
+
+    `number`: which of several of that name.
+    """
+    which = "" if number == 1 else f"&n={number}"
     moment = "" if time is None else f"&t={round(time, 2):g}"
     # As the page calls it.
-    return f"#scenario={quote(one_line(scenario), safe='')}{moment}"
+    return f"#scenario={quote(one_line(scenario), safe='')}{which}{moment}"

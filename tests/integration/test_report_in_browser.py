@@ -157,6 +157,18 @@ def test_hostile_names(tmp_path: Path) -> None:
     look("hostile names stay text", tmp_path / "report.html")
 
 
+def test_runs_of_one_name(tmp_path: Path) -> None:
+    """The second one failed, so it stands first."""
+    ran = [
+        outcome(f"{file}.sim.yml", holds=holds).model_copy(
+            update={"name": "burger", "replay": kept(drive(), tmp_path, stem)}
+        )
+        for file, holds, stem in (("first", True, "burger"), ("second", False, "burger-2"))
+    ]
+    write_html(results(*ran), options(tmp_path))
+    look("a link tells runs of one name apart", tmp_path / "report.html")
+
+
 def test_a_hundred_scenarios(tmp_path: Path) -> None:
     def ran(number: int) -> Outcome:
         name = kept(drive(seconds=10.0, distance=number / 20 + 0.5), tmp_path, f"{number}")

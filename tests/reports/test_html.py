@@ -13,6 +13,7 @@ from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions, html
 from sim_action.reports.html import page, write_html
 from sim_action.reports.page import packing
+from sim_action.reports.reproduction import replay_link
 from sim_action.results import Results
 from sim_action.whole_files import whole_file
 from tests.replays import drive, kept
@@ -57,6 +58,21 @@ def test_failures_first(samples: Samples, make_results: MakeResults, options: Re
     outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
     names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(make_results(*outcomes), options))
     assert names == ["crash", "failed", "passed"]
+
+
+def test_links_tell_runs_of_one_name_apart(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+    passed, failed, crash = (
+        samples[kind].outcomes[0].model_copy(update={"name": "a"}) for kind in ("passed", "failed", "crash")
+    )
+    first = passed.model_copy(update={"replay": "replays/a.json.gz"})
+    second = failed.model_copy(update={"replay": "replays/a-2.json.gz"})
+    entries = json.loads(page(make_results(first, second, crash), options).index)["scenarios"]
+    numbers = {entry["status"]: entry["number"] for entry in entries}
+    assert numbers == {"error": 3, "failed": 2, "passed": 1}
+    assert [replay_link(each, options) for each in (first, second)] == [
+        "report.html#scenario=a",
+        "report.html#scenario=a&n=2",
+    ]
 
 
 @pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])

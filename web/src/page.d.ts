@@ -198,6 +198,8 @@ interface ExpectationEntry {
 interface ScenarioEntry {
   id: string;
   name: string;
+  /** Which of several of that name, from 1 on. */
+  number: number;
   status: string;
   replay: string | null;
   /** s, at which what went wrong is to be seen, if no expectation says so. */

@@ -102,6 +102,22 @@ const CHECKS = {
       assert.equal(await page.textContent(".scenario.open h2"), "burger drives straight");
     },
   },
+  "a link tells runs of one name apart": {
+    hash: "#scenario=burger&n=2&t=0.5",
+    look: async (page) => {
+      const opened = (/** @type {string} */ file) =>
+        page.waitForFunction((name) => document.querySelector(".scenario.open")?.textContent?.includes(name), file);
+      await page.waitForSelector(READY);
+      await opened("second.sim.yml");
+      assert.equal(await time(page), 0.5);
+      await page.evaluate(() => {
+        location.hash = "#scenario=burger&t=0.5";
+      });
+      await opened("first.sim.yml");
+      await page.click("nav.scenarios a:not([aria-current])");
+      await opened("second.sim.yml");
+    },
+  },
   "the address tells what is seen": {
     look: async (page) => {
       await page.waitForSelector(READY);

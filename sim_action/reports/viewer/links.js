@@ -9,21 +9,18 @@ function asked(scenarios) {
   const name = words.get("scenario");
   if (name === null) return null;
   const called = scenarios.filter((scenario) => scenario.name === name);
-  const scenario = called[Number(words.get("n") ?? 1) - 1] ?? called[0];
+  const scenario = called.find(({ number }) => number === Number(words.get("n") ?? 1)) ?? called[0];
   const time = Number.parseFloat(words.get("t") ?? "");
   return scenario ? { scenario, time: Number.isFinite(time) ? time : null } : null;
 }
 
 /**
- * @param {ScenarioEntry[]} scenarios
  * @param {ScenarioEntry} scenario
  * @param {number | null} time
  */
-function linkTo(scenarios, scenario, time) {
-  const called = scenarios.filter(({ name }) => name === scenario.name);
-  const number = called.indexOf(scenario);
+function linkTo(scenario, time) {
   const words = [`scenario=${encodeURIComponent(scenario.name)}`];
-  if (number > 0) words.push(`n=${number + 1}`);
+  if (scenario.number > 1) words.push(`n=${scenario.number}`);
   if (time !== null) words.push(`t=${Number(time.toFixed(3))}`);
   return `#${words.join("&")}`;
 }

@@ -15,7 +15,7 @@ class Scenarios {
       const entry = entries.find(({ id }) => anchor.hash === `#${id}`);
       if (!entry) continue;
       this.anchors.set(entry.id, anchor);
-      anchor.href = linkTo(entries, entry, null);
+      anchor.href = linkTo(entry, null);
     }
     addEventListener("hashchange", () => void this.follow());
   }
@@ -75,7 +75,7 @@ class Scenarios {
     this.offerMoments(article, player);
     await player.open(time);
     const remember = () => {
-      if (this.player === player && !player.clock.playing) rememberLink(linkTo(this.entries, entry, player.clock.time));
+      if (this.player === player && !player.clock.playing) rememberLink(linkTo(entry, player.clock.time));
     };
     player.clock.addEventListener("tick", remember);
     player.clock.addEventListener("state", remember);
