@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import faulthandler
 import re
+import signal
+import sys
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,14 +20,22 @@ _FRAME: Final = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d{1,9}) in '
 
 
 def note_before(deadline: float, file: Path) -> None:
-    """Just before a time of `time.monotonic()`, writes to a file where each thread of this process is.
+    """Just before a time of `time.monotonic()`, writes to a file where this process is.
 
     What hangs in native code is seen, too: no Python runs for it.
     """
     left = deadline - time.monotonic()
     until = left - min(_BEFORE, _PART * left)
-    if until > 0:
-        faulthandler.dump_traceback_later(until, file=file.open("w", encoding="ascii"))
+    if until <= 0:
+        return
+    noted = file.open("w", encoding="ascii")
+    if sys.platform == "win32":
+        faulthandler.dump_traceback_later(until, file=noted)
+    else:
+        # The main thread notes itself, and stands still meanwhile: read by another one, frames may vanish, and the
+        # process would end with a segmentation fault.
+        faulthandler.register(signal.SIGALRM, file=noted, all_threads=False)
+        signal.setitimer(signal.ITIMER_REAL, until)
 
 
 def noted_place(text: str, files: Iterable[Path]) -> Location | None:

@@ -7,6 +7,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from sim_action.hang import note_before, noted_place
 from sim_action.location import Location
 
@@ -22,10 +24,33 @@ def inner():
     while "in <module>" not in Path(sys.argv[1]).read_text():
         pass
 
-note_before(time.monotonic() + 0.5, Path(sys.argv[1]))
+note_before(time.monotonic() + 2, Path(sys.argv[1]))
 threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
 inner()
 """
+
+# Is noted again and again while it makes and leaves frames, faster than they could be read beside it.
+BUSY = """\
+import sys, time
+from pathlib import Path
+from sim_action.hang import note_before
+
+def deep(count):
+    return count and deep(count - 1)
+
+noted = Path(sys.argv[1])
+for _ in range(50):
+    note_before(time.monotonic() + 0.02, noted)
+    while noted.exists() and "in <module>" not in noted.read_text():
+        deep(50)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no signal by which a thread could note itself")
+def test_a_process_survives_that_it_is_noted(tmp_path: Path) -> None:
+    program = tmp_path / "busy.py"
+    program.write_text(BUSY)
+    subprocess.run([sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=60)
 
 
 def test_a_process_notes_where_it_is(tmp_path: Path) -> None:
