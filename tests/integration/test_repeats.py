@@ -38,8 +38,8 @@ def controller(*body: str) -> str:
 
 # Speeds that the burger comes to within half a second, at 1 m/s^2.
 FLAKY = {
-    "random numbers of its own": controller("import random", "return random.Random().random()"),
-    "random numbers of the system": controller("import os", "return os.urandom(1)[0] / 255"),
+    "random numbers of its own": controller("import random", "return random.Random().random() / 2"),
+    "random numbers of the system": controller("import os", "return os.urandom(1)[0] / 510"),
     "the wall clock": controller("import time", "return time.time_ns() // 1000 % 1000 / 4000"),
     "order of a set": controller("words = {'north', 'east', 'south', 'west'}", "return len(list(words)[0]) / 10"),
     "hashes": controller("return hash('north') % 100 / 100"),

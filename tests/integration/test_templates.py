@@ -34,8 +34,9 @@ import os
 from sim_action import Twist
 
 
+# Speeds that the burger comes to at 1 m/s^2: of those beyond, one run is as another.
 def control(observation):
-    return Twist((os.urandom(1)[0] / 255, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return Twist((os.urandom(1)[0] / 2550, 0.0, 0.0), (0.0, 0.0, 0.0))
 """
 REPORTERS = ["reporter-dorny", "reporter-enricomi", "reporter-mikepenz"]
 FROM_FORK = {"pull_request": {"number": 7, "head": {"repo": {"full_name": "stranger/robot"}}}}
