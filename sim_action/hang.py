@@ -22,7 +22,7 @@ _FRAME: Final = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d{1,9}) in '
 def note_before(deadline: float, file: Path) -> None:
     """Just before a time of `time.monotonic()`, writes to a file where this process is.
 
-    What hangs in native code is seen, too: no Python runs for it.
+    What hangs in native code is seen, too: no Python runs for it. Where code has an alarm of its own, nothing is noted.
     """
     left = deadline - time.monotonic()
     until = left - min(_BEFORE, _PART * left)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain, count
 from math import isfinite
 from pathlib import Path
@@ -76,12 +76,15 @@ def _replay(outcome: Outcome, folder: Path) -> tuple[Replay | None, str]:
 def _numbers(outcomes: Sequence[Outcome]) -> dict[int, int]:
     """By ids of outcomes: which of several of its name each is, told from its replay as links from elsewhere are."""
     taken: defaultdict[str, set[int]] = defaultdict(set)
+    # Where to go on looking for the next that is free: many may have the same name.
+    free: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(1))
     numbers = {}
     for outcome in sorted(outcomes, key=lambda outcome: outcome.replay is None):
-        others = taken[one_line(outcome.name)]
+        name = one_line(outcome.name)
         stated = number_among_namesakes(outcome.name, outcome.replay or "")
-        numbers[id(outcome)] = number = next(number for number in chain([stated], count(1)) if number not in others)
-        others.add(number)
+        number = next(number for number in chain([stated], free[name]) if number not in taken[name])
+        taken[name].add(number)
+        numbers[id(outcome)] = number
     return numbers
 
 
