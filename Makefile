@@ -45,7 +45,7 @@ lint-types: $(VENV)/.dev
 
 # What Python lacks there is not asked for; ROS 1 is for Linux.
 $(filter lint-types-%,$(TYPES)): lint-types-%: $(VENV)/.dev
-	$(BIN)/mypy --platform $* --cache-dir .mypy_cache/$* --exclude sim_action/ros1/ sim_action action
+	$(BIN)/mypy --platform $* --cache-dir .mypy_cache/$* --exclude sim_action/ros/ sim_action action
 
 viewer: ## what report.html draws runs in 3D with; without Node.js it draws them from above
 	@if $(HAS_NODE); then $(MAKE) --no-print-directory $(VIEWER); \

@@ -7,8 +7,8 @@ import subprocess
 import sys
 from typing import Final
 
-from sim_action.errors import UsageError
-from sim_action.ros1.installation import PACKAGES, find_ros
+from sim_action.core.errors import UsageError
+from sim_action.ros.ros1.installation import PACKAGES, find_ros
 
 _TITLE: Final = "::error title=sim-action::"
 _APT: Final = ("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "--quiet", "--yes")

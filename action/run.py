@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from sim_action.cli import call, leave
-from sim_action.errors import ExitCode
+from sim_action.cli.main import call, leave
+from sim_action.core.errors import ExitCode
 from sim_action.reports.annotations import complaint
 
 TRUE_OR_FALSE: Final = ("true", "false")

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from bench.robots import ROBOTS, KnownRobot
-from sim_action.loading import build_scene
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import simulate
+from sim_action.scenario.loading import build_scene
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import simulate
 
 PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
 """Engine -> the package that it comes in."""

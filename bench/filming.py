@@ -9,11 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sim_action.footage import Footage
-from sim_action.loading import build_scene, load_scenario
-from sim_action.replay.making import make_replay
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import simulate
+from sim_action.recording.replay.making import make_replay
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import simulate
+from sim_action.simulation.recorder import Footage
 
 ROUNDS: Final = 7
 

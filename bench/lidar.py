@@ -10,11 +10,11 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sim_action.backends import BACKENDS
-from sim_action.command import JointTargets
-from sim_action.loading import build_scene, load_scenario
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import simulate
+from sim_action.engines import BACKENDS
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import simulate
+from sim_action.state.command import JointTargets
 
 STEPS: Final = 4800
 SCAN_PERIOD: Final = 24

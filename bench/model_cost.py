@@ -17,8 +17,8 @@ def main() -> None:
     """Prints the three times."""
     engine = _seconds(lambda: import_module("pybullet"))
     from bench.robots import MINITAUR, WORKSPACE
-    from sim_action.loading import build_scene
-    from sim_action.models.library import ModelLibrary
+    from sim_action.robot.library import ModelLibrary
+    from sim_action.scenario.loading import build_scene
 
     library, robot = ModelLibrary(), MINITAUR.robot
     first = _seconds(lambda: library.load(robot, WORKSPACE))

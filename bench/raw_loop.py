@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pybullet
 
-MODEL = Path(__file__).parent.parent / "sim_action/models/built_in/turtlebot3_burger.urdf"
+MODEL = Path(__file__).parent.parent / "sim_action/robot/built_in/turtlebot3_burger.urdf"
 RATE = 240
 DURATION = 30
 SETTLE_STEPS = 24

@@ -9,13 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sim_action.exports import EXPORTS
-from sim_action.exports.film.pictures import pictures
-from sim_action.exports.recorded_run import RecordedRun
-from sim_action.footage import Footage
-from sim_action.loading import build_scene, load_scenario
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import simulate
+from sim_action.recording.export import EXPORTS
+from sim_action.recording.export.film.pictures import pictures
+from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import simulate
+from sim_action.simulation.recorder import Footage
 
 ROUNDS: Final = 7
 PICTURES: Final = 30

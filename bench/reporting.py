@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import page
-from sim_action.results import Results
+from sim_action.results.file import Results
 
 ROOT: Final = Path(__file__).parent.parent
 ROUNDS: Final = 7

@@ -9,11 +9,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from sim_action.loading import load_scenario
-from sim_action.permissions import Permissions
-from sim_action.scenario import LoadedScenario
-from sim_action.workspace import Workspace
-from sim_action.world import Robot
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
+from sim_action.robot.spec import Robot
+from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import LoadedScenario
 
 _PACKAGE: Final = find_spec("pybullet_data")
 DATA: Final = Path(_PACKAGE.origin).parent if _PACKAGE and _PACKAGE.origin else Path("no-pybullet_data")

@@ -10,13 +10,13 @@ import time
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sim_action.errors import UsageError
-from sim_action.interruption import Interruption
-from sim_action.ros1.exchange import PROCESS_FILE, RUN_FILE
-from sim_action.ros1.installation import Ros, find_ros
-from sim_action.ros1.launching import Call
-from sim_action.ros1.overlay import build_overlay
-from sim_action.ros1.request import RosRequest
+from sim_action.core.errors import UsageError
+from sim_action.core.interruption import Interruption
+from sim_action.ros.ros1.exchange import PROCESS_FILE, RUN_FILE
+from sim_action.ros.ros1.installation import Ros, find_ros
+from sim_action.ros.ros1.launching import Call
+from sim_action.ros.ros1.overlay import build_overlay
+from sim_action.ros.ros1.request import RosRequest
 
 EXAMPLES: Final = Path(__file__).resolve().parent.parent / "examples/ros1"
 ROUNDS: Final = 4

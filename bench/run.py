@@ -118,10 +118,10 @@ def further_scenario(folder: Path) -> Ratio:
     """What a scenario costs once everything is imported: read, run in a child of its own, its outcome read back."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
-    from sim_action.execution import execute
-    from sim_action.interruption import Interruption
-    from sim_action.loading import load_scenario
+    from sim_action.core.interruption import Interruption
     from sim_action.reports.progress import ProgressListener
+    from sim_action.runner.execution import execute
+    from sim_action.scenario.loading import load_scenario
 
     path = write_suite(folder / "further", 1) / "0.sim.yml"
     listener = ProgressListener(total=1, verbosity="quiet")
@@ -139,13 +139,13 @@ def variations(folder: Path) -> Ratio:
     """What one of many variations of a scenario costs, with its part of the reading, against the raw loop."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
-    from sim_action.execution import execute
-    from sim_action.interruption import Interruption
-    from sim_action.loading import load_all
-    from sim_action.permissions import Permissions
+    from sim_action.core.interruption import Interruption
+    from sim_action.core.permissions import Permissions
     from sim_action.reports.progress import ProgressListener
-    from sim_action.scenario import LoadedScenario
-    from sim_action.scenario_files import read_file
+    from sim_action.runner.execution import execute
+    from sim_action.scenario.files import read_file
+    from sim_action.scenario.loading import load_all
+    from sim_action.scenario.model import LoadedScenario
 
     path = write_suite(folder / "variations", 1) / "0.sim.yml"
     drawn = f"robot.pose.yaw: {{uniform: [-1 deg, 1 deg], samples: {VARIATIONS}}}"

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from bench.engines import PACKAGES
-from sim_action.loading import build_scene, load_scenario
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import simulate
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import simulate
 
 _ROUNDS: Final = 20
 """Noise only ever adds: the least time counts."""

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Final
 
 from bench.robots import KnownRobot
-from sim_action.geometry import Twist
-from sim_action.loading import build_scene
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import simulate
+from sim_action.core.geometry import Twist
+from sim_action.scenario.loading import build_scene
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import simulate
 
 SECONDS: Final = 5
 """Of sim time that are measured, after settling."""
@@ -48,7 +48,7 @@ def _raw(loaded: LoadedScenario) -> float:
     """A loop by hand: a step, and the state of the base and of all joints that move."""
     import pybullet
 
-    from sim_action.backends.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet import PyBulletBackend
 
     physics, scene = loaded.scenario.physics, build_scene(loaded)
     backend = PyBulletBackend(scene)

@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from bench.engines import PACKAGES
-from sim_action.loading import build_scene, load_scenario
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import simulate
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import simulate
 
 BOXES: Final = 200
 

@@ -16,28 +16,31 @@ import yaml
 from pydantic import BaseModel
 
 from docs.reference import KEYS, attributes, examples, keys, sections, table
-from sim_action import catalogue, readings
+from sim_action.app.schema import results_schema, scenario_schema, schema_text
 from sim_action.assertions import ASSERTIONS
-from sim_action.catalogue import Entry, FieldEntry
-from sim_action.command import JointTargets
+from sim_action.cli.default_options import Defaults
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
-from sim_action.default_options import Defaults
+from sim_action.core.errors import ExitCode
+from sim_action.core.geometry import Pose, Twist
+from sim_action.core.placement import Placement
+from sim_action.core.registry import Table
+from sim_action.core.verdict import Verdict
 from sim_action.drives import DRIVES
-from sim_action.errors import ExitCode
-from sim_action.exports import EXPORTS
-from sim_action.geometry import Pose, Twist
-from sim_action.models.findings import RULES
-from sim_action.observation import Contact, JointState, Observation
-from sim_action.reading_columns import READING_COLUMNS, ReadingColumn
-from sim_action.registry import Table
-from sim_action.scenario import ExpectationOptions, Scenario, TraceSettings
-from sim_action.schema import results_schema, scenario_schema, schema_text
+from sim_action.recording.export import EXPORTS
+from sim_action.robot.findings import RULES
+from sim_action.robot.spec import Robot
+from sim_action.scenario import catalogue
+from sim_action.scenario.catalogue import Entry, FieldEntry
+from sim_action.scenario.model import ExpectationOptions, Scenario, TraceSettings
 from sim_action.sensors import SENSORS
 from sim_action.sensors.mounting import Mounting
-from sim_action.trace import Trace
-from sim_action.verdict import Verdict
-from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, Placement, Robot, World
+from sim_action.state import readings
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Contact, JointState, Observation
+from sim_action.state.reading_columns import READING_COLUMNS, ReadingColumn
+from sim_action.state.trace import Trace
+from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, World
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "docs/scenario.md")

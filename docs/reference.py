@@ -10,9 +10,9 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from sim_action import catalogue
-from sim_action.registry import Table
-from sim_action.trace import Trace
+from sim_action.core.registry import Table
+from sim_action.scenario import catalogue
+from sim_action.state.trace import Trace
 
 ROOT = Path(__file__).resolve().parent.parent
 LANGUAGES = {".yaml": "yaml", ".py": "python", ".js": "javascript", ".pl": "perl", ".csv": "csv"}

@@ -14,9 +14,9 @@ from bench.robots import BURGER, REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from bench.step_cost import StepCost, step_cost
 from docs.generate import BLOCK
 from docs.reference import table
-from sim_action.errors import RefusedModel
-from sim_action.models import load_model
-from sim_action.robot_model import RobotModel
+from sim_action.core.errors import RefusedModel
+from sim_action.robot import load_model
+from sim_action.robot.robot_model import RobotModel
 
 PAGE: Final = Path(__file__).parent / "robots.md"
 HEAD: Final = ("robot", "`allow`", "mass", "joints", "findings", "µs a step", "ratio")

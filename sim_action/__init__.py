@@ -11,13 +11,13 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sim_action.command import Command, JointTargets
     from sim_action.commands.robot_description import JointDescription, RobotDescription
-    from sim_action.geometry import Pose, Twist
-    from sim_action.observation import Contact, JointState, Observation
-    from sim_action.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
-    from sim_action.trace import Trace
-    from sim_action.verdict import Verdict
+    from sim_action.core.geometry import Pose, Twist
+    from sim_action.core.verdict import Verdict
+    from sim_action.state.command import Command, JointTargets
+    from sim_action.state.observation import Contact, JointState, Observation
+    from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
+    from sim_action.state.trace import Trace
 
 __version__ = "0.1.0"
 
@@ -42,22 +42,22 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CameraImage": "sim_action.readings",
-    "Command": "sim_action.command",
-    "Contact": "sim_action.observation",
-    "ContactReading": "sim_action.readings",
-    "ImuReading": "sim_action.readings",
+    "CameraImage": "sim_action.state.readings",
+    "Command": "sim_action.state.command",
+    "Contact": "sim_action.state.observation",
+    "ContactReading": "sim_action.state.readings",
+    "ImuReading": "sim_action.state.readings",
     "JointDescription": "sim_action.commands.robot_description",
-    "JointState": "sim_action.observation",
-    "JointTargets": "sim_action.command",
-    "LidarScan": "sim_action.readings",
-    "Observation": "sim_action.observation",
-    "OdometryReading": "sim_action.readings",
-    "Pose": "sim_action.geometry",
+    "JointState": "sim_action.state.observation",
+    "JointTargets": "sim_action.state.command",
+    "LidarScan": "sim_action.state.readings",
+    "Observation": "sim_action.state.observation",
+    "OdometryReading": "sim_action.state.readings",
+    "Pose": "sim_action.core.geometry",
     "RobotDescription": "sim_action.commands.robot_description",
-    "Trace": "sim_action.trace",
-    "Twist": "sim_action.geometry",
-    "Verdict": "sim_action.verdict",
+    "Trace": "sim_action.state.trace",
+    "Twist": "sim_action.core.geometry",
+    "Verdict": "sim_action.core.verdict",
 }
 
 

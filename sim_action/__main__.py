@@ -1,6 +1,6 @@
 """`python -m sim_action`."""
 
-from sim_action.cli import main
+from sim_action.cli.main import main
 
 if __name__ == "__main__":
     main()

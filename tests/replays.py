@@ -6,12 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_action.replay import Replay
-from sim_action.replay.columns import Column
-from sim_action.replay.marks import CircleMark, PolygonMark
-from sim_action.replay.models import BodyData, ContactData, Frames, JointMotion, LinkData, SceneData, SignalData
-from sim_action.replay.shapes import BoxShape, CylinderShape, MeshData, MeshShape
-from sim_action.replay.storage import write
+from sim_action.recording.replay import Replay
+from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.marks import CircleMark, PolygonMark
+from sim_action.recording.replay.models import (
+    BodyData,
+    ContactData,
+    Frames,
+    JointMotion,
+    LinkData,
+    SceneData,
+    SignalData,
+)
+from sim_action.recording.replay.shapes import BoxShape, CylinderShape, MeshData, MeshShape
+from sim_action.recording.replay.storage import write
 
 GREY = (0.5, 0.5, 0.5)
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim_action.models.packages import Packages
-from sim_action.workspace import Workspace
+from sim_action.core.workspace import Workspace
+from sim_action.robot.packages import Packages
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.errors import InvalidScenario
-from sim_action.loading import load_scenario
-from sim_action.location import Problem
-from sim_action.scenario import LoadedScenario
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.location import Problem
+from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import LoadedScenario
 
 LEAST = """\
 name: burger drives straight

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.errors import InvalidScenario
-from sim_action.loading import load_scenario
-from sim_action.models import load_model
-from sim_action.permissions import Permissions
-from sim_action.scenario import Scenario
-from sim_action.workspace import Workspace
-from sim_action.world import Robot
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
+from sim_action.robot import load_model
+from sim_action.robot.spec import Robot
+from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import Scenario
 from tests.scenarios import LEAST, load, told
 
 MODEL = "model: turtlebot3_burger"

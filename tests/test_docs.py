@@ -14,10 +14,10 @@ from docs.reference import example
 from docs.robots import without_figures
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
+from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
-from sim_action.loading import load_scenario
-from sim_action.models.findings import RULES
-from sim_action.registry import Table
+from sim_action.robot.findings import RULES
+from sim_action.scenario.loading import load_scenario
 from sim_action.sensors import SENSORS
 
 ROOT = Path(__file__).parents[1]

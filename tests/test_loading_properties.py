@@ -12,10 +12,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_action.errors import InvalidScenario
-from sim_action.loading import load_scenario
-from sim_action.location import Location, Problem
-from sim_action.scenario import LoadedScenario
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.location import Location, Problem
+from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import LoadedScenario
 from tests.scenarios import FULL, LEAST
 
 ODD_VALUES = [

@@ -11,17 +11,18 @@ from typing import Any
 import numpy as np
 
 from sim_action.assertions import Assertion, Monitor
-from sim_action.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.location import Location
-from sim_action.models import load_model
-from sim_action.observation import Contact, Observation
-from sim_action.robot_model import RobotModel
-from sim_action.scenario import DrivenRobot, Expectation, Scenario
-from sim_action.scene import Scene
-from sim_action.trace import COLUMNS, FloatArray, Trace
-from sim_action.verdict import Verdict
-from sim_action.workspace import Workspace
-from sim_action.world import Body, Physics, Robot, Sphere, World
+from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.core.location import Location
+from sim_action.core.verdict import Verdict
+from sim_action.core.workspace import Workspace
+from sim_action.robot import load_model
+from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.spec import Robot
+from sim_action.scenario.model import DrivenRobot, Expectation, Scenario
+from sim_action.state.observation import Contact, Observation
+from sim_action.state.trace import COLUMNS, FloatArray, Trace
+from sim_action.world import Body, Physics, Sphere, World
+from sim_action.world.scene import Scene
 
 BURGER = "turtlebot3_burger"
 WHEELS = ("wheel_left_joint", "wheel_right_joint")

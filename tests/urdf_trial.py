@@ -20,19 +20,20 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pybullet
 
-from sim_action import geometry
-from sim_action.backends.pybullet import PyBulletBackend
-from sim_action.channels import Channels
-from sim_action.errors import EngineError, ModelError
-from sim_action.geometry import Pose
-from sim_action.kinematics import link_poses
-from sim_action.models.findings import ALLOWABLE
-from sim_action.models.urdf import read_urdf
-from sim_action.robot_model import Joint, Link, RobotModel
-from sim_action.scene import Scene
-from sim_action.watchdog import Watchdog
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
+from sim_action.core import geometry
+from sim_action.core.errors import EngineError, ModelError
+from sim_action.core.geometry import Pose
+from sim_action.core.workspace import Workspace
+from sim_action.engines.pybullet import PyBulletBackend
+from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.kinematics import link_poses
+from sim_action.robot.robot_model import Joint, Link, RobotModel
+from sim_action.robot.spec import Robot
+from sim_action.robot.urdf import read_urdf
+from sim_action.simulation.watchdog import Watchdog
+from sim_action.state.channels import Channels
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 
 LONGEST: Final = 20
 """In s, for one model; a signal ends the child then."""

@@ -12,18 +12,19 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, TypeGuard
 
-from sim_action.channels import Channels
-from sim_action.quantities import FrozenModel
-from sim_action.registry import Table
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import Workspace
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import FrozenModel
+from sim_action.core.registry import Table
+from sim_action.core.workspace import Workspace
+from sim_action.state.channels import Channels
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.marks import Mark
-    from sim_action.observation import Observation
-    from sim_action.signals import Signal
-    from sim_action.trace import Trace
-    from sim_action.verdict import Verdict
+    from sim_action.core.verdict import Verdict
+    from sim_action.state.marks import Mark
+    from sim_action.state.observation import Observation
+    from sim_action.state.signals import Signal
+    from sim_action.state.trace import Trace
 
 
 class State(Enum):

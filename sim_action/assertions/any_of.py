@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, ClassVar
 from sim_action.assertions import Monitor
 from sim_action.assertions.combined import Combination
 from sim_action.assertions.several import Several
-from sim_action.scene import Scene
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class AnyOf(Several):

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, State
 from sim_action.assertions.fold import Goal, Invariant, joined
-from sim_action.quantities import NonNegativeMetres, PositiveMetres
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.quantities import NonNegativeMetres, PositiveMetres
+from sim_action.core.verdict import Verdict
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 
 class LengthBounds(Assertion):

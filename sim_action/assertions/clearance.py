@@ -8,15 +8,16 @@ from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import bounds_title, check_bounds
-from sim_action.channels import Channels, ClearanceWatch
-from sim_action.messages import FirstFew, did_you_mean
-from sim_action.quantities import PositiveMetres
-from sim_action.robot_model import RobotModel
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import PositiveMetres
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.channels import Channels, ClearanceWatch
 from sim_action.world import GROUND
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class Clearance(Assertion):

@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.assertions.least_distance import least_so_far
-from sim_action.clearance_record import ClearanceRecord, Nearness
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.clearance_record import ClearanceRecord, Nearness
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
     from sim_action.assertions.clearance import Clearance
-    from sim_action.trace import Trace
+    from sim_action.state.trace import Trace
 
 _NOTHING: Final = ClearanceRecord.of([])
 

@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from sim_action.assertions import Assertion, Monitor, State, is_decisive, is_follower
 from sim_action.assertions.fold import joined, joined_by_any
-from sim_action.channels import Channels
-from sim_action.marks import Mark
-from sim_action.scene import Scene, SpecProblems
-from sim_action.signals import Signal
-from sim_action.workspace import Workspace
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.workspace import Workspace
+from sim_action.state.channels import Channels
+from sim_action.state.marks import Mark
+from sim_action.state.signals import Signal
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
-    from sim_action.trace import Trace
-    from sim_action.verdict import Verdict
+    from sim_action.core.verdict import Verdict
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import Trace
 
 _LONGEST_TITLE: Final = 100
 Place = tuple[str | int, ...]

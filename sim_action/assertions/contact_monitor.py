@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.assertions.least_distance import least_so_far, nearest_of
 from sim_action.assertions.stepwise import forces, with_zeros
 from sim_action.assertions.stretch import Stretch
-from sim_action.clearance_record import Nearness
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.clearance_record import Nearness
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
     from sim_action.assertions.contact import Touch
-    from sim_action.observation import Contact
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.observation import Contact
+    from sim_action.state.trace import FloatArray, Trace
 
 # s: what is pushed along is out of touch for up to five steps at a time, in MuJoCo.
 _LOST_TOUCH: Final = 0.05

@@ -6,18 +6,19 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds, SignalMonitor
 from sim_action.assertions.combined import short
 from sim_action.assertions.every import Every
 from sim_action.assertions.joint_choice import as_written, choice_problems, chosen, reading_of, unit_problem
-from sim_action.quantities import JointEffort
-from sim_action.robot_model import READINGS
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core import units
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import JointEffort
+from sim_action.robot.robot_model import READINGS
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class Effort(Assertion):

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from sim_action import units
 from sim_action.assertions import State
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 
 def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatArray]:

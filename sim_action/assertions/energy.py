@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds
 from sim_action.assertions.combined import short
 from sim_action.assertions.joint_choice import choice_problems, chosen
-from sim_action.quantities import NonNegativeJoules
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core import units
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import NonNegativeJoules
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 Braking = Literal["free", "costs", "regained"]
 

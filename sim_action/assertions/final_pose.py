@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.nearest import Nearest
-from sim_action.geometry import Pose
-from sim_action.marks import Mark, goal, line
-from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
-from sim_action.scene import Scene
+from sim_action.core import units
+from sim_action.core.geometry import Pose
+from sim_action.core.quantities import Metres, PositiveMetres, PositiveRadians, Radians
+from sim_action.state.marks import Mark, goal, line
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class FinalPose(Assertion):

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.nearest import Nearest
-from sim_action.geometry import Pose
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.geometry import Pose
+from sim_action.core.verdict import Verdict
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
     from sim_action.assertions.final_pose import FinalPose
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 from sim_action.assertions import State
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray
+    from sim_action.state.trace import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

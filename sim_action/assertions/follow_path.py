@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.reference_path import Point, ReferencePath, smoothed
-from sim_action.marks import Circle, Mark, Polyline
-from sim_action.messages import did_you_mean, shown
-from sim_action.quantities import FrozenModel, Metres, NamesFile, PositiveMetres
-from sim_action.regular_files import read_at_most
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import PathError, Workspace
+from sim_action.core import units
+from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import FrozenModel, Metres, NamesFile, PositiveMetres
+from sim_action.core.regular_files import read_at_most
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.state.marks import Circle, Mark, Polyline
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 _MOST_POINTS: Final = 10_000
 _MOST_DRAWN: Final = 2_000

@@ -7,7 +7,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from sim_action.trace import FloatArray, Trace
+from sim_action.state.trace import FloatArray, Trace
 
 # Of rows, more than what is there: whatever the length of a run, a row is copied once or twice.
 _ROOM: Final = 2

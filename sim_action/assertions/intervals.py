@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Invariant
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,21 +8,22 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
 from sim_action.assertions.joint_choice import as_written, reading_of
 from sim_action.assertions.nearest import Nearest
-from sim_action.messages import did_you_mean
-from sim_action.quantities import JointQuantity
-from sim_action.robot_model import READINGS, Reading
-from sim_action.scene import Scene, SpecProblems
-from sim_action.signals import Signal
+from sim_action.core import units
+from sim_action.core.messages import did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import JointQuantity
+from sim_action.robot.robot_model import READINGS, Reading
+from sim_action.state.signals import Signal
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
-    from sim_action.trace import FloatArray, Trace
-    from sim_action.verdict import Verdict
+    from sim_action.core.verdict import Verdict
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
 
 
 class JointReading(Assertion):

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from sim_action import units
-from sim_action.messages import FirstFew, did_you_mean
-from sim_action.robot_model import Joint, Reading, RobotModel
-from sim_action.scene import SpecProblems
+from sim_action.core import units
+from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.robot.robot_model import Joint, Reading, RobotModel
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 
 def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.combined import short
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
 from sim_action.assertions.joint_choice import as_written, chosen, name_problem, reading_of, unit_problem
-from sim_action.messages import FirstFew
-from sim_action.quantities import JointEffort, JointPosition, JointVelocity
-from sim_action.robot_model import READINGS, Reading
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core import units
+from sim_action.core.messages import FirstFew
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import JointEffort, JointPosition, JointVelocity
+from sim_action.robot.robot_model import READINGS, Reading
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 Written = float | str
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_action.channels import ClearanceWatch
-from sim_action.clearance_record import Nearness
+from sim_action.state.channels import ClearanceWatch
+from sim_action.state.clearance_record import Nearness
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 
 def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | None) -> Nearness | None:

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.combined import short
 from sim_action.assertions.joint_choice import as_written, chosen, name_problem, unit_problem
-from sim_action.golden_form import RESOLUTION, GoldenError, GoldenForm
-from sim_action.marks import Mark, Polyline
-from sim_action.messages import FirstFew, shown
-from sim_action.observation import Observation
-from sim_action.quantities import (
+from sim_action.core import units
+from sim_action.core.messages import FirstFew, shown
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import (
     JointPosition,
     NamesFile,
     NonNegativeSeconds,
@@ -25,12 +23,15 @@ from sim_action.quantities import (
     PositiveMetres,
     PositiveRadians,
 )
-from sim_action.robot_model import Joint
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import PathError
+from sim_action.core.workspace import PathError
+from sim_action.robot.robot_model import Joint
+from sim_action.state.golden_form import RESOLUTION, GoldenError, GoldenForm
+from sim_action.state.marks import Mark, Polyline
+from sim_action.state.observation import Observation
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.golden import Golden
+    from sim_action.state.golden import Golden
 
 # What is rounded must still match itself.
 _FINEST: Final = 2 * RESOLUTION
@@ -126,7 +127,7 @@ class Matches(Assertion):
 
     def golden_in(self, scene: Scene) -> Golden:
         """What the run is held against. Raises GoldenError."""
-        from sim_action.golden import Golden
+        from sim_action.state.golden import Golden
 
         name, write = self.file_in(scene), f"'sim-action run --update-golden {scene.file}' writes it"
         try:

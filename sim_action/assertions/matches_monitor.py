@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
 
-from sim_action import units
 from sim_action.assertions import State
-from sim_action.golden import Golden, interpolated, rows_of, wrapped
-from sim_action.observation import Observation
-from sim_action.signals import Signal
-from sim_action.trace import Trace
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.golden import Golden, interpolated, rows_of, wrapped
+from sim_action.state.observation import Observation
+from sim_action.state.signals import Signal
+from sim_action.state.trace import Trace
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray
+    from sim_action.state.trace import FloatArray
 
 # Of what left the golden trajectory, in a message.
 _MOST_TOLD: Final = 3

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds, SignalMonitor
 from sim_action.assertions.every import Every
-from sim_action.quantities import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
-from sim_action.scene import Scene
+from sim_action.core import units
+from sim_action.core.quantities import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class MaxSpeed(Assertion):

@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray
+    from sim_action.state.trace import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

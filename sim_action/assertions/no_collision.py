@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
-from sim_action.channels import Channels
-from sim_action.messages import FirstFew, did_you_mean
-from sim_action.scene import Scene, SpecProblems
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.verdict import Verdict
+from sim_action.state.channels import Channels
+from sim_action.state.signals import Signal
 from sim_action.world import GROUND
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.observation import Contact, Observation
-    from sim_action.trace import Trace
+    from sim_action.state.observation import Contact, Observation
+    from sim_action.state.trace import Trace
 
 
 class NoCollision(Assertion):

@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
-from sim_action.channels import Channels
-from sim_action.messages import did_you_mean
-from sim_action.quantities import PositiveMetres, PositiveRadians, PositiveShare
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core import units
+from sim_action.core.messages import did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import PositiveMetres, PositiveRadians, PositiveShare
+from sim_action.state.channels import Channels
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class OdometryError(Assertion):

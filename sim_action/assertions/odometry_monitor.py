@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Invariant, joined
-from sim_action.sensor_record import SensorRecord
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
 
 # In m: less of a way tells nothing of a drift.
 _SHORTEST_WAY: Final = 1.0

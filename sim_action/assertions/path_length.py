@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from sim_action.assertions import Monitor, State
 from sim_action.assertions.bounds import Bounds, LengthBounds
-from sim_action.geometry import Vector3
-from sim_action.scene import Scene
-from sim_action.signals import Signal
+from sim_action.core.geometry import Vector3
+from sim_action.state.signals import Signal
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
-    from sim_action.trace import Trace
-    from sim_action.verdict import Verdict
+    from sim_action.core.verdict import Verdict
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import Trace
 
 
 class PathLength(LengthBounds):

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.assertions.reference_path import Foot, Point, ReferencePath
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 # How far along the path the robot may have come at most, as a share of what it moved and was away: as far as a corner
 # that it cuts leads.

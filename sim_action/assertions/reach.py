@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.nearest import Nearest
-from sim_action.marks import Mark, goal
-from sim_action.quantities import Metres, PositiveMetres, PositiveRadians, Radians
-from sim_action.scene import Scene
-from sim_action.signals import Signal
+from sim_action.core import units
+from sim_action.core.quantities import Metres, PositiveMetres, PositiveRadians, Radians
+from sim_action.state.marks import Mark, goal
+from sim_action.state.signals import Signal
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
-    from sim_action.trace import FloatArray, Trace
-    from sim_action.verdict import Verdict
+    from sim_action.core.verdict import Verdict
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
 
 
 class Reach(Assertion):

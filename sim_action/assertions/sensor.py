@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_bounds
 from sim_action.assertions.joint_choice import as_written
-from sim_action.channels import Channels
-from sim_action.messages import did_you_mean
-from sim_action.quantities import SensorQuantity
-from sim_action.reading_columns import READING_COLUMNS, ReadingColumn
-from sim_action.scene import Scene, SpecProblems
-from sim_action.units import Dimension
+from sim_action.core import units
+from sim_action.core.messages import did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import SensorQuantity
+from sim_action.core.units import Dimension
+from sim_action.state.channels import Channels
+from sim_action.state.reading_columns import READING_COLUMNS, ReadingColumn
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 Which = Literal["min", "max", "mean", "norm", "x", "y", "z", "w"]
 

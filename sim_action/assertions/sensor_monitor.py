@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant
-from sim_action.reading_columns import READING_COLUMNS
-from sim_action.sensor_record import SensorRecord
-from sim_action.signals import Signal
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.reading_columns import READING_COLUMNS
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 _AXES: Final = "xyzw"
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from sim_action import units
 from sim_action.assertions import Monitor
 from sim_action.assertions.at_rest import AtRest
-from sim_action.scene import Scene
+from sim_action.core import units
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class Settled(AtRest):

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import Combined, Place, short
-from sim_action.messages import shown
+from sim_action.core.messages import shown
 
 
 class Several(Combined):

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_interval
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
-from sim_action.marks import Mark, line, rectangle
-from sim_action.quantities import Metres
-from sim_action.scene import Scene
+from sim_action.core import units
+from sim_action.core.quantities import Metres
+from sim_action.state.marks import Mark, line, rectangle
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
-    from sim_action.trace import FloatArray, Trace
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
 
 Range = tuple[Metres, Metres]
 

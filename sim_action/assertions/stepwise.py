@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_action.trace import FloatArray
+from sim_action.state.trace import FloatArray
 
 if TYPE_CHECKING:
-    from sim_action.observation import Contact
+    from sim_action.state.observation import Contact
 
 
 def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
-from sim_action.messages import shown
-from sim_action.scene import Scene, SpecProblems
-from sim_action.temporal_logic import dimensions
-from sim_action.temporal_logic.formula import (
+from sim_action.assertions.temporal_logic import dimensions
+from sim_action.assertions.temporal_logic.formula import (
     Always,
     Eventually,
     Formula,
@@ -22,11 +20,14 @@ from sim_action.temporal_logic.formula import (
     comparisons,
     everything,
 )
-from sim_action.temporal_logic.parser import parse
-from sim_action.temporal_logic.tokens import place
+from sim_action.assertions.temporal_logic.parser import parse
+from sim_action.assertions.temporal_logic.tokens import place
+from sim_action.core.messages import shown
+from sim_action.core.problem_list import SpecProblems
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 _STEP_ROUNDING: Final = 1e-6
 _LONGEST_TITLE: Final = 100

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.fold import joined, joined_by_any
 from sim_action.assertions.stl_curves import compared, robustness_so_far
 from sim_action.assertions.stl_parts import Extreme, Part, lookahead
 from sim_action.assertions.stl_until import UntilFold
-from sim_action.signals import Signal as Curve
-from sim_action.temporal_logic.formula import (
+from sim_action.assertions.temporal_logic.formula import (
     Always,
     And,
     Comparison,
@@ -30,12 +28,14 @@ from sim_action.temporal_logic.formula import (
     signals,
     signals_of,
 )
-from sim_action.temporal_logic.robustness import Cause
-from sim_action.temporal_logic.samples import Samples
-from sim_action.verdict import Verdict
+from sim_action.assertions.temporal_logic.robustness import Cause
+from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.state.signals import Signal as Curve
 
 if TYPE_CHECKING:
-    from sim_action.trace import Trace
+    from sim_action.state.trace import Trace
 
 _AT_ONCE: Final = Interval(0.0, 0.0)
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol, Self
 
 from sim_action.assertions import State
-from sim_action.temporal_logic.formula import Formula, Interval, horizon
-from sim_action.temporal_logic.robustness import Cause, cause, robustness
-from sim_action.temporal_logic.samples import Samples
+from sim_action.assertions.temporal_logic.formula import Formula, Interval, horizon
+from sim_action.assertions.temporal_logic.robustness import Cause, cause, robustness
+from sim_action.assertions.temporal_logic.samples import Samples
 
 # What looks further ahead, in s, would be computed anew with each block over too many moments.
 _MOST_LOOKAHEAD: Final = 60.0

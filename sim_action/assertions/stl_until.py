@@ -10,10 +10,10 @@ import numpy as np
 
 from sim_action.assertions import State
 from sim_action.assertions.stl_parts import TIME_ROUNDING, Chain, Found, lookahead
-from sim_action.temporal_logic.formula import Until
-from sim_action.temporal_logic.robustness import Cause, robustness
-from sim_action.temporal_logic.samples import Samples
-from sim_action.trace import FloatArray
+from sim_action.assertions.temporal_logic.formula import Until
+from sim_action.assertions.temporal_logic.robustness import Cause, robustness
+from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.state.trace import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

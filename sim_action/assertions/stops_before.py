@@ -6,17 +6,18 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
 from sim_action.assertions import Monitor
 from sim_action.assertions.at_rest import AtRest
 from sim_action.assertions.bounds import check_interval
-from sim_action.channels import Channels, ClearanceWatch
-from sim_action.messages import did_you_mean
-from sim_action.quantities import NonNegativeMetres
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core import units
+from sim_action.core.messages import did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import NonNegativeMetres
+from sim_action.state.channels import Channels, ClearanceWatch
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class StopsBefore(AtRest):

@@ -13,7 +13,7 @@ from sim_action.assertions import State
 from sim_action.assertions.fold import Goal
 
 if TYPE_CHECKING:
-    from sim_action.trace import FloatArray
+    from sim_action.state.trace import FloatArray
 
 # Sim time is step / rate: the same span is not the same number everywhere.
 _DIGITS: Final = 9

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 from sim_action.assertions import Monitor
 from sim_action.assertions.bounds import Bounds, LengthBounds, SignalMonitor
-from sim_action.scene import Scene
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.marks import Mark
-    from sim_action.observation import Observation
+    from sim_action.state.marks import Mark
+    from sim_action.state.observation import Observation
 
 
 class Travel(LengthBounds):
@@ -26,7 +26,7 @@ class Travel(LengthBounds):
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See Assertion.marks: as far as it has to get, and may."""
-        from sim_action.marks import Circle
+        from sim_action.state.marks import Circle
 
         x, y, _ = start.pose.position_xyz
         return tuple(Circle(x, y, radius) for radius in (self.at_least, self.at_most) if radius)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from sim_action import units
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds, SignalMonitor
-from sim_action.quantities import PositiveRadians
-from sim_action.scene import Scene
+from sim_action.core import units
+from sim_action.core.quantities import PositiveRadians
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 
 class Upright(Assertion):

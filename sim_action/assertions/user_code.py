@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
-from sim_action.channels import Channels
-from sim_action.messages import did_you_mean, shown
-from sim_action.python_files import ANYTHING, ScriptProblem, read_script
-from sim_action.quantities import NamesFile
-from sim_action.scene import Scene, SpecProblems
-from sim_action.signals import Signal
-from sim_action.workspace import PathError, Workspace
+from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.python_files import ANYTHING, ScriptProblem, read_script
+from sim_action.core.quantities import NamesFile
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.state.channels import Channels
+from sim_action.state.signals import Signal
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
-    from sim_action.trace import Trace
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import Trace
 
 
 class UserAssertion(Assertion):

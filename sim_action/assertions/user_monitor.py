@@ -13,12 +13,12 @@ import numpy as np
 
 from sim_action.assertions import State
 from sim_action.assertions.history import History
-from sim_action.errors import ScriptError
-from sim_action.location import Location
-from sim_action.messages import escaped_line, shown, with_article
-from sim_action.python_files import run_file, script_error, told_at
-from sim_action.trace import Trace
-from sim_action.verdict import Verdict
+from sim_action.core.errors import ScriptError
+from sim_action.core.location import Location
+from sim_action.core.messages import escaped_line, shown, with_article
+from sim_action.core.python_files import run_file, script_error, told_at
+from sim_action.core.verdict import Verdict
+from sim_action.state.trace import Trace
 
 Kind = Literal["end", "invariant", "goal"]
 

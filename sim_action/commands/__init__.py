@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.command import Answer, JointTargets
-from sim_action.quantities import FrozenModel, PositiveHertz
-from sim_action.registry import Table
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import Workspace
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import FrozenModel, PositiveHertz
+from sim_action.core.registry import Table
+from sim_action.core.workspace import Workspace
+from sim_action.state.command import Answer, JointTargets
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
     from sim_action.sensors.mounting import MountedSensor
+    from sim_action.state.observation import Observation
 
 
 def _nothing() -> None:
@@ -117,7 +118,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "script": "sim_action.commands.script:ScriptCommands",
         "process": "sim_action.commands.process:ProcessCommands",
         "replay": "sim_action.commands.replay:ReplayCommands",
-        "ros1": "sim_action.ros1.driving.spec:RosCommands",
+        "ros1": "sim_action.ros.ros1.driving.spec:RosCommands",
     },
 )
 """The key that tells a command source from the others -> its class."""

@@ -7,9 +7,9 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any, Final, NoReturn
 
-from sim_action.command import Answer, Command, JointTargets
-from sim_action.geometry import Twist
-from sim_action.messages import did_you_mean, shown
+from sim_action.core.geometry import Twist
+from sim_action.core.messages import did_you_mean, shown
+from sim_action.state.command import Answer, Command, JointTargets
 
 _TARGETS: Final = ("position", "velocity", "effort", "max_effort")
 _SPEEDS: Final = ("linear", "angular", "lateral")

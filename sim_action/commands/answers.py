@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import cast
 
-from sim_action.command import Answer, Command, JointTargets, is_finite
-from sim_action.geometry import Twist
-from sim_action.messages import with_article
-from sim_action.robot_model import RobotModel
+from sim_action.core.geometry import Twist
+from sim_action.core.messages import with_article
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import Answer, Command, JointTargets, is_finite
 
 
 def problem_with(answer: object, model: RobotModel) -> str | None:

@@ -8,10 +8,10 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
-from sim_action.quantities import FrozenModel, JointEffort, JointPosition, JointVelocity, NonNegativeSeconds
-from sim_action.robot_model import Reading
-from sim_action.scene import Scene
+from sim_action.core import units
+from sim_action.core.quantities import FrozenModel, JointEffort, JointPosition, JointVelocity, NonNegativeSeconds
+from sim_action.robot.robot_model import Reading
+from sim_action.world.scene import Scene
 
 
 class JointPoint(FrozenModel):

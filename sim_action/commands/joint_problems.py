@@ -8,13 +8,14 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import Final
 
-from sim_action import units
 from sim_action.commands.joint_path import Blend
 from sim_action.commands.joint_points import JointPoint, Knot, in_si, knots
-from sim_action.joint_limits import beyond_limits, too_fast, too_strong
-from sim_action.messages import FirstFew
-from sim_action.robot_model import Joint
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core import units
+from sim_action.core.messages import FirstFew
+from sim_action.core.problem_list import SpecProblems
+from sim_action.robot.joint_limits import beyond_limits, too_fast, too_strong
+from sim_action.robot.robot_model import Joint
+from sim_action.world.scene import Scene
 
 _LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fast, "effort": too_strong})
 _WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sim_action.commands.last_words import LastWords
-from sim_action.errors import ScriptError
-from sim_action.messages import escaped_line, shown
+from sim_action.core.errors import ScriptError
+from sim_action.core.messages import escaped_line, shown
 
 MOST_BYTES: Final = 1_000_000
 """Of a line that is answered."""

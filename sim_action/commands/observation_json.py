@@ -8,10 +8,10 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from sim_action.commands.robot_description import JointDescription, RobotDescription
-from sim_action.geometry import Pose, Twist
+from sim_action.core.geometry import Pose, Twist
 
 if TYPE_CHECKING:
-    from sim_action.observation import Contact, Observation
+    from sim_action.state.observation import Contact, Observation
 
 Json = dict[str, Any]
 

@@ -9,11 +9,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from sim_action.commands.pure_pursuit import Leg, Point, braking_speed, curvature_to, seen_from, turns
-from sim_action.geometry import Twist
-from sim_action.mobility import Mobility
+from sim_action.core.geometry import Twist
+from sim_action.robot.mobility import Mobility
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 # In rad off its way: from here on a robot turns on the spot, if it can, until it is less than the other.
 _FAR_OFF: Final = math.radians(45)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from sim_action.command import Command, JointTargets
-from sim_action.geometry import Twist
-from sim_action.recordings import Moment
+from sim_action.commands.logs import Moment
+from sim_action.core.geometry import Twist
+from sim_action.state.command import Command, JointTargets
 
 _ROUNDING: Final = 1e-9
 """In s: a command at a tick counts there, whatever the rounding of either."""

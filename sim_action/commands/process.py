@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from sim_action.command import Answer
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.answer_text import AnswerError, answer_of, is_acknowledgement
 from sim_action.commands.answers import problem_with
@@ -17,14 +16,16 @@ from sim_action.commands.observation_json import observation_json, robot_json
 from sim_action.commands.program import program_of
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
-from sim_action.errors import ScriptError
-from sim_action.quantities import NamesFile, PositiveSeconds
-from sim_action.robot_model import RobotModel
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import PathError, Workspace
+from sim_action.core.errors import ScriptError
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import NamesFile, PositiveSeconds
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import Answer
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 VERSION: Final = 1
 """Of the protocol."""

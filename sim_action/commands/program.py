@@ -6,7 +6,7 @@ import os
 import shutil
 from pathlib import Path
 
-from sim_action.workspace import PathError, Workspace
+from sim_action.core.workspace import PathError, Workspace
 
 
 def program_of(word: str, workspace: Workspace) -> Path:

@@ -7,20 +7,21 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_action.command import Command, JointTargets
 from sim_action.commands import CommandSource, Controller, OpenLoop
+from sim_action.commands.logs import Moment, csv_log, ros_log
+from sim_action.commands.logs.csv_header import Header
+from sim_action.commands.logs.ros_types import TWISTS, MessageType
 from sim_action.commands.playback import Playback
 from sim_action.commands.replay_problems import is_csv, kind_problems, log_problems
 from sim_action.commands.saturation import Saturation
-from sim_action.errors import RecordingError
-from sim_action.messages import did_you_mean
-from sim_action.quantities import NamesFile, NonNegativeSeconds, PositiveSeconds
-from sim_action.recordings import Moment, csv_log, ros_log
-from sim_action.recordings.csv_header import Header
-from sim_action.recordings.ros_types import TWISTS, MessageType
-from sim_action.robot_model import RobotModel
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import PathError, Workspace
+from sim_action.core.errors import RecordingError
+from sim_action.core.messages import did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import NamesFile, NonNegativeSeconds, PositiveSeconds
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import Command, JointTargets
+from sim_action.world.scene import Scene
 
 
 class ReplayCommands(CommandSource):

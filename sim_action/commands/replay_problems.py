@@ -6,11 +6,11 @@ from importlib.util import find_spec
 from pathlib import Path, PurePath
 from typing import Final, Protocol
 
-from sim_action.errors import RecordingError
-from sim_action.messages import did_you_mean
-from sim_action.recordings import csv_log, ros_log
-from sim_action.recordings.ros_types import TWISTS
-from sim_action.scene import SpecProblems
+from sim_action.commands.logs import csv_log, ros_log
+from sim_action.commands.logs.ros_types import TWISTS
+from sim_action.core.errors import RecordingError
+from sim_action.core.messages import did_you_mean
+from sim_action.core.problem_list import SpecProblems
 
 _CSV: Final = ".csv"
 

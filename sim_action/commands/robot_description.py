@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from sim_action.robot_model import Joint, JointType
-from sim_action.scene import Scene
+from sim_action.robot.robot_model import Joint, JointType
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from numpy.random import Generator

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from sim_action import units
-from sim_action.command import Answer, JointTargets
-from sim_action.joint_limits import beyond_limits
-from sim_action.robot_model import Reading, RobotModel
+from sim_action.core import units
+from sim_action.robot.joint_limits import beyond_limits
+from sim_action.robot.robot_model import Reading, RobotModel
+from sim_action.state.command import Answer, JointTargets
 
 
 class Saturation:

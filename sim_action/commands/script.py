@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, cast
 
 from pydantic import Field
 
-from sim_action.command import Answer
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.answers import as_answer, problem_with
 from sim_action.commands.robot_description import RobotDescription
@@ -19,15 +18,17 @@ from sim_action.commands.script_file import (
     class_problem,
     controller_name,
 )
-from sim_action.errors import ScriptError
-from sim_action.location import Location
-from sim_action.python_files import ScriptProblem, read_script, run_file, script_error, told_at
-from sim_action.quantities import NamesFile
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import PathError, Workspace
+from sim_action.core.errors import ScriptError
+from sim_action.core.location import Location
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.python_files import ScriptProblem, read_script, run_file, script_error, told_at
+from sim_action.core.quantities import NamesFile
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.state.command import Answer
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 _WORD: Final = 2**32 - 1
 _WHO: Final = "the controller"

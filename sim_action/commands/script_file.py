@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Final
 
-from sim_action.messages import did_you_mean
-from sim_action.python_files import ANYTHING, Script, ScriptProblem
+from sim_action.core.messages import did_you_mean
+from sim_action.core.python_files import ANYTHING, Script, ScriptProblem
 
 FUNCTION: Final = "control"
 CLASS: Final = "Controller"

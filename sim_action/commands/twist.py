@@ -8,13 +8,14 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.command import Command
 from sim_action.commands import CommandSource, Controller, OpenLoop
-from sim_action.geometry import Twist
-from sim_action.quantities import FrozenModel, MetresPerSecond, PositiveSeconds, RadiansPerSecond
-from sim_action.scene import Scene, SpecProblems
-from sim_action.units import display
-from sim_action.workspace import Workspace
+from sim_action.core.geometry import Twist
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import FrozenModel, MetresPerSecond, PositiveSeconds, RadiansPerSecond
+from sim_action.core.units import display
+from sim_action.core.workspace import Workspace
+from sim_action.state.command import Command
+from sim_action.world.scene import Scene
 
 # Sim time is step / rate: two ways to the same moment differ by rounding alone.
 _ROUNDING: Final = 1e-9

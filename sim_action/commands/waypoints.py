@@ -8,10 +8,11 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action import units
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.path_following import PathFollower, Pursuit
-from sim_action.quantities import (
+from sim_action.core import units
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import (
     FrozenModel,
     Metres,
     PositiveHertz,
@@ -19,9 +20,9 @@ from sim_action.quantities import (
     PositiveMetresPerSecond,
     PositiveRadiansPerSecond,
 )
-from sim_action.scene import Scene, SpecProblems
-from sim_action.workspace import Workspace
+from sim_action.core.workspace import Workspace
 from sim_action.world import FASTEST_PHYSICS
+from sim_action.world.scene import Scene
 
 # In m: where floats no longer tell millimetres apart once they are squared.
 _FURTHEST: Final = 1e6

@@ -7,17 +7,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
 
-from sim_action.command import JointTargets
-from sim_action.geometry import Twist
-from sim_action.mobility import Mobility
-from sim_action.quantities import FrozenModel
-from sim_action.registry import Table
-from sim_action.robot_model import RobotModel
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core.geometry import Twist
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import FrozenModel
+from sim_action.core.registry import Table
+from sim_action.robot.mobility import Mobility
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.wheel_motion import WheelMotion
+    from sim_action.state.wheel_motion import WheelMotion
 
 
 class DriveMotion(Protocol):

@@ -9,6 +9,13 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, ValidationError
 
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import (
+    PositiveMetres,
+    PositiveMetresPerSecondSquared,
+    PositiveRadians,
+    PositiveRadiansPerSecond,
+)
 from sim_action.drives import Drive
 from sim_action.drives.ackermann_motion import AckermannMotion
 from sim_action.drives.ackermann_ways import AckermannWays
@@ -22,15 +29,8 @@ from sim_action.drives.wheel_problems import length_problems, why_no_wheel
 from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, steering_joint, wheel, wheels_on_ground
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
-from sim_action.mobility import Mobility
-from sim_action.quantities import (
-    PositiveMetres,
-    PositiveMetresPerSecondSquared,
-    PositiveRadians,
-    PositiveRadiansPerSecond,
-)
-from sim_action.robot_model import RobotModel
-from sim_action.scene import SpecProblems
+from sim_action.robot.mobility import Mobility
+from sim_action.robot.robot_model import RobotModel
 from sim_action.world import GRAVITY
 
 # In m: steered wheels that are no further from the fixed axle steer nothing.

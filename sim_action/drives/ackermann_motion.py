@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sim_action.command import JointTargets
+from sim_action.core.geometry import Twist
 from sim_action.drives import NOT_PLANAR, is_planar
 from sim_action.drives.ramp import towards
 from sim_action.drives.steering import DrivenWheel, Kingpin, steered, tightest
 from sim_action.drives.wheel_speeds import WheelSpeeds
-from sim_action.geometry import Twist
+from sim_action.state.command import JointTargets
 
 ON_THE_SPOT = "a twist asked to turn on the spot, which Ackermann steering cannot: it stood still"
 TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: it took the tightest there is"

@@ -9,7 +9,7 @@ from statistics import fmean
 
 from sim_action.drives.heading import along
 from sim_action.drives.steering import DrivenWheel, Kingpin
-from sim_action.wheel_motion import PlanarWay
+from sim_action.state.wheel_motion import PlanarWay
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 from sim_action.drives.plugins import DIFF_PLUGINS
 from sim_action.drives.sided import SidedDrive
 from sim_action.drives.wheels import radius
-from sim_action.robot_model import RobotModel
+from sim_action.robot.robot_model import RobotModel
 
 
 class DiffDrive(SidedDrive):

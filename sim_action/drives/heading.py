@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from sim_action.core.problem_list import SpecProblems
 from sim_action.drives.wheels import Wheel
-from sim_action.scene import SpecProblems
 
 # Of a unit vector: from here on, an axle is not level, or does not lie across the heading.
 _NO_AXLE: Final = 0.5

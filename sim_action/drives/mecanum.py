@@ -9,7 +9,10 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
-from sim_action import units
+from sim_action.core import units
+from sim_action.core.geometry import Vector3
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling
 from sim_action.drives.keys import Heading, WheelRadius
@@ -20,12 +23,10 @@ from sim_action.drives.wheel_problems import joint_problems, length_problems
 from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked
-from sim_action.geometry import Vector3
-from sim_action.mobility import Mobility
-from sim_action.quantities import PositiveMetresPerSecondSquared, PositiveNewtons
-from sim_action.robot_model import RobotModel
-from sim_action.scene import Scene, SpecProblems
+from sim_action.robot.mobility import Mobility
+from sim_action.robot.robot_model import RobotModel
 from sim_action.world import GRAVITY
+from sim_action.world.scene import Scene
 
 # Of the weight that is on them, what rollers at 45 deg hold with a friction of 1.
 _HOLD: Final = 1 / math.sqrt(2)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Final
 
-from sim_action.command import NO_PUSH, BasePush, JointTargets
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import is_level
 from sim_action.drives.heading import Rolling, along
 from sim_action.drives.wheel_speeds import WheelSpeeds
-from sim_action.geometry import Twist, Vector3
+from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 
 NOT_LEVEL: Final = "a twist asked for more than velocity over the ground and turning rate; the rest was left out"
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 from sim_action.drives.heading import along
 from sim_action.drives.mecanum_motion import Roller
-from sim_action.wheel_motion import PlanarWay
+from sim_action.state.wheel_motion import PlanarWay
 
 
 @dataclass(frozen=True)

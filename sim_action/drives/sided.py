@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, along, axle_problems, heading_of, rolling, turned_forward
 from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
@@ -17,10 +19,8 @@ from sim_action.drives.wheel_problems import LEAST_LENGTH, joint_problems, lengt
 from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
-from sim_action.mobility import Mobility
-from sim_action.quantities import PositiveMetres, PositiveMetresPerSecondSquared
-from sim_action.robot_model import RobotModel
-from sim_action.scene import SpecProblems
+from sim_action.robot.mobility import Mobility
+from sim_action.robot.robot_model import RobotModel
 from sim_action.world import GRAVITY
 
 if TYPE_CHECKING:

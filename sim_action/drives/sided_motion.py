@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sim_action.command import JointTargets
+from sim_action.core.geometry import Twist
 from sim_action.drives import NOT_PLANAR, is_planar
 from sim_action.drives.ramp import towards
 from sim_action.drives.wheel_speeds import WheelSpeeds
-from sim_action.geometry import Twist
+from sim_action.state.command import JointTargets
 
 
 class SidedMotion:

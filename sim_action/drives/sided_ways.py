@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import fsum
 
 from sim_action.drives.heading import along
-from sim_action.wheel_motion import PlanarWay
+from sim_action.state.wheel_motion import PlanarWay
 
 
 @dataclass(frozen=True)

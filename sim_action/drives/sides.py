@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from sim_action.drives.wheels import ASKEW, Wheel, steering_joint, wheels_on_ground
-from sim_action.robot_model import RobotModel
+from sim_action.robot.robot_model import RobotModel
 
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
 

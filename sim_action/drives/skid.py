@@ -8,15 +8,15 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
-from sim_action import units
+from sim_action.core import units
+from sim_action.core.quantities import NonNegativeKilogramSquareMetres, PositiveRatio
 from sim_action.drives.plugins import SKID_PLUGINS, StatedSides
 from sim_action.drives.sided import SidedDrive
 from sim_action.drives.sides import sides_on_ground
 from sim_action.drives.slip import footings, slip_factor
 from sim_action.drives.wheels import centre_of_mass
-from sim_action.quantities import NonNegativeKilogramSquareMetres, PositiveRatio
-from sim_action.robot_model import RobotModel
-from sim_action.scene import Scene
+from sim_action.robot.robot_model import RobotModel
+from sim_action.world.scene import Scene
 
 # Of the robot's mass: what a motor adds to it at the rim of its wheel, as small motors with many gears do.
 # PyBullet splits the friction of a tyre between lengthwise and sideways by how easily the wheel gives way to each.

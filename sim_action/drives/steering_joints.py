@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sim_action import units
+from sim_action.core import units
 from sim_action.drives.wheels import Wheel, wheel
-from sim_action.robot_model import Joint, RobotModel
+from sim_action.robot.robot_model import Joint, RobotModel
 
 # Of a unit vector: from here on, an axis is taken for upright.
 _UPRIGHT: Final = 0.8

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from sim_action import units
+from sim_action.core import units
+from sim_action.core.problem_list import SpecProblems
 from sim_action.drives import Drive
-from sim_action.robot_model import RobotModel
-from sim_action.scene import SpecProblems
+from sim_action.robot.robot_model import RobotModel
 
 LEAST_LENGTH: Final = 1e-6
 """In m. Wheels of less would be asked to turn at speeds that are no numbers."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-from sim_action import units
-from sim_action.robot_model import RobotModel
+from sim_action.core import units
+from sim_action.robot.robot_model import RobotModel
 
 # As a share of a limit: speeds that are meant to be the limit differ from it by rounding.
 _ROUNDING: Final = 1e-6

@@ -8,10 +8,10 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Final
 
-from sim_action import geometry
-from sim_action.geometry import Pose, Vector3
-from sim_action.kinematics import link_poses, robot_box
-from sim_action.robot_model import Joint, RobotModel, Shape
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.robot.kinematics import link_poses, robot_box
+from sim_action.robot.robot_model import Joint, RobotModel, Shape
 
 ASKEW: Final = 0.1
 """Of a unit vector: how far an axle may be off the direction that makes it plain."""

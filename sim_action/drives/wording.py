@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from sim_action import units
-from sim_action.robot_model import RobotModel
+from sim_action.core import units
+from sim_action.robot.robot_model import RobotModel
 
 # In degrees: a file's digits of pi are off by less.
 _PLAIN: Final = 0.05

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, Protocol
 
-from sim_action.registry import Table
-from sim_action.results import Results
+from sim_action.core.registry import Table
+from sim_action.results.file import Results
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """quiet: what failed, and one closing line; verbose: also notes, diagnostics and what controllers printed."""

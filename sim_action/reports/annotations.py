@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from sim_action.location import Location
-from sim_action.messages import log_line
-from sim_action.outcome import Outcome
+from sim_action.core.location import Location
+from sim_action.core.messages import log_line
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import (
     command_data,
@@ -24,7 +23,8 @@ from sim_action.reports.groups import Group, groups, relative_margin, worst_firs
 from sim_action.reports.paths import seen_from
 from sim_action.reports.reproduction import replay_link
 from sim_action.reports.wording import moment
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 
 MOST_ANNOTATIONS: Final = 10
 """GitHub shows so many of each level and step."""

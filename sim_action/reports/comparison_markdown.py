@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from sim_action.comparison import Comparison
 from sim_action.reports.comparison_rows import Look, Row, headline, rows
 from sim_action.reports.escaping import markdown_text, shortened
 from sim_action.reports.markdown import code, row, table
+from sim_action.results.comparison import Comparison
 
 MOST_CHARACTERS: Final = 60_000
 """GitHub takes 65,536 in a comment."""

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from sim_action.comparison import Change, Comparison, Shrunk, Turn
-from sim_action.outcome import ExpectationOutcome, Outcome
 from sim_action.reports.wording import factor, measurements, quantity
+from sim_action.results.comparison import Change, Comparison, Shrunk, Turn
+from sim_action.results.outcome import ExpectationOutcome, Outcome
 
 Look = Literal["bad", "warning", "note", "good"]
 

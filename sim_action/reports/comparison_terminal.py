@@ -9,10 +9,10 @@ from typing import Final, TextIO
 from rich.console import Console
 from rich.text import Text
 
-from sim_action.comparison import Comparison
 from sim_action.reports.comparison_rows import Look, Row, headline, rows
 from sim_action.reports.console import console
 from sim_action.reports.escaping import log_text, shortened
+from sim_action.results.comparison import Comparison
 
 _SYMBOLS: Final[dict[Look, str]] = {"bad": "✗", "warning": "!", "note": "·", "good": "✓"}
 _ASCII_SYMBOLS: Final[dict[Look, str]] = {"bad": "x", "warning": "!", "note": "-", "good": "+"}

@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.outcome import Outcome
-from sim_action.replay.models import Replay, SignalData
-from sim_action.replay.storage import ReplayError, read
+from sim_action.core.verdict import Verdict
+from sim_action.recording.replay.models import Replay, SignalData
+from sim_action.recording.replay.storage import ReplayError, read
 from sim_action.reports import ReportOptions
-from sim_action.signals import Signal
-from sim_action.trace_files import stored_file
-from sim_action.verdict import Verdict
+from sim_action.results.outcome import Outcome
+from sim_action.results.trace_files import stored_file
+from sim_action.state.signals import Signal
 
 # Limits are stored as they are; a verdict's went through other arithmetic.
 _SAME_LIMIT: Final = 1e-9

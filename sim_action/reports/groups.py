@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
-from sim_action.location import Location
-from sim_action.outcome import ExpectationOutcome, Outcome
+from sim_action.core.location import Location
 from sim_action.reports.wording import Mood, moment, mood, quantity
+from sim_action.results.outcome import ExpectationOutcome, Outcome
 
 WORST_FIRST: Final[tuple[Mood, ...]] = ("error", "flaky", "failed", "warned", "skipped", "passed")
 

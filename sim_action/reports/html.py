@@ -9,9 +9,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Final
 
-from sim_action.outcome import Outcome
-from sim_action.replay import Replay
-from sim_action.replay.storage import ReplayError, read
+from sim_action.core.whole_files import whole_file
+from sim_action.recording.replay import Replay
+from sim_action.recording.replay.storage import ReplayError, read
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.groups import groups, worst_first
@@ -22,9 +22,9 @@ from sim_action.reports.page.markup import element, joined
 from sim_action.reports.page.packing import Parcel, told
 from sim_action.reports.reproduction import REPORT_FILE
 from sim_action.reports.wording import mood
-from sim_action.results import Results
-from sim_action.trace_files import number_among_namesakes, stored_file
-from sim_action.whole_files import whole_file
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.results.trace_files import number_among_namesakes, stored_file
 
 MOST_SCENARIOS: Final = 2_000
 """What comes after these, a page only counts; failures come first."""

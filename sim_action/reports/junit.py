@@ -12,16 +12,16 @@ from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Final
 
-from sim_action.location import Location
-from sim_action.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.core.location import Location
+from sim_action.core.whole_files import whole_file
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.groups import Group, groups
 from sim_action.reports.paths import place, seen_from, stored_trace
 from sim_action.reports.wording import measurements, own_output
 from sim_action.reports.xml_elements import add_attachment, add_child, add_line, add_properties, element
-from sim_action.results import Results
-from sim_action.whole_files import whole_file
+from sim_action.results.file import Results
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 
 # Of variations, what each has of its own: they may have been run on several machines.
 _OF_EACH: Final = ("engine", "seed", "digest", "repeats", "cpu", "engine_build")

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from sim_action import units
+from sim_action.core import units
 from sim_action.reports.escaping import one_line, shortened
-from sim_action.signals import Signal
-from sim_action.trace import FloatArray
+from sim_action.state.signals import Signal
+from sim_action.state.trace import FloatArray
 
 _MOST_POINTS: Final = 60
 _MOST_IN_TEXT: Final = 80

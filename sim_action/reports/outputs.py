@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sim_action.reports import ReportOptions
 from sim_action.reports.reproduction import REPORT_FILE, replay_link
-from sim_action.results import RESULTS_FILE, Results
+from sim_action.results.file import RESULTS_FILE, Results
 
 
 def write_outputs(results: Results, options: ReportOptions) -> None:

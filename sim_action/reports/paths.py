@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from sim_action.location import Location
-from sim_action.outcome import Outcome
+from sim_action.core.location import Location
+from sim_action.results.outcome import Outcome
 
 
 def seen_from(workspace: Path, file: str | Path) -> str:

@@ -8,10 +8,10 @@ import time
 import unicodedata
 from typing import Final, TextIO
 
-from sim_action.outcome import Outcome
 from sim_action.reports import Verbosity
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.wording import factor
+from sim_action.results.outcome import Outcome
 
 _PERIOD: Final = 0.1
 _ERASE: Final = "\r\x1b[K"

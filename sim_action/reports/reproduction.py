@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from sim_action.backends import BACKENDS
-from sim_action.outcome import Outcome
+from sim_action.engines import BACKENDS
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.paths import seen_from
-from sim_action.trace_files import number_among_namesakes
+from sim_action.results.outcome import Outcome
+from sim_action.results.trace_files import number_among_namesakes
 
 REPORT_FILE: Final = "report.html"
 

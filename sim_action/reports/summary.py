@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from sim_action.errors import ExitCode
-from sim_action.messages import counted
+from sim_action.core.errors import ExitCode
+from sim_action.core.messages import counted
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_text
 from sim_action.reports.groups import Group, groups, worst_first
 from sim_action.reports.markdown import folded, row, source_link, table
 from sim_action.reports.summary_section import ICONS, gist, section, sim_time
 from sim_action.reports.wording import counts, factor, moment, share
-from sim_action.results import Results
+from sim_action.results.file import Results
 
 MOST_BYTES: Final = 1 << 20
 """GitHub drops a larger summary whole."""

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Final
 
-from sim_action.messages import counted
-from sim_action.outcome import ExpectationOutcome, Failure, Outcome
-from sim_action.replay.models import Replay
+from sim_action.core.messages import counted
+from sim_action.recording.replay.models import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text, shortened
 from sim_action.reports.evidence import curve, replay_of
@@ -18,6 +17,7 @@ from sim_action.reports.markdown import code, code_of_link, folded, row, shell_b
 from sim_action.reports.mermaid import chart
 from sim_action.reports.reproduction import command, replay_link
 from sim_action.reports.wording import Mood, factor, made_with, moment, mood, own_output, quantity, repeated
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 
 ICONS: Final[dict[Mood, str]] = {
     "passed": "✅",

@@ -10,8 +10,7 @@ from typing import Final, TextIO
 from rich.console import Console
 from rich.text import Text
 
-from sim_action.errors import ExitCode
-from sim_action.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.core.errors import ExitCode
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import console
 from sim_action.reports.escaping import log_text, plain_text
@@ -19,7 +18,8 @@ from sim_action.reports.groups import WORST_FIRST, Group, groups
 from sim_action.reports.paths import stored_trace
 from sim_action.reports.reproduction import REPORT_FILE
 from sim_action.reports.wording import Mood, counts, factor, made_with, measurements, mood, own_output, repeated, share
-from sim_action.results import RESULTS_FILE, Results
+from sim_action.results.file import RESULTS_FILE, Results
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 
 _SYMBOLS: Final[dict[Mood, str]] = {
     "passed": "✓",

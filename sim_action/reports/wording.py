@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from sim_action import units
-from sim_action.outcome import Outcome
-from sim_action.provenance import Provenance
-from sim_action.results import Results
-from sim_action.sharding import Shard
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.provenance import Provenance
+from sim_action.core.verdict import Verdict
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.scenario.sharding import Shard
 
 Mood = Literal["passed", "warned", "failed", "flaky", "error", "skipped"]
 """A status, with passing and warning told apart."""

@@ -12,18 +12,19 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from sim_action.geometry import Pose
-from sim_action.quantities import FrozenModel
-from sim_action.registry import Table
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core.geometry import Pose
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import FrozenModel
+from sim_action.core.registry import Table
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from sim_action.observation import Observation
-    from sim_action.probe import Probe
-    from sim_action.readings import Reading
-    from sim_action.wheel_motion import WheelMotion
+    from sim_action.state.observation import Observation
+    from sim_action.state.probe import Probe
+    from sim_action.state.readings import Reading
+    from sim_action.state.wheel_motion import WheelMotion
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.geometry import compose
-from sim_action.quantities import Metres, PositiveRadians
-from sim_action.readings import CameraImage
+from sim_action.core.geometry import compose
+from sim_action.core.quantities import Metres, PositiveRadians
 from sim_action.sensors import Measure, Mount, Sensor, Sight
+from sim_action.state.readings import CameraImage
 
 if TYPE_CHECKING:
-    from sim_action.probe import Probe
+    from sim_action.state.probe import Probe
 
 
 class Camera(Sensor):
@@ -60,9 +60,9 @@ class Camera(Sensor):
 
     def open(self, mount: Mount) -> Measure:
         """See Sensor.open."""
-        from sim_action.rendering.appearance import robot_parts, world_parts
-        from sim_action.rendering.picture import Placed, draw
-        from sim_action.rendering.rays import Pinhole
+        from sim_action.sensors.rendering.appearance import robot_parts, world_parts
+        from sim_action.sensors.rendering.picture import Placed, draw
+        from sim_action.sensors.rendering.rays import Pinhole
 
         pinhole = Pinhole(self.width, self.height, self.field_of_view, self.near, self.far)
         links, bodies = list(robot_parts(mount.scene.model)), list(world_parts(mount.scene))

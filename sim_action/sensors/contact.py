@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from sim_action.readings import ContactReading
 from sim_action.sensors import Measure, Mount, Sensor, Sight
+from sim_action.state.readings import ContactReading
 
 
 class ContactSensor(Sensor):

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.geometry import compose, rotate
-from sim_action.quantities import NonNegativeMetres, PositiveMetres, PositiveRadians, Radians
-from sim_action.readings import LidarScan
-from sim_action.scene import Scene, SpecProblems
+from sim_action.core.geometry import compose, rotate
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import NonNegativeMetres, PositiveMetres, PositiveRadians, Radians
+from sim_action.core.units import display
 from sim_action.sensors import Measure, Mount, Sensor, Sight
-from sim_action.units import display
+from sim_action.state.readings import LidarScan
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from sim_action import geometry
-from sim_action.geometry import Pose
-from sim_action.quantities import NonNegativeMetres, Ratio
-from sim_action.readings import OdometryReading
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.core.quantities import NonNegativeMetres, Ratio
 from sim_action.sensors import Measure, Mount, Sensor, Sight
-from sim_action.wheel_motion import PlanarWay, WheelMotion
+from sim_action.state.readings import OdometryReading
+from sim_action.state.wheel_motion import PlanarWay, WheelMotion
 
 if TYPE_CHECKING:
-    from sim_action.observation import Observation
+    from sim_action.state.observation import Observation
 
 # Wheels measure nothing if they are taken for none, and the way backward if for less.
 ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]

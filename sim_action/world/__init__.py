@@ -10,16 +10,14 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from sim_action.geometry import Vector3
-from sim_action.quantities import FrozenModel
+from sim_action.core.geometry import Vector3
+from sim_action.core.quantities import FrozenModel
 from sim_action.world.body import Body, placed
 from sim_action.world.disturbance import Disturbance
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.gravity import GRAVITY, Gravity
 from sim_action.world.ground import GROUND, Ground, Patch
 from sim_action.world.physics import FASTEST, FASTEST_PHYSICS, Physics
-from sim_action.world.placement import Placement
-from sim_action.world.robot import Robot
 from sim_action.world.shapes import Cylinder, Ramp, Sphere, Stairs
 from sim_action.world.timed_path import PathPoint
 
@@ -38,9 +36,7 @@ __all__ = [
     "Patch",
     "PathPoint",
     "Physics",
-    "Placement",
     "Ramp",
-    "Robot",
     "Sphere",
     "Stairs",
     "World",

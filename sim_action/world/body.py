@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.geometry import Pose
-from sim_action.quantities import FrozenModel, Name, PositiveKilograms, PositiveSeconds
+from sim_action.core.geometry import Pose
+from sim_action.core.placement import Placement
+from sim_action.core.quantities import FrozenModel, Name, PositiveKilograms, PositiveSeconds
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.ground import Friction
-from sim_action.world.placement import Placement
 from sim_action.world.shapes import Cylinder, Ramp, Size, Sphere, Stairs
 from sim_action.world.timed_path import PathPoint, placements, refuse_impossible_path
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.parts import Part
+    from sim_action.world.parts import Part
 
 SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map")
 
@@ -100,7 +100,7 @@ class Body(FrozenModel):
 
     def parts(self) -> Sequence[Part]:
         """What it is made of; not for what is read."""
-        from sim_action.parts import BoxPart, CylinderPart, SpherePart
+        from sim_action.world.parts import BoxPart, CylinderPart, SpherePart
 
         if self.box is not None:
             return (BoxPart(self.box),)
@@ -115,7 +115,7 @@ class Body(FrozenModel):
 
 def placed(body: Body, parts: Sequence[Part]) -> Pose:
     """Where a body of these parts begins, in the world frame; without a z, it stands on the ground."""
-    from sim_action.parts import lowest
+    from sim_action.world.parts import lowest
 
     at = body.beginning
     z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z

@@ -6,17 +6,10 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action import units
-from sim_action.quantities import (
-    FrozenModel,
-    MetresPerSecond,
-    Name,
-    NonNegativeSeconds,
-    PositiveSeconds,
-    Quantity,
-)
+from sim_action.core import units
+from sim_action.core.placement import Coordinate
+from sim_action.core.quantities import FrozenModel, MetresPerSecond, Name, NonNegativeSeconds, PositiveSeconds, Quantity
 from sim_action.world.physics import FASTEST
-from sim_action.world.placement import Coordinate
 
 # In N and N m: a thousand times what the heaviest body weighs; more is a mistake that no engine's numbers hold.
 _STRONGEST: Final = 1e10

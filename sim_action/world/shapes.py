@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.geometry import Pose
-from sim_action.quantities import FrozenModel, Metres, PositiveRadians
+from sim_action.core.geometry import Pose
+from sim_action.core.quantities import FrozenModel, Metres, PositiveRadians
 
 if TYPE_CHECKING:
-    from sim_action.parts import BoxPart, HullPart
+    from sim_action.world.parts import BoxPart, HullPart
 
 SMALLEST: Final = 1e-4
 """m: what is smaller than a hair is wide, no engine can tell from nothing."""
@@ -69,7 +69,7 @@ class Ramp(FrozenModel):
 
     def parts(self) -> tuple[HullPart]:
         """About the middle of the box around it."""
-        from sim_action.parts import HullPart
+        from sim_action.world.parts import HullPart
 
         x, y, z = self.length / 2, self.width / 2, self.rise / 2
         corners = ((-x, -z), (x, -z), (x, z))
@@ -89,7 +89,7 @@ class Stairs(FrozenModel):
 
     def parts(self) -> tuple[BoxPart, ...]:
         """A column a step, about the middle of the box around all of them."""
-        from sim_action.parts import BoxPart
+        from sim_action.world.parts import BoxPart
 
         length, height = self.steps * self.run, self.steps * self.rise
         return tuple(

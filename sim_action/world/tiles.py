@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sim_action.geometry import Pose
-from sim_action.parts import BoxPart
+from sim_action.core.geometry import Pose
 from sim_action.world.ground import Ground, Patch
+from sim_action.world.parts import BoxPart
 
 REACH: Final = 10_000.0
 """m: how far the tiles go from the origin of the world, which is as far as a robot may go by default."""

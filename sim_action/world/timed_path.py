@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from sim_action.quantities import FrozenModel, NonNegativeSeconds, Radians
-from sim_action.world.placement import Coordinate, Placement
+from sim_action.core.placement import Coordinate, Placement
+from sim_action.core.quantities import FrozenModel, NonNegativeSeconds, Radians
 
 if TYPE_CHECKING:
     from sim_action.world.body import Body

@@ -13,12 +13,12 @@ from pydantic import ValidationError
 
 from sim_action.assertions import Monitor, State
 from sim_action.assertions.user_code import UserAssertion
-from sim_action.errors import ScriptError
-from sim_action.panel import Panel
-from sim_action.scene import Scene
-from sim_action.trace import Trace
-from sim_action.verdict import Verdict
-from sim_action.workspace import Workspace
+from sim_action.core.errors import ScriptError
+from sim_action.core.verdict import Verdict
+from sim_action.core.workspace import Workspace
+from sim_action.simulation.monitors import Panel
+from sim_action.state.trace import Trace
+from sim_action.world.scene import Scene
 from tests.traces import START, expectation, piece, scenario, scene, trace
 
 P, H, B = State.PENDING, State.HOLDS, State.BROKEN

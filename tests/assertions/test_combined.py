@@ -20,10 +20,10 @@ from sim_action.assertions.reach import Reach
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
-from sim_action.observation import Observation
-from sim_action.scene import Scene
-from sim_action.trace import Trace
-from sim_action.verdict import Verdict
+from sim_action.core.verdict import Verdict
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
+from sim_action.world.scene import Scene
 from tests.traces import contact, judged, monitor, piece, scene, trace
 
 P, H, B = State.PENDING, State.HOLDS, State.BROKEN

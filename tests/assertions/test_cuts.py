@@ -37,11 +37,11 @@ from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
-from sim_action.channels import Channels, ClearanceWatch
-from sim_action.clearance_record import ClearanceRecord, Nearness
-from sim_action.observation import Contact
-from sim_action.sensor_record import SensorRecord
-from sim_action.trace import FloatArray, Trace
+from sim_action.state.channels import Channels, ClearanceWatch
+from sim_action.state.clearance_record import ClearanceRecord, Nearness
+from sim_action.state.observation import Contact
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace import FloatArray, Trace
 from tests.traces import WHEELS, contact, monitor, piece
 
 STEPS = 60

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions.history import History
-from sim_action.trace import Trace
+from sim_action.state.trace import Trace
 from tests.traces import contact, piece, trace
 
 MOMENTS = 40

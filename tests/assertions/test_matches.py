@@ -17,13 +17,13 @@ from pydantic import ValidationError
 from sim_action.assertions import State
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.window import Window
-from sim_action.golden import Golden
-from sim_action.marks import Polyline
-from sim_action.observation import JointState
-from sim_action.scene import Scene
-from sim_action.trace import FloatArray, Trace
-from sim_action.verdict import Verdict
-from sim_action.workspace import Workspace
+from sim_action.core.verdict import Verdict
+from sim_action.core.workspace import Workspace
+from sim_action.state.golden import Golden
+from sim_action.state.marks import Polyline
+from sim_action.state.observation import JointState
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.world.scene import Scene
 from tests.traces import START, WHEELS, scene, trace
 
 RATE = 240

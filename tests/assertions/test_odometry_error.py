@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sim_action import units
 from sim_action.assertions import State
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.window import Window
-from sim_action.channels import Channels
-from sim_action.geometry import quaternion_from_rpy
-from sim_action.sensor_record import SensorRecord
-from sim_action.trace import Trace
-from sim_action.verdict import Verdict
+from sim_action.core import units
+from sim_action.core.geometry import quaternion_from_rpy
+from sim_action.core.verdict import Verdict
+from sim_action.state.channels import Channels
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace import Trace
 from tests.traces import judged, monitor, trace
 
 

@@ -36,13 +36,13 @@ from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.user_code import UserAssertion
 from sim_action.assertions.window import Window
-from sim_action.channels import ClearanceWatch
-from sim_action.clearance_record import ClearanceRecord, Nearness
-from sim_action.geometry import Pose, quaternion_from_rpy
-from sim_action.marks import Arrow, Circle, Mark, Polygon, Polyline
-from sim_action.sensor_record import SensorRecord
-from sim_action.signals import Signal
-from sim_action.trace import Trace
+from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.state.channels import ClearanceWatch
+from sim_action.state.clearance_record import ClearanceRecord, Nearness
+from sim_action.state.marks import Arrow, Circle, Mark, Polygon, Polyline
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.signals import Signal
+from sim_action.state.trace import Trace
 from tests.assertions.test_cuts import SPECS, random_trace
 from tests.traces import START, WHEELS, contact, expectation, scene, trace
 

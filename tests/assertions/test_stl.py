@@ -18,13 +18,13 @@ from sim_action.assertions import Monitor, State, is_decisive
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.stl_monitor import Joined
 from sim_action.assertions.stl_parts import Part
+from sim_action.assertions.temporal_logic.formula import Formula
+from sim_action.assertions.temporal_logic.robustness import Cause
+from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.window import Window
-from sim_action.temporal_logic.formula import Formula
-from sim_action.temporal_logic.robustness import Cause
-from sim_action.temporal_logic.samples import Samples
-from sim_action.trace import Trace
-from sim_action.verdict import Verdict
-from tests.temporal_logic.formulas import meaning, plain_formulas, walks
+from sim_action.core.verdict import Verdict
+from sim_action.state.trace import Trace
+from tests.assertions.temporal_logic.formulas import meaning, plain_formulas, walks
 from tests.traces import judged, monitor, piece, scene, trace
 
 SCENE = scene()
@@ -81,7 +81,7 @@ def test_joints_angles_and_where_travel_begins() -> None:
 
 
 def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
-    from sim_action.geometry import quaternion_from_rpy
+    from sim_action.core.geometry import quaternion_from_rpy
 
     turned = np.array([quaternion_from_rpy(0.3, -0.4, 2.0)])
     seen = trace([1.0])

@@ -12,13 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.command import JointTargets
 from sim_action.commands import OpenLoop
 from sim_action.commands.joints import JointCommands
-from sim_action.models import load_model
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
+from sim_action.core.workspace import Workspace
+from sim_action.robot import load_model
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 from tests.scenarios import load, told
 
 EXAMPLES = Path(__file__).parents[2] / "examples/commands"

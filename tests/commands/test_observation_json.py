@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from sim_action.commands.observation_json import observation_json, robot_json
 from sim_action.commands.robot_description import RobotDescription
-from sim_action.geometry import Pose, Twist
-from sim_action.observation import Contact, JointState, Observation
-from sim_action.readings import ContactReading, ImuReading, OdometryReading, Reading
+from sim_action.core.geometry import Pose, Twist
+from sim_action.state.observation import Contact, JointState, Observation
+from sim_action.state.readings import ContactReading, ImuReading, OdometryReading, Reading
 from tests.traces import scene
 
 SEEN = Observation(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.command import Command, JointTargets
+from sim_action.commands.logs import Moment
 from sim_action.commands.playback import Playback
-from sim_action.geometry import Twist
-from sim_action.recordings import Moment
+from sim_action.core.geometry import Twist
+from sim_action.state.command import Command, JointTargets
 
 SLOW, FAST = Twist.planar(0.1), Twist.planar(0.9)
 LOG: list[Moment] = [(0.0, SLOW), (1.0, FAST), (2.0, SLOW)]

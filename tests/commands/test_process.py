@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-from sim_action.command import JointTargets
 from sim_action.commands import ClosedLoop
 from sim_action.commands.process import ProcessCommands
-from sim_action.errors import ScriptError
-from sim_action.geometry import Twist
-from sim_action.workspace import Workspace
+from sim_action.core.errors import ScriptError
+from sim_action.core.geometry import Twist
+from sim_action.core.workspace import Workspace
+from sim_action.state.command import JointTargets
 from tests.scenarios import LEAST, load, told
 from tests.traces import START, scene
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.commands.program import program_of
-from sim_action.workspace import PathError, Workspace
+from sim_action.core.workspace import PathError, Workspace
 
 
 def found(folder: Path, word: str) -> Path:

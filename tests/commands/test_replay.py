@@ -13,18 +13,18 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.command import JointTargets
 from sim_action.commands import OpenLoop
 from sim_action.commands.replay import ReplayCommands
-from sim_action.controls import Controls
+from sim_action.core.errors import BadSource, RecordingError
+from sim_action.core.geometry import Twist
+from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
-from sim_action.errors import BadSource, RecordingError
-from sim_action.geometry import Twist
-from sim_action.loading import build_scene
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
-from tests.recordings import bags
-from tests.recordings.bags import drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.controllers import Controls
+from sim_action.state.command import JointTargets
+from sim_action.world.scene import Scene
+from tests.commands.logs import bags
+from tests.commands.logs.bags import drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
 from tests.scenarios import LEAST, load, told
 from tests.traces import scene
 
@@ -274,7 +274,7 @@ def test_loading_a_log_imports_neither_numpy_nor_rosbags(tmp_path: Path) -> None
     for name, keys in (("csv", {"replay": "a.csv"}), ("ros", {"replay": "a.bag", "topic": "/cmd_vel"})):
         (tmp_path / f"{name}.sim.yml").write_text(scenario(**keys))
     script = (
-        "import sys; from pathlib import Path; from sim_action.loading import load_scenario\n"
+        "import sys; from pathlib import Path; from sim_action.scenario.loading import load_scenario\n"
         "for path in sys.argv[1:]: load_scenario(Path(path))\n"
         "sys.exit(bool({'numpy', 'rosbags', 'pybullet', 'mujoco'} & set(sys.modules)))"
     )

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.command import JointTargets
 from sim_action.commands.saturation import Saturation
-from sim_action.geometry import Twist
-from sim_action.robot_model import RobotModel
+from sim_action.core.geometry import Twist
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import JointTargets
 from tests.traces import burger
 
 LEFT, RIGHT = "wheel_left_joint", "wheel_right_joint"

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from sim_action import JointTargets, Observation, Twist
-from sim_action.command import Answer
 from sim_action.commands import ClosedLoop
 from sim_action.commands.script import ScriptCommands
-from sim_action.errors import ScriptError
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
+from sim_action.core.errors import ScriptError
+from sim_action.core.workspace import Workspace
+from sim_action.state.command import Answer
+from sim_action.world.scene import Scene
 from tests.traces import START, scene
 
 GOOD = "from sim_action import Twist\ndef control(observation):\n    return Twist.planar(observation.time + 1)\n"

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 
 from sim_action.commands import OpenLoop
 from sim_action.commands.twist import TwistCommands
-from sim_action.geometry import Twist
-from sim_action.workspace import Workspace
+from sim_action.core.geometry import Twist
+from sim_action.core.workspace import Workspace
 from tests.traces import scene
 
 THERE = scene()

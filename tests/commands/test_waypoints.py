@@ -11,8 +11,8 @@ import pytest
 
 from sim_action.commands import ClosedLoop
 from sim_action.commands.waypoints import WaypointCommands
-from sim_action.geometry import Twist
-from sim_action.mobility import Mobility
+from sim_action.core.geometry import Twist
+from sim_action.robot.mobility import Mobility
 from tests.scenarios import load, told
 from tests.traces import HERE, START, scene
 

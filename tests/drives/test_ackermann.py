@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.ackermann_motion import ON_THE_SPOT, TOO_TIGHT
-from sim_action.geometry import Twist, Vector3
-from sim_action.robot_model import Plugin, RobotModel
+from sim_action.robot.robot_model import Plugin, RobotModel
 from tests.drives.carts import RADIUS, cart, steered, wheel
 
 REAR = (wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2))

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.command import JointTargets
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.geometry import Twist, Vector3
-from sim_action.robot_model import RobotModel, Shape
+from sim_action.robot.robot_model import RobotModel, Shape
+from sim_action.state.command import JointTargets
 from tests.drives.carts import FOUR, cart, wheel
 from tests.traces import WHEELS, burger
 

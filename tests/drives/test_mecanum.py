@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.command import JointTargets
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.mecanum_motion import NOT_LEVEL
-from sim_action.geometry import Twist, Vector3
-from sim_action.robot_model import Plugin, RobotModel
+from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.state.command import JointTargets
 from tests.drives.carts import FOUR, RADIUS, cart, wheel
 from tests.traces import scene
 

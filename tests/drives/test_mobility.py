@@ -7,14 +7,14 @@ import math
 
 import pytest
 
+from sim_action.core.geometry import Vector3
 from sim_action.drives import Drive
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.geometry import Vector3
-from sim_action.mobility import Mobility
-from sim_action.robot_model import RobotModel
+from sim_action.robot.mobility import Mobility
+from sim_action.robot.robot_model import RobotModel
 from tests.drives.carts import FOUR, cart, steered, wheel
 from tests.traces import WHEELS, burger, scene
 

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.command import JointTargets
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.skid import SkidSteer
-from sim_action.geometry import Twist, Vector3
-from sim_action.robot_model import Plugin, RobotModel
+from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.state.command import JointTargets
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 
 SKID = SkidSteer(left=("a", "b"), right=("c", "d"))

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sim_action.command import JointTargets
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import Drive
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.geometry import Twist, Vector3
-from sim_action.robot_model import RobotModel
-from sim_action.wheel_motion import PlanarWay
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import JointTargets
+from sim_action.state.wheel_motion import PlanarWay
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 
 QUICK = 1e9

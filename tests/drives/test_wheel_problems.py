@@ -9,7 +9,7 @@ import pytest
 from sim_action.drives import recognise
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.robot_model import Plugin, RobotModel
+from sim_action.robot.robot_model import Plugin, RobotModel
 from tests.drives.carts import cart, steered, wheel
 
 CAR = cart(wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), steered("a", 0.5, 0.2), steered("b", 0.5, -0.2))

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.core.geometry import Twist
 from sim_action.drives import Drive, DriveMotion
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.drives.wheel_speeds import WheelSpeeds
-from sim_action.geometry import Twist
-from sim_action.robot_model import RobotModel
+from sim_action.robot.robot_model import RobotModel
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 
 FASTEST = 20.0

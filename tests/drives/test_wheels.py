@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.core.geometry import Pose
 from sim_action.drives import wheels
 from sim_action.drives.wheels import centre_of_mass, wheel, wheels_on_ground
-from sim_action.geometry import Pose
-from sim_action.kinematics import link_poses
-from sim_action.models.urdf import read_urdf
-from sim_action.robot_model import RobotModel
+from sim_action.robot.kinematics import link_poses
+from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.urdf import read_urdf
 from tests.traces import burger
 
 # The axle is turned a quarter about z and the wheel hangs on it: 1 m forward of the axle is 1 m to the left.

@@ -9,16 +9,18 @@ from typing import Any
 
 import pytest
 
-from sim_action import geometry
-from sim_action.backends import BACKENDS, Backend
-from sim_action.channels import Channels, ClearanceWatch
-from sim_action.command import JointTargets
-from sim_action.geometry import Vector3
-from sim_action.models.urdf import read_urdf
-from sim_action.scene import Scene
-from sim_action.trace import Trace
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Placement, Robot, World
+from sim_action.core import geometry
+from sim_action.core.geometry import Vector3
+from sim_action.core.placement import Placement
+from sim_action.core.workspace import Workspace
+from sim_action.engines import BACKENDS, Backend
+from sim_action.robot.spec import Robot
+from sim_action.robot.urdf import read_urdf
+from sim_action.state.channels import Channels, ClearanceWatch
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 
 on_every_engine = pytest.mark.parametrize("engine", list(BACKENDS))
 

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sim_action.geometry import Vector3
-from sim_action.models.meshes import clean_mesh
+from sim_action.core.geometry import Vector3
+from sim_action.meshes import clean_mesh
 
 _CHILD = Path(__file__).with_name("mesh_engine.py")
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action import geometry
+from sim_action.core import geometry
 from sim_action.world import Body
 
 Floats = NDArray[np.float64]

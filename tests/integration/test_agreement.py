@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from bench.robots import ROBOTS, WORKSPACE
-from sim_action.backends import BACKENDS
-from sim_action.command import JointTargets
-from sim_action.loading import build_scene, load_scenario
-from sim_action.models import load_model
-from sim_action.scene import Scene
-from sim_action.simulation import SimulationRun, simulate
-from sim_action.trace import Trace
+from sim_action.engines import BACKENDS
+from sim_action.robot import load_model
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, Physics, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running
 
 SEPARATION = 0.160

@@ -7,15 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.backends import BACKENDS, Backend, chosen, installed
-from sim_action.channels import Channels
-from sim_action.command import JointTargets
-from sim_action.models.findings import ALLOWABLE
-from sim_action.models.urdf import read_urdf
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
-from tests.models.bad_models import BAD_MODELS, GOOD, BadModel
+from sim_action.core.workspace import Workspace
+from sim_action.engines import BACKENDS, Backend, chosen, installed
+from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.spec import Robot
+from sim_action.robot.urdf import read_urdf
+from sim_action.state.channels import Channels
+from sim_action.state.command import JointTargets
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
+from tests.robot.bad_models import BAD_MODELS, GOOD, BadModel
 
 LIMIT = '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n'
 SECOND = 240

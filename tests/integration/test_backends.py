@@ -12,9 +12,11 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from sim_action.command import JointTargets
-from sim_action.watchdog import Watchdog
-from sim_action.world import GRAVITY, Body, Cylinder, Ground, Physics, Placement, Robot, Sphere, World
+from sim_action.core.placement import Placement
+from sim_action.robot.spec import Robot
+from sim_action.simulation.watchdog import Watchdog
+from sim_action.state.command import JointTargets
+from sim_action.world import GRAVITY, Body, Cylinder, Ground, Physics, Sphere, World
 from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
 from tests.mesh_files import obj, two_objects, wheel
 

@@ -12,13 +12,13 @@ from typing import Final
 import junitparser
 import pytest
 
-from sim_action.backends import installed
-from sim_action.models.findings import RULES
-from sim_action.outcome import Outcome
-from sim_action.results import Results
+from sim_action.engines import installed
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.robot.findings import RULES
 from tests.integration.conftest import ACTION, sim_action
-from tests.models.bad_models import BAD_MODELS, GOOD
-from tests.models.test_bad_meshes import BAD as BAD_MESHES
+from tests.meshes.test_bad_meshes import BAD as BAD_MESHES
+from tests.robot.bad_models import BAD_MODELS, GOOD
 
 SPHERE: Final = '<sphere radius="0.5"/>'
 GOOD_ONES: Final = 8

@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.backends import Backend, installed
-from sim_action.geometry import Pose, quaternion_from_rpy
-from sim_action.loading import build_scene
-from sim_action.readings import CameraImage
-from sim_action.scene import Scene
+from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.placement import Placement
+from sim_action.engines import Backend, installed
+from sim_action.robot.spec import Robot
+from sim_action.scenario.loading import build_scene
 from sim_action.sensors import Mount
 from sim_action.sensors.camera import Camera
-from sim_action.simulation import SimulationRun, simulate
-from sim_action.world import Body, Cylinder, Placement, Robot, Sphere, World
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.readings import CameraImage
+from sim_action.world import Body, Cylinder, Sphere, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.scenarios import LEAST, load
 from tests.sensors.stubs import sight_of

@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.backends import BACKENDS
-from sim_action.backends.clearances import Clearances
-from sim_action.channels import Channels, ClearanceWatch
-from sim_action.clearance_record import ClearanceRecord, Nearness
-from sim_action.command import JointTargets
-from sim_action.scene import Scene
-from sim_action.trace import FloatArray, Trace
-from sim_action.world import Body, Cylinder, PathPoint, Placement, Robot, Sphere, World
+from sim_action.core.placement import Placement
+from sim_action.engines import BACKENDS
+from sim_action.engines.clearances import Clearances
+from sim_action.robot.spec import Robot
+from sim_action.state.channels import Channels, ClearanceWatch
+from sim_action.state.clearance_record import ClearanceRecord, Nearness
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.world import Body, Cylinder, PathPoint, Sphere, World
+from sim_action.world.scene import Scene
 from sim_action.world.shapes import Ramp
 from tests import traces
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of

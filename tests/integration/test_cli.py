@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -250,8 +251,9 @@ def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:
 
 def imported(folder: Path, arguments: tuple[str, ...], modules: set[str]) -> str:
     (folder / "a.sim.yml").write_text(VALID.format(name="a"))
+    assert all(find_spec(name) for name in modules if name.startswith("sim_action.")), "a module was renamed"
     found = f"print(sorted({modules} & set(sys.modules)))"
-    code = f"import sys\nfrom sim_action.cli import call\ncall(sys.argv[1:])\n{found}"
+    code = f"import sys\nfrom sim_action.cli.main import call\ncall(sys.argv[1:])\n{found}"
     ran = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         cwd=folder,
@@ -269,11 +271,12 @@ def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str,
 
 
 def test_to_validate_imports_nothing_of_a_run(tmp_path: Path) -> None:
-    of_runs = {f"sim_action.{name}" for name in ("observation", "readings", "marks", "parts")}
+    of_runs = {f"sim_action.{name}" for name in ("state.observation", "state.readings", "state.marks", "world.parts")}
     assert imported(tmp_path, ("validate", "a.sim.yml"), of_runs) == "[]"
 
 
 def test_a_run_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
-    others = {"numpy.ma", *(f"sim_action.{name}" for name in ("golden", "exports.writing", "replay.visual_meshes"))}
+    unused = ("state.golden", "recording.export.writing", "recording.replay.visual_meshes")
+    others = {"numpy.ma", *(f"sim_action.{name}" for name in unused)}
     needed = {"sim_action.reports.html", "rich.console"}
     assert imported(tmp_path, ("run", "a.sim.yml"), others | needed) == str(sorted(needed))

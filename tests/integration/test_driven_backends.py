@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.command import NO_PUSH, BasePush, JointTargets
-from sim_action.trace import Trace
-from sim_action.world import Placement, Robot
+from sim_action.core.placement import Placement
+from sim_action.robot.spec import Robot
+from sim_action.state.command import NO_PUSH, BasePush, JointTargets
+from sim_action.state.trace import Trace
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 
 pytestmark = on_every_engine

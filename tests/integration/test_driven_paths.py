@@ -20,9 +20,9 @@ import pytest
 
 from bench.robots import BURGER, ROBOTS
 from sim_action.commands.pure_pursuit import Leg, Point
-from sim_action.loading import build_scene, load_scenario
-from sim_action.permissions import Permissions
-from sim_action.simulation import SimulationRun, simulate
+from sim_action.core.permissions import Permissions
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import SimulationRun, simulate
 from tests.integration.engines import on_every_engine
 
 PATH: Final = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5), (1.5, 0.5))

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.errors import BadStart
-from sim_action.loading import build_scene, load_scenario
-from sim_action.simulation import SimulationRun, simulate
+from sim_action.core.errors import BadStart
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import SimulationRun, simulate
 from tests.integration.engines import on_every_engine, running
 from tests.worlds import write_map
 

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.backends import BACKENDS
-from sim_action.channels import Channels
-from sim_action.command import JointTargets
-from sim_action.errors import RefusedModel
-from sim_action.models.audit.engine_tables import MOST_JOINTS, MOST_MOVING_JOINTS
-from sim_action.models.urdf import read_urdf
-from sim_action.observation import Observation
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
+from sim_action.core.errors import RefusedModel
+from sim_action.core.workspace import Workspace
+from sim_action.engines import BACKENDS
+from sim_action.robot.audit.engine_tables import MOST_JOINTS, MOST_MOVING_JOINTS
+from sim_action.robot.spec import Robot
+from sim_action.robot.urdf import read_urdf
+from sim_action.state.channels import Channels
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 
 pytestmark = pytest.mark.pybullet
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from sim_action.backends import BACKENDS
-from sim_action.trace_storage import load_trace
+from sim_action.engines import BACKENDS
+from sim_action.state.trace_storage import load_trace
 from tests.integration.conftest import sim_action
 
 ENGINES = tuple(BACKENDS)

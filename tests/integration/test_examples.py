@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from sim_action.assertions import ASSERTIONS
-from sim_action.backends import installed
-from tests.ros1.launches import missing_ros
+from sim_action.engines import installed
+from tests.ros.ros1.launches import missing_ros
 
 ROOT = Path(__file__).parents[2]
 # Where ROS 1 is not, what its nodes drive cannot be run.

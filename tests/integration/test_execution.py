@@ -14,15 +14,15 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.execution import execute
-from sim_action.interruption import Interruption
-from sim_action.isolation.child import Child
-from sim_action.isolation.linux import LinuxChild
-from sim_action.isolation.portable import PortableChild
-from sim_action.loading import load_scenario
-from sim_action.location import Location
-from sim_action.outcome import Outcome
-from sim_action.trace_storage import load_trace
+from sim_action.core.interruption import Interruption
+from sim_action.core.location import Location
+from sim_action.results.outcome import Outcome
+from sim_action.runner.execution import execute
+from sim_action.runner.isolation.child import Child
+from sim_action.runner.isolation.linux import LinuxChild
+from sim_action.runner.isolation.portable import PortableChild
+from sim_action.scenario.loading import load_scenario
+from sim_action.state.trace_storage import load_trace
 
 SCENARIO = """
 name: {name}

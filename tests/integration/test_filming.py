@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.errors import SimulationUnstable
-from sim_action.footage import Footage
-from sim_action.loading import build_scene
-from sim_action.replay.build import replay_of
-from sim_action.replay.models import Replay
-from sim_action.scenario import LoadedScenario
-from sim_action.simulation import SimulationRun, simulate
-from sim_action.trace import Trace
-from sim_action.trace_storage import load_trace, save_trace
+from sim_action.core.errors import SimulationUnstable
+from sim_action.recording.replay.build import replay_of
+from sim_action.recording.replay.models import Replay
+from sim_action.scenario.loading import build_scene
+from sim_action.scenario.model import LoadedScenario
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.recorder import Footage
+from sim_action.state.trace import Trace
+from sim_action.state.trace_storage import load_trace, save_trace
 from tests.integration.engines import on_every_engine
 from tests.scenarios import LEAST, load
 

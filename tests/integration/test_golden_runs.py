@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from sim_action.backends import installed
-from sim_action.results import Results
+from sim_action.engines import installed
+from sim_action.results.file import Results
 from tests.integration.conftest import sim_action
 
 SCENARIO = """\

@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.backends import installed
-from sim_action.command import JointTargets
-from sim_action.geometry import Pose
-from sim_action.loading import build_scene
-from sim_action.sensor_record import SensorRecord
+from sim_action.core.geometry import Pose
+from sim_action.core.placement import Placement
+from sim_action.engines import installed
+from sim_action.robot.spec import Robot
+from sim_action.scenario.loading import build_scene
 from sim_action.sensors import Mount
 from sim_action.sensors.imu import Imu
-from sim_action.simulation import SimulationRun, simulate
-from sim_action.world import GRAVITY, Placement, Robot
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.command import JointTargets
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.world import GRAVITY
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.integration.test_probe import ARM
 from tests.scenarios import LEAST, load

@@ -10,12 +10,12 @@ import pytest
 import yaml
 
 from bench.robots import ROBOTS, WORKSPACE, KnownRobot
+from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
-from sim_action.kinematics import link_poses, robot_box
-from sim_action.models import load_model
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
+from sim_action.robot import load_model
+from sim_action.robot.kinematics import link_poses, robot_box
 from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 from tests.integration.conftest import sim_action
 from tests.ros_workspace import ros_workspace
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.backends import Backend
-from sim_action.command import JointTargets
-from sim_action.models.urdf import read_urdf
-from sim_action.trace import Trace
-from sim_action.world import Robot
+from sim_action.engines import Backend
+from sim_action.robot.spec import Robot
+from sim_action.robot.urdf import read_urdf
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 
 pytestmark = on_every_engine

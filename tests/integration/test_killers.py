@@ -17,9 +17,9 @@ from typing import Final
 import junitparser
 import pytest
 
-from sim_action.backends import installed
-from sim_action.outcome import Outcome
-from sim_action.results import Results
+from sim_action.engines import installed
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 
 ROOT: Final = Path(__file__).parents[2]
 TOTAL: Final = 200

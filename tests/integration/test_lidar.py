@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.backends import installed
-from sim_action.geometry import Pose, compose, quaternion_from_rpy, rotate
-from sim_action.kinematics import link_poses
-from sim_action.loading import build_scene
-from sim_action.simulation import SimulationRun, simulate
-from sim_action.trace import Trace
+from sim_action.core.geometry import Pose, compose, quaternion_from_rpy, rotate
+from sim_action.engines import installed
+from sim_action.robot.kinematics import link_poses
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.trace import Trace
 from tests.integration.ray_oracle import Floats, first_hits
 from tests.integration.test_rays import TOLERANCES
 from tests.scenarios import load

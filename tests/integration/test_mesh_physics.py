@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.geometry import Vector3
-from sim_action.models.meshes import MeshError, clean_mesh
+from sim_action.core.geometry import Vector3
+from sim_action.meshes import MeshError, clean_mesh
 from tests.integration.mesh_trials import ENGINES_MARGIN, found, reach, rewritten, written
 from tests.mesh_files import (
     CORNERS,

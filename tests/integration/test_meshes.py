@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.models.meshes import MeshError
+from sim_action.meshes import MeshError
 from tests.integration.mesh_trials import ENGINES_MARGIN, both, found, reach, rewritten, run, written
 from tests.mesh_files import (
     GOOD,

@@ -9,11 +9,12 @@ import pytest
 from sim_action.assertions import Monitor
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Braking, Energy
-from sim_action.command import JointTargets
-from sim_action.scene import Scene
-from sim_action.trace import Trace
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
+from sim_action.core.workspace import Workspace
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.traces import START, WHEELS, burger
 

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.errors import RunError
-from sim_action.loading import build_scene
-from sim_action.scene import Scene
-from sim_action.simulation import simulate
-from sim_action.trace import Trace
-from sim_action.world import GRAVITY, Placement, Robot, World
+from sim_action.core.errors import RunError
+from sim_action.core.placement import Placement
+from sim_action.robot.spec import Robot
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import simulate
+from sim_action.state.trace import Trace
+from sim_action.world import GRAVITY, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 from tests.scenarios import load
 

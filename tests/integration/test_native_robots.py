@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.channels import ClearanceWatch
-from sim_action.command import JointTargets
-from sim_action.loading import build_scene, load_scenario
-from sim_action.models import load_model
-from sim_action.scene import Scene
-from sim_action.simulation import simulate
-from sim_action.workspace import Workspace
-from sim_action.world import GRAVITY, Body, Physics, Placement, Robot, World
+from sim_action.core.placement import Placement
+from sim_action.core.workspace import Workspace
+from sim_action.robot import load_model
+from sim_action.robot.spec import Robot
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import simulate
+from sim_action.state.channels import ClearanceWatch
+from sim_action.state.command import JointTargets
+from sim_action.world import GRAVITY, Body, Physics, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import advance, push, running
-from tests.models.test_mjcf import ARM, ROVER
+from tests.robot.test_mjcf import ARM, ROVER
 
 pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
 

@@ -22,10 +22,10 @@ import numpy as np
 import pytest
 
 from bench.robots import ROBOTS
-from sim_action.loading import build_scene, load_scenario
-from sim_action.permissions import Permissions
-from sim_action.simulation import SimulationRun, simulate
-from sim_action.trace import FloatArray
+from sim_action.core.permissions import Permissions
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.trace import FloatArray
 from tests.integration.engines import on_every_engine
 from tests.integration.test_backends import BALL
 from tests.scenarios import LEAST, told

@@ -12,9 +12,9 @@ from typing import Final
 
 import pytest
 
-import sim_action.models
-from sim_action.outcome import Outcome
-from sim_action.results import Results
+import sim_action.robot
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 from tests.integration.conftest import sim_action as command_line
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
@@ -41,10 +41,10 @@ SCRIPTS: Final = {
 }
 # By what they are made of, they are Linux's alone.
 ELSEWHERE: Final = tuple(
-    f"sim_action.isolation.{name}" for name in ("keeper", "limits", "linux", "reaper", "supervisor")
+    f"sim_action.runner.isolation.{name}" for name in ("keeper", "limits", "linux", "reaper", "supervisor")
 )
 # The command that needs it is refused there, and before any of it is imported.
-ROS_1: Final = "sim_action.ros1"
+ROS_1: Final = "sim_action.ros.ros1"
 
 IMPORT_ALL: Final = """
 import importlib, pkgutil, sys, sim_action
@@ -92,7 +92,7 @@ def test_every_module_but_those_of_linux_is_imported(tmp_path: Path, system: Sys
     )
     assert ran.returncode == 0, ran.stderr
     imported = ran.stdout.split()
-    assert {"sim_action.isolation.portable", "sim_action.backends.mujoco", "sim_action.running"} <= set(imported)
+    assert {"sim_action.runner.isolation.portable", "sim_action.engines.mujoco", "sim_action.app.run"} <= set(imported)
     assert len(imported) > 150
 
 
@@ -184,7 +184,7 @@ def test_where_there_are_process_groups_what_stays_in_that_of_the_child_is_ended
 
 
 def test_newlines_of_a_windows_checkout_change_nothing(tmp_path: Path) -> None:
-    robot = Path(sim_action.models.__file__).parent / "built_in/turtlebot3_burger.urdf"
+    robot = Path(sim_action.robot.__file__).parent / "built_in/turtlebot3_burger.urdf"
     for folder, newline in (("linux", "\n"), ("windows", "\r\n")):
         (tmp_path / folder).mkdir()
         write_script(tmp_path / folder, "drives", DRIVE)

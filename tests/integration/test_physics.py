@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action import models
-from sim_action.backends import BACKENDS, Backend, chosen
-from sim_action.loading import build_scene, load_scenario
-from sim_action.simulation import SimulationRun, simulate
+from sim_action import robot as models
+from sim_action.engines import BACKENDS, Backend, chosen
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import SimulationRun, simulate
 
 SEPARATION = 0.160
 ACCELERATION = 1.0

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action import geometry
-from sim_action.command import JointTargets
-from sim_action.geometry import Pose
-from sim_action.kinematics import link_poses
-from sim_action.world import Body, Placement, Robot, Sphere, World
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.core.placement import Placement
+from sim_action.robot.kinematics import link_poses
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.world import Body, Sphere, World
 from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
 
 pytestmark = on_every_engine

@@ -11,10 +11,10 @@ from typing import Final
 
 import pytest
 
-from sim_action.backends import installed
-from sim_action.location import Location
-from sim_action.outcome import Outcome
-from sim_action.results import Results
+from sim_action.core.location import Location
+from sim_action.engines import installed
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
 

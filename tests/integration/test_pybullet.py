@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sim_action.channels import Channels
-from sim_action.command import JointTargets
-from sim_action.models.urdf import read_urdf
-from sim_action.scene import Scene
-from sim_action.trace import Trace
-from sim_action.workspace import Workspace
-from sim_action.world import GRAVITY, Body, Ground, Physics, Placement, Robot, Sphere, World
+from sim_action.core.placement import Placement
+from sim_action.core.workspace import Workspace
+from sim_action.robot.spec import Robot
+from sim_action.robot.urdf import read_urdf
+from sim_action.state.channels import Channels
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
+from sim_action.world import GRAVITY, Body, Ground, Physics, Sphere, World
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.backends.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet import PyBulletBackend
 
 pytestmark = pytest.mark.pybullet
 
@@ -49,7 +51,7 @@ def scene(
     path = folder / "robot.urdf"
     path.write_text(urdf)
     everything = Scene(robot, read_urdf(path), world or World(), Physics(rate=rate), Workspace(folder, folder))
-    from sim_action.backends.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet import PyBulletBackend
 
     backend = PyBulletBackend(everything, Channels(contacts=contacts))
     try:
@@ -174,7 +176,7 @@ def test_a_bolted_base_touches_what_moves_and_not_what_is_fixed(tmp_path: Path) 
 
 
 def test_a_connection_that_was_made_ahead_is_like_any_other_and_is_used_once(tmp_path: Path) -> None:
-    from sim_action.backends.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet import PyBulletBackend
 
     def fall() -> tuple[int, list[list[float]]]:
         world = World(objects=(Body(name="stone", sphere=Sphere(radius=0.1), mass=1, pose=Placement(x=0.15)),))

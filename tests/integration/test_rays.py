@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_action.command import JointTargets
-from sim_action.models import load_model
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
-from sim_action.world import GRAVITY, Body, Cylinder, Physics, Placement, Robot, Sphere, World
+from sim_action.core.placement import Placement
+from sim_action.core.workspace import Workspace
+from sim_action.robot import load_model
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.world import GRAVITY, Body, Cylinder, Physics, Sphere, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running
 from tests.integration.ray_oracle import Floats, first_hits
 

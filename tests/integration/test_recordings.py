@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sim_action.cli import call
-from sim_action.errors import ExitCode
-from sim_action.exports import EXPORTS
-from sim_action.exports.csv_table import CsvTable
-from sim_action.trace_storage import load_trace
-from tests.exports.logs import read_file
+from sim_action.cli.main import call
+from sim_action.core.errors import ExitCode
+from sim_action.recording.export import EXPORTS
+from sim_action.recording.export.csv_table import CsvTable
+from sim_action.state.trace_storage import load_trace
+from tests.recording.export.logs import read_file
 
 SCENARIO = """\
 name: drives at a wall

@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action import geometry
-from sim_action.command import JointTargets
-from sim_action.geometry import Pose
-from sim_action.models import load_model
-from sim_action.replay.build import replay_of
-from sim_action.replay.models import JointMotion, Replay
-from sim_action.replay.shapes import MeshShape, PoseNumbers
-from sim_action.scene import Scene
-from sim_action.trace import Trace
-from sim_action.workspace import Workspace
-from sim_action.world import Physics, Robot, World
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.core.workspace import Workspace
+from sim_action.recording.replay.build import replay_of
+from sim_action.recording.replay.models import JointMotion, Replay
+from sim_action.recording.replay.shapes import MeshShape, PoseNumbers
+from sim_action.robot import load_model
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running
 from tests.mesh_files import HALF, stl
 

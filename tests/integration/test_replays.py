@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from sim_action.replay.storage import read
+from sim_action.recording.replay.storage import read
 from tests.integration.conftest import sim_action
 
 DRIVES = """\

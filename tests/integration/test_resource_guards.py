@@ -14,8 +14,8 @@ from typing import Final
 import junitparser
 import pytest
 
-from sim_action.outcome import Outcome
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 
 ROOT: Final = Path(__file__).parents[2]
 MOST_MEGABYTES: Final = 160

@@ -12,8 +12,8 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from bench.robots import REFUSED, ROBOTS, WORKSPACE, KnownRobot
-from sim_action.errors import ModelError
-from sim_action.models import load_model
+from sim_action.core.errors import ModelError
+from sim_action.robot import load_model
 from tests.integration.conftest import sim_action
 
 pytestmark = pytest.mark.pybullet

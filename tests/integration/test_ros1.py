@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from junitparser import JUnitXml
 
-from sim_action.outcome import Outcome
-from sim_action.results import Results
-from sim_action.ros1.exchange import TRACE_FILE, NodeRun
-from sim_action.ros1.findings import Findings
-from sim_action.ros1.request import RosRequest
-from sim_action.trace_storage import load_trace
-from tests.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
-from tests.ros1.robotis import lay_out
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.ros.ros1.exchange import TRACE_FILE, NodeRun
+from sim_action.ros.ros1.findings import Findings
+from sim_action.ros.ros1.request import RosRequest
+from sim_action.state.trace_storage import load_trace
+from tests.ros.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
+from tests.ros.ros1.robotis import lay_out
 
 pytestmark = needs_ros
 

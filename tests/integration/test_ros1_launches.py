@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from junitparser import JUnitXml
 
-from sim_action.outcome import Outcome
-from sim_action.results import Results
-from sim_action.trace_storage import load_trace
-from tests.ros1.launches import ROOT, needs_ros, package
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.state.trace_storage import load_trace
+from tests.ros.ros1.launches import ROOT, needs_ros, package
 
 pytestmark = needs_ros
 
-ROBOT = ROOT / "sim_action/ros1/packages/turtlebot3_description/urdf/turtlebot3_burger.urdf.xacro"
+ROBOT = ROOT / "sim_action/ros/ros1/packages/turtlebot3_description/urdf/turtlebot3_burger.urdf.xacro"
 WORLD = '<include file="$(find gazebo_ros)/launch/empty_world.launch"/>'
 BURGER = '<include file="$(find turtlebot3_gazebo)/launch/turtlebot3_empty_world.launch"/>'
 WAITS = """\

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.outcome import Outcome
-from sim_action.results import Results
-from tests.ros1.launches import ROOT, needs_ros, package
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from tests.ros.ros1.launches import ROOT, needs_ros, package
 
 pytestmark = needs_ros
 
@@ -124,8 +124,8 @@ def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
     ("victim", "cause"),
     [
         ("rostestmain", "the launcher was ended by SIGKILL"),
-        ("sim_action.isolation.keeper", "the launcher was ended by SIGKILL"),
-        ("sim_action.ros1.gzserver", "the node 'gazebo' ended with SIGKILL"),
+        ("sim_action.runner.isolation.keeper", "the launcher was ended by SIGKILL"),
+        ("sim_action.ros.ros1.gzserver", "the node 'gazebo' ended with SIGKILL"),
     ],
 )
 def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(tmp_path: Path, victim: str, cause: str) -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from tests.integration.marked_processes import wait_for
 from tests.integration.test_examples import ROOT, outcomes, sim_action
-from tests.ros1.launches import needs_ros, package
+from tests.ros.ros1.launches import needs_ros, package
 
 pytestmark = needs_ros
 
@@ -230,7 +230,8 @@ def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> No
     scenario(tmp_path, "{nodes: [nodes/mover.py]}")
     # Read by each interpreter as it starts.
     absent = (
-        "from pathlib import Path\nfrom sim_action.ros1 import installation\ninstallation.PYTHON = Path('/no/python')\n"
+        "from pathlib import Path\nfrom sim_action.ros.ros1 import installation\n"
+        "installation.PYTHON = Path('/no/python')\n"
     )
     (tmp_path / "sitecustomize.py").write_text(absent)
     done = subprocess.run(

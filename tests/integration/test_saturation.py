@@ -7,10 +7,10 @@ from typing import Final
 
 import pytest
 
-from sim_action.backends import BACKENDS, installed
-from sim_action.command import JointTargets
-from sim_action.loading import build_scene
-from sim_action.simulation import SimulationRun, simulate
+from sim_action.engines import BACKENDS, installed
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.command import JointTargets
 from tests.scenarios import load
 
 WHEEL: Final = """\

@@ -14,17 +14,19 @@ import numpy as np
 import pytest
 
 from bench.robots import DATA
-from sim_action.backends import BACKENDS, Backend, chosen
-from sim_action.command import JointTargets
-from sim_action.errors import ModelError, RefusedModel
-from sim_action.models import load_model
-from sim_action.models.findings import ALLOWABLE
-from sim_action.robot_model import RobotModel
-from sim_action.scene import Scene
-from sim_action.workspace import Workspace
-from sim_action.world import GRAVITY, Physics, Placement, Robot, World
+from sim_action.core.errors import ModelError, RefusedModel
+from sim_action.core.placement import Placement
+from sim_action.core.workspace import Workspace
+from sim_action.engines import BACKENDS, Backend, chosen
+from sim_action.robot import load_model
+from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.world import GRAVITY, Physics, World
+from sim_action.world.scene import Scene
 from tests.integration.conftest import sim_action
-from tests.models.sdf_models import INERTIAL, joint, link, sdf
+from tests.robot.sdf_models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written
 
 # Poses as people write them in SDF: from the ground, with the wheels' axes along their own z.

@@ -241,7 +241,8 @@ def test_what_is_not_installed_for_an_action_is_not_imported(
 ) -> None:
     folder = [str(tmp_path / "out")] if arguments[0] == "merge" else []
     code = (
-        f"import sys\nfrom sim_action.cli import call\ncall(sys.argv[1:])\nprint(sorted({absent} & set(sys.modules)))"
+        "import sys\nfrom sim_action.cli.main import call\n"
+        f"call(sys.argv[1:])\nprint(sorted({absent} & set(sys.modules)))"
     )
     ran = subprocess.run(
         [sys.executable, "-c", code, *arguments, *folder],

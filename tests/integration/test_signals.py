@@ -13,20 +13,20 @@ import pytest
 from sim_action.assertions import ASSERTIONS, Assertion, State
 from sim_action.assertions.combined import Combined
 from sim_action.assertions.negation import Negation
-from sim_action.geometry import Pose, Twist
-from sim_action.loading import build_scene, load_scenario
-from sim_action.observation import JointState, Observation
-from sim_action.permissions import Permissions
+from sim_action.core.geometry import Pose, Twist
+from sim_action.core.permissions import Permissions
+from sim_action.core.verdict import Verdict
 from sim_action.reports import ReportOptions
 from sim_action.reports.evidence import curve, replay_of
 from sim_action.reports.mermaid import chart
-from sim_action.results import Results
-from sim_action.scenario import Expectation
-from sim_action.scene import Scene
-from sim_action.signals import Signal
-from sim_action.simulation import simulate
-from sim_action.trace import FloatArray, Trace
-from sim_action.verdict import Verdict
+from sim_action.results.file import Results
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.scenario.model import Expectation
+from sim_action.simulation.loop import simulate
+from sim_action.state.observation import JointState, Observation
+from sim_action.state.signals import Signal
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.world.scene import Scene
 from tests.integration.test_examples import ROOT, in_failing_form, sim_action
 
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.backends import installed
+from sim_action.engines import installed
 from tests.integration.test_examples import outcomes, sim_action
 
 SHARED = """\

@@ -14,7 +14,7 @@ from junitparser import JUnitXml
 
 from tests.integration.conftest import ACTION, write
 from tests.integration.github import CacheStore, JobResult, WorkflowResult, run_workflow
-from tests.ros1.launches import needs_ros
+from tests.ros.ros1.launches import needs_ros
 
 TEMPLATES = ACTION / "examples/workflows"
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import Any
 import junitparser
 import pytest
 
-from sim_action.backends import installed
+from sim_action.engines import installed
 from tests.integration.conftest import sim_action
 
 SCENARIO = """\

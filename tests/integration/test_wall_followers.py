@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 import pytest
 
-from sim_action.backends import installed
-from sim_action.trace_storage import load_trace
+from sim_action.engines import installed
+from sim_action.state.trace_storage import load_trace
 from tests.integration.marked_processes import processes_of
 from tests.integration.test_processes import run
 

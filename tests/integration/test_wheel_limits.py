@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 import pytest
 
-from sim_action.backends import installed
-from sim_action.loading import build_scene
-from sim_action.simulation import BOLTED, SimulationRun, simulate
+from sim_action.engines import installed
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import BOLTED, SimulationRun, simulate
 from tests.scenarios import load
 
 DRIVES: Final = Path(__file__).parents[2] / "examples/drives"

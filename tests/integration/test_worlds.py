@@ -9,20 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.convex_hull import mass_properties
-from sim_action.geometry import Vector3
-from sim_action.parts import HullPart
-from sim_action.world import (
-    GRAVITY,
-    Body,
-    Heightfield,
-    MeshFile,
-    OccupancyMap,
-    Placement,
-    Ramp,
-    Stairs,
-    World,
-)
+from sim_action.core.geometry import Vector3
+from sim_action.core.placement import Placement
+from sim_action.meshes.convex_hull import mass_properties
+from sim_action.world import GRAVITY, Body, Heightfield, MeshFile, OccupancyMap, Ramp, Stairs, World
+from sim_action.world.parts import HullPart
 from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
 from tests.integration.test_backends import BALL, CRATE, one_link
 from tests.worlds import with_files, write_map

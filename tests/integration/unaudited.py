@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import re
 
-from sim_action import cli
-from sim_action.models import library, load_model
-from sim_action.robot_model import Joint, Link, RobotModel
-from sim_action.workspace import Workspace
-from sim_action.world import Robot
+from sim_action.cli import main as cli
+from sim_action.core.workspace import Workspace
+from sim_action.robot import library, load_model
+from sim_action.robot.robot_model import Joint, Link, RobotModel
+from sim_action.robot.spec import Robot
 
 
 def unaudited(robot: Robot, workspace: Workspace) -> RobotModel:

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.location import Location
-from sim_action.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
-from sim_action.provenance import Provenance
+from sim_action.core.location import Location
+from sim_action.core.provenance import Provenance
+from sim_action.core.verdict import Verdict
 from sim_action.reports import ReportOptions
-from sim_action.results import Results
-from sim_action.sharding import Shard
-from sim_action.source import Varied
-from sim_action.verdict import Verdict
+from sim_action.results.file import Results
+from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
+from sim_action.scenario.sharding import Shard
+from sim_action.scenario.source import Varied
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim_action.location import Location
-from sim_action.outcome import Outcome
+from sim_action.core.location import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.annotations import complaint, write_annotations
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 
 Samples = dict[str, Results]
 MakeResults = Callable[..., Results]

@@ -9,13 +9,13 @@ from dataclasses import replace
 import pytest
 from markdown_it import MarkdownIt
 
-from sim_action.comparison import Comparison, compared
-from sim_action.outcome import Failure, Outcome
-from sim_action.provenance import Provenance
+from sim_action.core.provenance import Provenance
 from sim_action.reports.comparison_markdown import MOST_CHARACTERS, comparison_markdown
 from sim_action.reports.comparison_rows import headline, rows
 from sim_action.reports.comparison_terminal import print_comparison
-from sim_action.results import Results
+from sim_action.results.comparison import Comparison, compared
+from sim_action.results.file import Results
+from sim_action.results.outcome import Failure, Outcome
 
 Samples = dict[str, Results]
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.outcome import Outcome
+from sim_action.core.whole_files import whole_file
 from sim_action.reports import ReportOptions, html
 from sim_action.reports.html import page, write_html
 from sim_action.reports.page import packing
 from sim_action.reports.reproduction import replay_link
-from sim_action.results import Results
-from sim_action.whole_files import whole_file
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 from tests.replays import drive, kept
 
 Samples = dict[str, Results]

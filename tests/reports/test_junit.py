@@ -12,12 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, TestSuite
 
-from sim_action.location import Location
-from sim_action.outcome import ExpectationOutcome, Outcome
+from sim_action.core.location import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import plain_text
 from sim_action.reports.junit import write_junit
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import ExpectationOutcome, Outcome
 
 Golden = Callable[[str, str], None]
 Samples = dict[str, Results]

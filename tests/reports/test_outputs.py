@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sim_action.reports import ReportOptions
 from sim_action.reports.outputs import outputs, write_outputs
-from sim_action.results import Results
+from sim_action.results.file import Results
 
 
 def read_back(text: str) -> dict[str, str]:

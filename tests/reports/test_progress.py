@@ -5,10 +5,10 @@ import shutil
 import subprocess
 import sys
 
-from sim_action.execution import Listener
 from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.runner.execution import Listener
 
 Samples = dict[str, Results]
 

@@ -12,12 +12,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import page
 from sim_action.reports.reproduction import command, replay_link
-from sim_action.results import Results
-from sim_action.source import Varied
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.scenario.source import Varied
 
 Samples = dict[str, Results]
 

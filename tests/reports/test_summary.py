@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from sim_action.outcome import Failure, Outcome
-from sim_action.replay.storage import write
+from sim_action.recording.replay.storage import write
 from sim_action.reports import ReportOptions
 from sim_action.reports.summary import MOST_BYTES, summary, write_summary
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import Failure, Outcome
 from tests.reports.replays import replay, signal
 
 Samples = dict[str, Results]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.geometry import Pose, Twist, Vector3
-from sim_action.observation import Observation
-from sim_action.probe import Probe
+from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.sensors import Sight
+from sim_action.state.observation import Observation
+from sim_action.state.probe import Probe
 
 
 class OneLink:

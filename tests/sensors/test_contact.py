@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.geometry import Pose
-from sim_action.observation import Observation
-from sim_action.readings import ContactReading
+from sim_action.core.geometry import Pose
 from sim_action.sensors import Mount
 from sim_action.sensors.contact import ContactSensor
+from sim_action.state.observation import Observation
+from sim_action.state.readings import ContactReading
 from tests.sensors.stubs import NO_PROBE, sight_of
 from tests.traces import START, contact, scene
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_action.geometry import Pose, Twist, quaternion_from_rpy, rotate
-from sim_action.readings import ImuReading
+from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, rotate
 from sim_action.sensors import Measure, Mount
 from sim_action.sensors.imu import Imu
+from sim_action.state.readings import ImuReading
 from sim_action.world import GRAVITY
 from tests.sensors.stubs import OneLink, sight_of
 from tests.traces import START, scene

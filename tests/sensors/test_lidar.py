@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim_action.geometry import Pose, Vector3, quaternion_from_rpy, rotate
-from sim_action.readings import LidarScan
+from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy, rotate
 from sim_action.sensors import Mount
 from sim_action.sensors.lidar import Lidar
+from sim_action.state.readings import LidarScan
 from tests.scenarios import LEAST, told
 from tests.sensors.stubs import OneLink, sight_of
 from tests.traces import START, scene

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from sim_action.core.geometry import Pose, compose, inverse, quaternion_from_rpy
 from sim_action.drives.diff import DiffDrive
-from sim_action.geometry import Pose, compose, inverse, quaternion_from_rpy
-from sim_action.observation import JointState
-from sim_action.readings import OdometryReading
 from sim_action.sensors import Measure, Mount
 from sim_action.sensors.odometry import Odometry
+from sim_action.state.observation import JointState
+from sim_action.state.readings import OdometryReading
 from tests.sensors.stubs import NO_PROBE, sight_of
 from tests.traces import START, WHEELS, scene
 

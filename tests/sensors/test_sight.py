@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.geometry import Pose
-from sim_action.observation import Observation
+from sim_action.core.geometry import Pose
 from sim_action.sensors import Mount, Sensor, Sight
 from sim_action.sensors.camera import Camera
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
+from sim_action.state.observation import Observation
 from tests.sensors.stubs import NO_PROBE
 from tests.traces import START, scene
 

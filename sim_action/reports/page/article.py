@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from sim_action.outcome import Outcome
-from sim_action.replay import Replay
+from sim_action.recording.replay import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.page.details import details
@@ -12,7 +11,8 @@ from sim_action.reports.page.markup import Html, element, joined
 from sim_action.reports.page.sources import source
 from sim_action.reports.page.verdicts import MARKS, expectations, reasons
 from sim_action.reports.wording import Mood, factor, moment, mood
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 
 WORDS: dict[Mood, str] = {
     "passed": "Passed",

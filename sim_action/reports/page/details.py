@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sim_action.outcome import Outcome
 from sim_action.reports import ReportOptions
 from sim_action.reports.page.markup import Html, element, joined
 from sim_action.reports.reproduction import command
 from sim_action.reports.wording import factor, made_with, own_output, quantity, repeated
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 
 _MOST_LINES = 200
 

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.outcome import ExpectationOutcome, Outcome
-from sim_action.replay.marks import ArrowMark, CircleMark, MarkData, PolygonMark, PolylineMark
-from sim_action.replay.models import Replay
+from sim_action.recording.replay.marks import ArrowMark, CircleMark, MarkData, PolygonMark, PolylineMark
+from sim_action.recording.replay.models import Replay
 from sim_action.reports.page.footprints import Frame, outline, robot_outlines
 from sim_action.reports.page.markup import Html, element
+from sim_action.results.outcome import ExpectationOutcome, Outcome
 
 FloatArray = NDArray[np.float64]
 

@@ -10,8 +10,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.replay.models import JointMotion, Replay
-from sim_action.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshData, MeshShape
+from sim_action.recording.replay.models import JointMotion, Replay
+from sim_action.recording.replay.shapes import (
+    BoxShape,
+    CapsuleShape,
+    CylinderShape,
+    EllipsoidShape,
+    MeshData,
+    MeshShape,
+)
 
 FloatArray = NDArray[np.float64]
 Shape = BoxShape | CylinderShape | EllipsoidShape | CapsuleShape | MeshShape

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sim_action.outcome import Outcome
 from sim_action.reports.escaping import one_line, shortened
 from sim_action.reports.groups import Group
 from sim_action.reports.page.markup import Html, element, joined
 from sim_action.reports.page.verdicts import MARKS
 from sim_action.reports.wording import counts, factor, mood, share
-from sim_action.results import Results
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
 
 _MOST_IN_GIST = 110
 

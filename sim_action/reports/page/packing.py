@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from sim_action.replay import Replay
-from sim_action.replay.shapes import MeshData
+from sim_action.recording.replay import Replay
+from sim_action.recording.replay.shapes import MeshData
 
 MOST_BYTES: Final = 8_000_000
 """Of all blocks, that of the meshes among them: what comes after these has none, and failures come first."""

@@ -5,8 +5,8 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from sim_action.reports.page.drawing import drawing
+from tests.outcomes import outcome
 from tests.replays import drive
-from tests.results import outcome
 
 
 def drawn(*, holds: bool = False, distance: float = 1.0) -> ET.Element:

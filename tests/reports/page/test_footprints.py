@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim_action.geometry import quaternion_from_rpy, rotate
-from sim_action.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
+from sim_action.core.geometry import quaternion_from_rpy, rotate
+from sim_action.recording.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
 from sim_action.reports.page.footprints import Frame, outline, robot_outlines
 from tests.replays import GREY, HERE, MESH, drive
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from sim_action.replay import Replay
+from sim_action.recording.replay import Replay
 from sim_action.reports.page import packing
 from sim_action.reports.page.packing import Parcel, packed, told
 from tests.replays import MESH, drive

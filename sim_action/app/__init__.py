@@ -1,0 +1,1 @@
+"""One module for each use case: run, validate, compare, merge, matrix, view, inspect."""

@@ -1,0 +1,93 @@
+"""`sim-action compare`, from the results of two runs to what has changed: read -> compare -> report."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.messages import escaped_line
+from sim_action.core.whole_files import whole_file
+from sim_action.reports.comparison_markdown import comparison_markdown
+from sim_action.reports.comparison_terminal import print_comparison
+from sim_action.reports.outputs import append_outputs
+from sim_action.results.comparison import Comparison, Thresholds, compared
+from sim_action.results.file import RESULTS_FILE
+from sim_action.results.outcome import Outcome
+from sim_action.results.reading import find_all, read_all
+from sim_action.results.shards import joined
+
+STANDARD_OUTPUT: Final = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class CompareRequest:
+    """What the command line asks for.
+
+    Attributes:
+        old, new: files, folders or globs of results, as they were typed.
+        strict: whether warnings fail.
+        markdown: file to write to, "-" for standard output in place of what people read there; None: none.
+        summary: whether it goes to the job summary, on GitHub.
+    """
+
+    old: str
+    new: str
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    strict: bool = False
+    markdown: str | None = None
+    summary: bool = True
+
+
+def compare(request: CompareRequest) -> ExitCode:
+    """Reports what has changed, and returns what the process says to its caller. Raises UsageError."""
+    comparison = compared(_outcomes(request.old), _outcomes(request.new), request.thresholds)
+    if request.markdown not in (None, STANDARD_OUTPUT):
+        _write(Path(request.markdown), comparison)
+    _tell_github(comparison, request, os.environ)
+    # Whoever read the output has gone; that changes nothing that was found.
+    with suppress(BrokenPipeError):
+        if request.markdown == STANDARD_OUTPUT:
+            sys.stdout.write(comparison_markdown(comparison))
+            sys.stdout.flush()
+        else:
+            print_comparison(comparison, os.environ)
+    return comparison.exit_code(strict=request.strict)
+
+
+def _outcomes(pattern: str) -> list[Outcome]:
+    """As `merge` would join them: what a missing shard should have run is an error. Raises UsageError."""
+    files = read_all(find_all([pattern]))
+    if not files:
+        raise UsageError(escaped_line(f"no {RESULTS_FILE} in or at '{pattern}': name a results file, or its folder"))
+    return [entry.outcome for entry in joined(files, None)]
+
+
+def _write(path: Path, comparison: Comparison) -> None:
+    try:
+        with whole_file(path) as file:
+            file.write(_encoded(comparison))
+    except OSError as error:
+        raise UsageError(escaped_line(f"--markdown {path} cannot be written: {error.strerror}")) from None
+
+
+def _tell_github(comparison: Comparison, request: CompareRequest, environment: Mapping[str, str]) -> None:
+    """Appends to the files that steps of a workflow have, where there are any."""
+    counts = {"newly-failing": str(comparison.failures), "warnings": str(comparison.warnings)}
+    summary = environment.get("GITHUB_STEP_SUMMARY") if request.summary else None
+    try:
+        append_outputs(counts, environment)
+        if summary:
+            with Path(summary).open("ab") as file:
+                file.write(_encoded(comparison) + b"\n")
+    except OSError as error:
+        raise UsageError(f"the job summary or the outputs cannot be written: {error.strerror}") from None
+
+
+def _encoded(comparison: Comparison) -> bytes:
+    return comparison_markdown(comparison).encode("utf-8", errors="replace")

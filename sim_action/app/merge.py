@@ -1,0 +1,149 @@
+"""`sim-action merge`, from the results of shards to those of one run: read -> join -> move files -> report."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from sim_action import __version__
+from sim_action.core.discovery import compared_name
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.messages import escaped_line, log_line
+from sim_action.reports.escaping import shortened
+from sim_action.reports.writing import ReportRequest, report_options, write_reports
+from sim_action.results.artifacts import Evidence, evidence_of, moved
+from sim_action.results.file import RESULTS_FILE, Results
+from sim_action.results.outcome import Outcome
+from sim_action.results.reading import ResultsFile, find_all, read_all
+from sim_action.results.shards import Entry, Listing, joined
+from sim_action.results.trace_files import EVIDENCE_FOLDERS, trace_paths
+
+# Of what a stranger may have written; each JUnit suite has it.
+_LONGEST_VERSION: Final = 200
+
+
+@dataclass(frozen=True, slots=True)
+class MergeRequest:
+    """What the command line asks for; `results`: patterns, as they were typed; `listing`: what has to be in them."""
+
+    results: Sequence[str]
+    listing: Listing | None
+    reports: ReportRequest
+
+
+def merge(request: MergeRequest) -> ExitCode:
+    """Joins results, writes every report, and returns what the process says to its caller."""
+    files = _read(request)
+    entries = _with_versions(joined(files, request.listing), files)
+    evidence = [evidence_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
+    _refuse_to_overwrite(files, evidence, request.reports)
+    options = report_options(request.reports)
+    outcomes = list(_with_evidence(entries, evidence, options.folder))
+    added = [outcome for outcome, entry in zip(outcomes, entries, strict=True) if entry.origin is None]
+    results = _results([file.results for file in files], outcomes)
+    write_reports(results, options, annotated=results.model_copy(update={"outcomes": tuple(added)}))
+    return results.exit_code
+
+
+def _read(request: MergeRequest) -> list[ResultsFile]:
+    """What is to be joined; none, if all of it is lost and there is a listing of what that was."""
+    found = find_all(request.results)
+    files = [file for file in read_all(found) if not _is_earlier_output(file, request)]
+    empty = [pattern for pattern, paths in found.items() if not paths or not files]
+    for pattern in empty:
+        lost = f"no {RESULTS_FILE} in or at '{pattern}'"
+        if not request.listing:
+            ask = "have the shards left their results there? With --scenarios, what has none is reported"
+            raise UsageError(escaped_line(f"{lost}: {ask}"))
+        _note(lost)
+    return files
+
+
+def _is_earlier_output(file: ResultsFile, request: MergeRequest) -> bool:
+    """Whether this call writes anew what it has found beside the results of shards, as the same call before it did."""
+    path = compared_name(str(file.path))
+    written = path == compared_name(str(request.reports.folder / RESULTS_FILE))
+    if not (file.results.merged and written) or path in map(compared_name, request.results):
+        return False
+    _note(f"{file.path} is left out: an earlier merge wrote it, and this one writes it anew")
+    return True
+
+
+def _with_versions(entries: Sequence[Entry], files: Iterable[ResultsFile]) -> list[Entry]:
+    """Each outcome, with a note of the version that it is of, if there are several."""
+    versions = {file.path: _distinct([file.results.sim_action]) for file in files}
+    if len(set(versions.values())) <= 1:
+        return list(entries)
+    _note(f"these results are of different versions of sim-action: {_distinct(versions.values())}")
+    return [_with_version(entry, versions[entry.origin]) if entry.origin else entry for entry in entries]
+
+
+def _with_version(entry: Entry, version: str) -> Entry:
+    return replace(entry, outcome=_noted(entry.outcome, f"it ran with sim-action {version}"))
+
+
+def _noted(outcome: Outcome, note: str) -> Outcome:
+    return outcome.model_copy(update={"notes": (*outcome.notes, note)})
+
+
+def _note(message: str) -> None:
+    sys.stderr.write(log_line(f"sim-action: {message}") + "\n")
+
+
+def _results(parts: Sequence[Results], outcomes: Iterable[Outcome]) -> Results:
+    parts = parts or [_nothing()]
+    return Results(
+        sim_action=_distinct(part.sim_action for part in parts),
+        python=_distinct(part.python for part in parts),
+        platform=_distinct(part.platform for part in parts),
+        wall_time=max(part.wall_time for part in parts),
+        merged=True,
+        outcomes=tuple(outcomes),
+    )
+
+
+def _nothing() -> Results:
+    """If nobody has left anything, that is what this call has found."""
+    return Results(
+        sim_action=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        wall_time=0.0,
+        outcomes=(),
+    )
+
+
+def _distinct(texts: Iterable[str]) -> str:
+    """Shards that were not alike are not called so."""
+    return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _LONGEST_VERSION)
+
+
+def _refuse_to_overwrite(
+    files: Iterable[ResultsFile], named: Iterable[Iterable[Evidence]], request: ReportRequest
+) -> None:
+    """What is joined is still there afterwards."""
+    written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
+    folders = [compared_name(str(request.folder / name)) for name in EVIDENCE_FOLDERS]
+    for path in [file.path for file in files] + [file.source for found in named for file in found if file.source]:
+        name = compared_name(str(path))
+        if name in written or any(Path(name).is_relative_to(folder) for folder in folders):
+            why = f"{name} is to be joined, and would be overwritten"
+            raise UsageError(escaped_line(f"{why}; choose another --output-dir or --junit"))
+
+
+def _with_evidence(entries: Sequence[Entry], named: Sequence[Sequence[Evidence]], folder: Path) -> Iterator[Outcome]:
+    """Each outcome, with its files in `folder`, named as one run of all scenarios would have named them."""
+    # A run has a name for the trace of whatever it could load.
+    loaded = [place for place, entry in enumerate(entries) if entry.origin and not _is_invalid(entry.outcome)]
+    paths = trace_paths([entries[place].outcome.name for place in loaded], folder)
+    traces = dict(zip(loaded, paths, strict=True))
+    for place, (entry, files) in enumerate(zip(entries, named, strict=True)):
+        yield moved(entry.outcome, files, traces.get(place), folder)
+
+
+def _is_invalid(outcome: Outcome) -> bool:
+    return any(failure.kind == "invalid" for failure in outcome.failures)

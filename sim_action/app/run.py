@@ -1,0 +1,88 @@
+"""`sim-action run`, from files to reports: plan -> execute -> report."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+
+from sim_action import __version__
+from sim_action.core.interruption import Interruption
+from sim_action.reports import ReportOptions
+from sim_action.reports.progress import ProgressListener
+from sim_action.reports.writing import ReportRequest, make_ready, report_options, write_reports
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.runner.child_outcome import skipped
+from sim_action.runner.engine_agreement import compared
+from sim_action.runner.execution import execute
+from sim_action.runner.planning import Plan, PlanRequest, planned
+from sim_action.runner.repeat import repeated
+from sim_action.scenario.source import Refused
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """What the command line asks for; `recordings`: formats of what is recorded of each run."""
+
+    plan: PlanRequest
+    reports: ReportRequest
+    jobs: int
+    fail_fast: bool
+    recordings: tuple[str, ...] = ()
+    repeat: int = 1
+
+
+def run(request: RunRequest, interruption: Interruption) -> Results:
+    """Runs everything, writes every report, and returns what came of it."""
+    started = time.monotonic()
+    found = planned(request.plan)
+    options = report_options(request.reports)
+    plans = found.plans
+    if request.plan.permissions.updates_golden:
+        from sim_action.runner.golden_writing import with_own_goldens
+
+        plans = with_own_goldens(plans)
+    outcomes = _outcomes(request, plans, options, interruption)
+    results = Results(
+        sim_action=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        wall_time=time.monotonic() - started,
+        shard=found.shard,
+        some=bool(request.plan.suite.numbers),
+        outcomes=(*outcomes, *map(Outcome.of_nothing, found.empty)),
+    )
+    write_reports(results, options)
+    return results
+
+
+def _outcomes(
+    request: RunRequest, plans: Sequence[Plan], options: ReportOptions, interruption: Interruption
+) -> list[Outcome]:
+    """Of each scenario, in the order of the files; several of one that runs on several engines."""
+    every = [run for plan in plans if not isinstance(plan, Refused) for run in plan]
+    repeat, folder = request.repeat, options.folder
+    every = [run.traced_at_every_step() for run in every] if repeat > 1 else every
+    if request.fail_fast and any(isinstance(plan, Refused) for plan in plans):
+        ran = iter([skipped(run) for run in every])
+    else:
+        listener = ProgressListener(total=len(every) * repeat, verbosity=request.reports.verbosity)
+        replays = "report" not in request.reports.silenced
+        asked = partial(execute, fail_fast=request.fail_fast, formats=request.recordings, repeat=repeat)
+        ready = partial(make_ready, options)
+        turns = asked(every, folder, request.jobs, listener, interruption, replays=replays, meanwhile=ready)
+        listener.close()
+        ran = iter([repeated(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
+    return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, folder)]
+
+
+def _outcomes_of(plan: Plan, ran: Iterator[Outcome], folder: Path) -> tuple[Outcome, ...]:
+    """Of one scenario, whose runs come next in `ran`."""
+    if isinstance(plan, Refused):
+        return (Outcome.of_refused(plan),)
+    return compared(plan[0], tuple(islice(ran, len(plan))), folder)

@@ -1,0 +1,74 @@
+"""What `sim-action init` writes: a commented scenario that passes, and a workflow that runs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import UsageError
+
+_SCENARIO: Final = """\
+# yaml-language-server: $schema=scenario.schema.json
+# What a robot must do in simulation. Run it: sim-action run simulation
+name: robot drives straight
+
+robot:
+  model: turtlebot3_burger      # a built-in model (sim-action models), or the path of your .urdf from this folder
+
+# world:                        # flat ground; put something into it:
+#   objects:
+#     - {name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}
+
+commands:                       # what drives it (sim-action commands)
+  rate: 10 Hz
+  twist:
+    - {linear: 0.5, for: 4 s}
+    - {linear: 0.2, angular: 30 deg/s}
+
+expect:                         # what must come true (sim-action assertions)
+  - travel: {at_least: 1.5 m}   # a goal: when all goals are met, the run is over
+    before: 10 s
+  - no_collision                # an invariant: when it is broken, the run is over
+  - upright: {max_tilt: 10 deg}
+
+time_limit: 20 s                # of simulated time
+"""
+
+_WORKFLOW: Final = """\
+name: simulation
+on: [push, pull_request]
+permissions:
+  contents: read
+jobs:
+  simulation:
+    runs-on: ubuntu-latest
+    steps:
+      - uses: actions/checkout@3d3c42e5aac5ba805825da76410c181273ba90b1 # v7.0.1
+      - uses: sim-action/sim-action@v1
+        with:
+          scenario: simulation
+"""
+
+
+def files(schema: str) -> dict[str, str]:
+    """Path below the folder -> text of each file that `init` writes."""
+    return {
+        "simulation/drive_straight.sim.yml": _SCENARIO,
+        "simulation/scenario.schema.json": schema,
+        ".github/workflows/simulation.yml": _WORKFLOW,
+    }
+
+
+def write_scaffold(folder: Path, schema: str, *, force: bool) -> list[Path]:
+    """Writes the files; returns their paths. Raises UsageError, and writes nothing, if one is there already."""
+    targets = {folder / name: text for name, text in files(schema).items()}
+    existing = [str(path) for path in targets if path.exists()]
+    if existing and not force:
+        raise UsageError(f"already there: {', '.join(existing)}; --force overwrites")
+    for path, text in targets.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise UsageError(f"cannot write {path}: {error.strerror}") from None
+    return list(targets)

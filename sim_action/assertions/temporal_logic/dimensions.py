@@ -1,0 +1,106 @@
+"""Whether a formula compares like with like."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from sim_action.assertions.temporal_logic.formula import (
+    Absolute,
+    Comparison,
+    Formula,
+    Negative,
+    Number,
+    Product,
+    Signal,
+    Sum,
+    Term,
+    comparisons,
+    signals_of,
+)
+from sim_action.assertions.temporal_logic.signals import dimension, problem_with
+from sim_action.core import units
+from sim_action.robot.robot_model import RobotModel
+
+Powers = tuple[int, int, int, int]
+"""Of m, s, rad and kg."""
+
+_BASES: Final = ("m", "s", "rad", "kg")
+_NONE: Final[Powers] = (0, 0, 0, 0)
+_POWERS: Final[dict[str, Powers]] = {
+    units.TIME.si: (0, 1, 0, 0),
+    units.LENGTH.si: (1, 0, 0, 0),
+    units.ANGLE.si: (0, 0, 1, 0),
+    units.SPEED.si: (1, -1, 0, 0),
+    units.ANGULAR_SPEED.si: (0, -1, 1, 0),
+    units.ACCELERATION.si: (1, -2, 0, 0),
+    units.FORCE.si: (1, -2, 0, 1),
+    units.TORQUE.si: (2, -2, 0, 1),
+}
+_SYMBOLS: Final = {powers: symbol for symbol, powers in _POWERS.items()}
+
+
+class _Unlike(Exception):
+    """Terms that cannot be added or compared."""
+
+
+def problems(formula: Formula, model: RobotModel) -> Iterator[tuple[int, str]]:
+    """Where in the text something is wrong, and what: joints that are not there, metres beside seconds."""
+    missing = [(signal.at, told) for signal in signals_of(formula) if (told := problem_with(signal, model))]
+    if missing:
+        yield from missing
+        return
+    for comparison in comparisons(formula):
+        try:
+            _alike((comparison.left, comparison.right), model)
+        except _Unlike as unlike:
+            yield comparison.at, str(unlike)
+
+
+def unit(comparison: Comparison, model: RobotModel) -> str:
+    """SI symbol of its margin; empty for what has no name."""
+    return _SYMBOLS.get(_alike((comparison.left, comparison.right), model) or _NONE, "")
+
+
+def _alike(terms: tuple[Term, ...], model: RobotModel) -> Powers | None:
+    """The dimension that all terms have; None if all are plain numbers, which fit to anything."""
+    found: tuple[Term, Powers] | None = None
+    for term in terms:
+        powers = _powers(term, model)
+        if powers is None:
+            continue
+        if found is not None and _without_angle(powers) != _without_angle(found[1]):
+            raise _Unlike(f"'{found[0]}' is in {_name(found[1])}, '{term}' in {_name(powers)}: they cannot be compared")
+        found = found or (term, powers)
+    return None if found is None else found[1]
+
+
+def _powers(term: Term, model: RobotModel) -> Powers | None:
+    match term:
+        case Number():
+            return _POWERS[term.unit] if term.unit else None
+        case Signal():
+            return _POWERS[dimension(term, model).si]
+        case Negative() | Absolute():
+            return _powers(term.term, model)
+        case Sum():
+            return _alike(term.terms, model)
+        case Product():
+            known = [powers for factor in term.factors if (powers := _powers(factor, model)) is not None]
+            return _multiplied(known) if known else None
+
+
+def _multiplied(factors: list[Powers]) -> Powers:
+    metres, seconds, radians, kilograms = (sum(column) for column in zip(*factors, strict=True))
+    return metres, seconds, radians, kilograms
+
+
+def _without_angle(powers: Powers) -> tuple[int, int, int]:
+    """A radian is a metre over a metre: the speed of a wheel's rim is its turn rate times its radius."""
+    metres, seconds, _, kilograms = powers
+    return metres, seconds, kilograms
+
+
+def _name(powers: Powers) -> str:
+    named = [base if power == 1 else f"{base}^{power}" for base, power in zip(_BASES, powers, strict=True) if power]
+    return _SYMBOLS.get(powers) or " ".join(named) or "plain numbers"

@@ -1,0 +1,286 @@
+"""Text -> Formula, by precedence climbing.
+
+From weak to strong: `implies` (of several, the last first), `or`, `and`, `until`, comparisons, `+ -`, `*`. `not`,
+`always` and `eventually` take the comparison or the parenthesis that follows. Where people could read a text in two
+ways, it is refused: `always speed < 1 and tilt < 1` needs parentheses.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NoReturn, cast, get_args
+
+from sim_action.assertions.temporal_logic.formula import (
+    ALL_TIME,
+    Absolute,
+    Always,
+    And,
+    Comparison,
+    Eventually,
+    Formula,
+    Implies,
+    Interval,
+    Negative,
+    Not,
+    Number,
+    Or,
+    Product,
+    Relation,
+    Signal,
+    Sum,
+    Term,
+    Until,
+    signals,
+)
+from sim_action.assertions.temporal_logic.signals import BASE_SIGNALS, NAMES
+from sim_action.assertions.temporal_logic.spelling import operator_like
+from sim_action.assertions.temporal_logic.tokens import FormulaError, Token, tokens, unit_names
+from sim_action.core.messages import did_you_mean
+from sim_action.core.units import TIME
+from sim_action.robot.robot_model import READINGS
+
+MAX_DEPTH: Final = 30
+"""How many parentheses and operators may be inside each other."""
+
+_IMPLIES, _OR, _AND, _UNTIL, _COMPARE, _ADD, _MULTIPLY = range(1, 8)
+_STRENGTH: Final = {
+    "implies": _IMPLIES,
+    "or": _OR,
+    "and": _AND,
+    "until": _UNTIL,
+    **dict.fromkeys(get_args(Relation), _COMPARE),
+    "+": _ADD,
+    "-": _ADD,
+    "*": _MULTIPLY,
+}
+_CONNECTIVES: Final = frozenset({"implies", "or", "and", "until"})
+_NO_OPERATORS: Final = {
+    "==": "two signals are hardly ever equal; say how near they are: abs(x - 1 m) < 1 cm",
+    "!=": "two signals are hardly ever equal; say how far apart they are: abs(x - 1 m) > 1 cm",
+    "=": "compare by <, <=, > or >=",
+    "/": "nothing is divided; multiply by what it would be divided by on the other side",
+}
+
+
+def parse(text: str) -> Formula:
+    """The formula that a text says. Raises FormulaError with the place in the text."""
+    return _Parser(text).formula()
+
+
+class _Parser:
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._tokens = list(tokens(text))
+        self._position = 0
+        self._depth = 0
+        # Where a parenthesis begins -> where it ended.
+        self._ends: dict[int, int] = {}
+        # The last one whose reach people could read in two ways.
+        self._open: Formula | None = None
+
+    def formula(self) -> Formula:
+        found = self._expression(_IMPLIES)
+        if self._next.kind != "end":
+            self._refuse(self._next, f"expected an operator or the end, found {self._next}{self._hint()}")
+        return self._as_formula(found, self._tokens[0])
+
+    @property
+    def _next(self) -> Token:
+        return self._tokens[self._position]
+
+    def _advance(self) -> Token:
+        token = self._next
+        self._position += token.kind != "end"
+        return token
+
+    def _accept(self, *texts: str) -> Token | None:
+        is_one = self._next.kind in ("symbol", "keyword") and self._next.text in texts
+        return self._advance() if is_one else None
+
+    def _expect(self, text: str, why: str) -> None:
+        if self._accept(text) is None:
+            self._refuse(self._next, f"expected '{text}' {why}, found {self._next}{self._hint()}")
+
+    def _refuse(self, token: Token, message: str) -> NoReturn:
+        raise FormulaError(self._text, token.at, message)
+
+    def _hint(self) -> str:
+        """What a word is meant to be that stands where an operator would."""
+        meant = operator_like(self._next.text) if self._next.kind == "word" else None
+        return f"; did you mean '{meant}'?" if meant else self._unit_hint()
+
+    def _unit_hint(self) -> str:
+        is_unit = self._position and self._tokens[self._position - 1].kind == "number" and self._next.kind == "word"
+        return f", which is no unit (allowed: {unit_names()})" if is_unit else ""
+
+    def _expression(self, least: int) -> Formula | Term:
+        """Operators that bind as strongly as `least`, or stronger, and what stands between them."""
+        first = self._next
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            self._refuse(first, f"more than {MAX_DEPTH} operators and parentheses inside each other")
+        left = self._operand()
+        while self._next.kind in ("symbol", "keyword"):
+            operator = self._next
+            if operator.text in _CONNECTIVES and left is self._open:
+                self._ambiguous(operator)
+            if operator.text in _NO_OPERATORS:
+                self._refuse(operator, _NO_OPERATORS[operator.text])
+            strength = _STRENGTH.get(operator.text, 0)
+            if strength < least:
+                break
+            left = self._combined(left, first, strength)
+        self._depth -= 1
+        return left
+
+    def _combined(self, left: Formula | Term, first: Token, strength: int) -> Formula | Term:
+        """What one or several operators of the same strength make of what is left of them."""
+        if strength == _COMPARE:
+            return self._comparison(left, first)
+        if strength >= _ADD:
+            return self._sum(left, first) if strength == _ADD else self._product(left, first)
+        if strength == _UNTIL:
+            return self._until(self._as_formula(left, first))
+        operator = self._advance()
+        if strength == _IMPLIES:
+            premise = self._joined(left, first, operator)
+            start = self._next
+            return Implies(premise, self._joined(self._expression(_IMPLIES), start, operator))
+        items = [self._joined(left, first, operator)]
+        while True:
+            start = self._next
+            items.append(self._joined(self._expression(strength + 1), start, operator))
+            if self._accept(operator.text) is None:
+                return And(tuple(items)) if strength == _AND else Or(tuple(items))
+
+    def _joined(self, found: Formula | Term, first: Token, operator: Token) -> Formula:
+        """One side of `and`, `or` or `implies`; `until` beside them has its own parentheses."""
+        if isinstance(found, Until) and found is self._open:
+            self._ambiguous(operator)
+        return self._as_formula(found, first)
+
+    def _ambiguous(self, operator: Token) -> NoReturn:
+        text = operator.text
+        if isinstance(self._open, Until):
+            self._refuse(operator, f"put parentheses around 'until' beside '{text}': (... until ...) {text} ...")
+        word = "always" if isinstance(self._open, Always) else "eventually"
+        self._refuse(operator, f"say how far '{word}' reaches: {word} (... {text} ...), or ({word} ...) {text} ...")
+
+    def _until(self, before: Formula) -> Formula:
+        self._advance()
+        interval, start = self._interval(), self._next
+        then = self._as_formula(self._expression(_COMPARE), start)
+        self._open = Until(before, then, interval)
+        return self._open
+
+    def _comparison(self, left: Formula | Term, first: Token) -> Comparison:
+        operator = self._advance()
+        start = self._next
+        right = self._as_term(self._expression(_ADD), start)
+        found = Comparison(self._as_term(left, first), cast(Relation, operator.text), right, first.at)
+        if self._next.text in get_args(Relation):
+            self._refuse(self._next, "one comparison at a time: join two by 'and'")
+        if not any(signal for term in (found.left, found.right) for signal in signals(term)):
+            self._refuse(first, f"'{found}' names no signal (allowed: {', '.join(NAMES)})")
+        return found
+
+    def _sum(self, left: Formula | Term, first: Token) -> Sum:
+        terms = [self._as_term(left, first)]
+        while (operator := self._accept("+", "-")) is not None:
+            start = self._next
+            term = self._as_term(self._expression(_MULTIPLY), start)
+            terms.append(term if operator.text == "+" else Negative(term, operator.at))
+        return Sum(tuple(terms), first.at)
+
+    def _product(self, left: Formula | Term, first: Token) -> Product:
+        factors = [self._as_term(left, first)]
+        while self._accept("*") is not None:
+            start = self._next
+            factors.append(self._as_term(self._expression(_MULTIPLY + 1), start))
+        return Product(tuple(factors), first.at)
+
+    def _operand(self) -> Formula | Term:
+        token = self._advance()
+        if token.kind in ("number", "signal", "word"):
+            return self._number_or_signal(token)
+        match token.text:
+            case "(":
+                return self._parenthesis()
+            case "-":
+                start = self._next
+                return Negative(self._as_term(self._expression(_MULTIPLY + 1), start), token.at)
+            case "abs":
+                return self._absolute(token)
+            case "not" | "always" | "eventually":
+                return self._prefixed(token)
+            case _:
+                return self._refuse(token, f"expected a signal, a number or a formula, found {token}")
+
+    def _parenthesis(self) -> Formula | Term:
+        begin = self._position - 1
+        found = self._expression(_IMPLIES)
+        self._expect(")", "to close the parenthesis")
+        self._ends[begin] = self._position
+        self._open = None
+        return found
+
+    def _absolute(self, token: Token) -> Absolute:
+        self._expect("(", "after 'abs'")
+        start = self._next
+        term = self._as_term(self._expression(_ADD), start)
+        self._expect(")", "to close the parenthesis")
+        return Absolute(term, token.at)
+
+    def _prefixed(self, token: Token) -> Formula:
+        interval = ALL_TIME if token.text == "not" else self._interval()
+        begin, start = self._position, self._next
+        formula = self._as_formula(self._expression(_COMPARE), start)
+        # Nothing can be read in two ways that ends with its parenthesis.
+        closed = self._ends.get(begin) == self._position
+        inherits = start.text in ("not", "always", "eventually")
+        reaches_on = formula is self._open if inherits else not closed and token.text != "not"
+        found: Formula = Not(formula)
+        if token.text != "not":
+            found = Always(formula, interval) if token.text == "always" else Eventually(formula, interval)
+        self._open = found if reaches_on else None
+        return found
+
+    def _interval(self) -> Interval:
+        opening = self._accept("[")
+        if opening is None:
+            return ALL_TIME
+        start = self._seconds()
+        self._expect(",", "between the two times")
+        end = math.inf if self._accept("end") is not None else self._seconds()
+        self._expect("]", "after the two times")
+        if end < start:
+            self._refuse(opening, f"[{start:g} s, {end:g} s] ends before it begins; exchange the two?")
+        return Interval(start, end, opening.at)
+
+    def _seconds(self) -> float:
+        token = self._advance()
+        if token.kind != "number" or token.unit not in ("", TIME.si):
+            hint = self._unit_hint()
+            self._refuse(token, f"expected a time such as 2 s, counted from the moment itself, found {token}{hint}")
+        return token.value
+
+    def _number_or_signal(self, token: Token) -> Number | Signal:
+        if token.kind == "number":
+            return Number(token.value, token.unit, token.at)
+        if token.text in READINGS and not token.joint:
+            self._refuse(token, f"name the joint: {token.text}(NAME)")
+        if token.text not in READINGS and token.text not in BASE_SIGNALS:
+            if (meant := operator_like(token.text)) is not None:
+                self._refuse(token, f"unknown word '{token.text}'; did you mean '{meant}'?")
+            self._refuse(token, f"unknown signal '{token.text}'{did_you_mean(token.text, NAMES)}")
+        return Signal(token.text, token.joint, token.at)
+
+    def _as_formula(self, found: Formula | Term, first: Token) -> Formula:
+        if isinstance(found, Term):
+            self._refuse(first, f"'{found}' is not compared with anything; say, for example, {found} < 1")
+        return found
+
+    def _as_term(self, found: Formula | Term, first: Token) -> Term:
+        if not isinstance(found, Term):
+            self._refuse(first, f"expected a signal or a number, found the formula '{found}'")
+        return found

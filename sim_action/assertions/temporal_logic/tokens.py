@@ -1,0 +1,126 @@
+"""The text of a formula, cut into tokens."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from sim_action.assertions.temporal_logic.spelling import SIGNS
+from sim_action.core import units
+from sim_action.robot.robot_model import READINGS
+
+MAX_CHARACTERS: Final = 2000
+
+KEYWORDS: Final = frozenset({"not", "and", "or", "implies", "always", "eventually", "until", "abs", "end"})
+
+_DIMENSIONS: Final = (
+    units.TIME,
+    units.LENGTH,
+    units.ANGLE,
+    units.SPEED,
+    units.ANGULAR_SPEED,
+    units.ACCELERATION,
+    units.FORCE,
+    units.TORQUE,
+)
+_UNITS: Final = {symbol: (factor, kind.si) for kind in _DIMENSIONS for symbol, factor in kind.factors.items()}
+# The longest that fits: "m/s" is not "m", and "N m" is not "N".
+_UNIT: Final = "|".join(re.escape(symbol) for symbol in sorted(_UNITS, key=len, reverse=True))
+_TOKEN: Final = re.compile(
+    rf"""\s*+(?:
+      (?P<number>(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+) (?:\s*+(?P<unit>{_UNIT})(?![\w/^]))?
+    | (?P<reading>{"|".join(READINGS)}) \s*+ \( \s*+ (?P<joint>[^()<>]*+) \)
+    | (?P<word>[^\W\d]\w*+)
+    | (?P<foreign>!(?!=)|{"|".join(re.escape(sign) for sign in SIGNS if sign != "!")})
+    | (?P<symbol><=|>=|==|!=|[-+*/<>()\[\],=])
+    | (?P<other>\S)
+    )""",
+    re.VERBOSE,
+)
+
+
+class FormulaError(ValueError):
+    """A text that is no formula; the message says where and why, and `at` is the place, counted from 0."""
+
+    def __init__(self, text: str, at: int, message: str) -> None:
+        self.at = at
+        super().__init__(f"{message}; {place(text, at)}")
+
+
+def place(text: str, at: int) -> str:
+    """A place in a text, as a message shows it: "at character 9, the arrow: always (-> sped < 1)"."""
+    before, after = text[:at], text[at:]
+    before = before if len(before) <= _SHOWN else f"...{before[-_SHOWN:]}"
+    after = after if len(after) <= _SHOWN else f"{after[:_SHOWN]}..."
+    return f"at character {at + 1}, the arrow: {before}-> {after}".rstrip()
+
+
+_SHOWN: Final = 40
+
+Kind = Literal["number", "signal", "word", "keyword", "symbol", "end"]
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A piece of the text.
+
+    Attributes:
+        text: as it was written; the name of the reading for a joint's signal.
+        at: where it begins, counted from 0.
+        value: of a number, in SI.
+        unit: of a number, the SI symbol.
+        joint: of a signal.
+    """
+
+    kind: Kind
+    text: str
+    at: int
+    value: float = 0.0
+    unit: str = ""
+    joint: str = ""
+
+    def __str__(self) -> str:
+        return self.text if self.kind == "end" else f"'{self.text}'"
+
+
+def tokens(text: str) -> Iterator[Token]:
+    """All tokens, and one that says that the text is over. Raises FormulaError."""
+    if len(text) > MAX_CHARACTERS:
+        message = f"a formula of {len(text)} characters; at most {MAX_CHARACTERS} are read"
+        raise FormulaError(text, MAX_CHARACTERS, message)
+    at, end = 0, len(text.rstrip())
+    while at < end:
+        match = _TOKEN.match(text, at)
+        assert match is not None
+        yield _token(text, match)
+        at = match.end()
+    yield Token("end", "the end of the formula", end)
+
+
+def _token(text: str, match: re.Match[str]) -> Token:
+    kind = match.lastgroup
+    if match["number"]:
+        factor, unit = _UNITS[match["unit"]] if match["unit"] else (1.0, "")
+        at = match.start("number")
+        value = float(match["number"]) * factor
+        if value == float("inf"):
+            raise FormulaError(text, at, "a number that is too large")
+        return Token("number", match[0].strip(), at, value, unit)
+    if match["reading"]:
+        return Token("signal", match["reading"], match.start("reading"), joint=match["joint"].strip())
+    assert kind is not None
+    word, at = match[kind], match.start(kind)
+    if kind == "foreign":
+        raise FormulaError(text, at, f"{word!r} has no meaning in a formula; write '{SIGNS[word]}'")
+    if kind == "other":
+        raise FormulaError(text, at, f"{word!r} has no meaning in a formula")
+    if kind == "word":
+        return Token("keyword" if word in KEYWORDS else "word", word, at)
+    return Token("symbol", word, at)
+
+
+def unit_names() -> str:
+    """All units, for messages."""
+    return ", ".join(_UNITS)

@@ -1,0 +1,43 @@
+"""The subcommands of the command line, one a file: each takes what was typed, calls one thing and says what came of it.
+
+What a subcommand needs is imported when it is called, so that `--help` stays quick.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sim_action.cli.compare import compare
+from sim_action.cli.init import init
+from sim_action.cli.inspect import inspect
+from sim_action.cli.listings import assertions, commands, models, schema, sensors
+from sim_action.cli.matrix import matrix
+from sim_action.cli.merge import merge
+from sim_action.cli.ros import roslaunch, rostest
+from sim_action.cli.run import run
+from sim_action.cli.validate import validate
+from sim_action.cli.view import view
+
+if TYPE_CHECKING:
+    import click
+
+SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
+    run,
+    validate,
+    matrix,
+    merge,
+    compare,
+    view,
+    rostest,
+    roslaunch,
+    init,
+    inspect,
+    models,
+    assertions,
+    commands,
+    sensors,
+    schema,
+)
+
+TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "view")
+"""Whose options may stand in pyproject.toml."""

@@ -1,0 +1,29 @@
+"""What may stand in `[tool.sim-action]`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from sim_action.core.quantities import FrozenModel
+
+
+class Defaults(FrozenModel):
+    """What may stand in the table; its keys are options of the command line, and mean the same."""
+
+    paths: Annotated[tuple[str, ...] | None, Field(min_length=1, description="scenario files, folders or globs")] = None
+    backend: Annotated[Literal["pybullet", "mujoco", "all"] | None, Field(description="as --backend")] = None
+    seed: Annotated[int | None, Field(ge=0, le=2**63 - 1, description="as --seed")] = None
+    repeat: Annotated[int | None, Field(ge=1, le=1000, description="as --repeat")] = None
+    jobs: Annotated[int | None, Field(ge=1, le=256, description="as --jobs")] = None
+    fail_fast: Annotated[bool | None, Field(alias="fail-fast", description="as --fail-fast")] = None
+    record: Annotated[tuple[str, ...] | None, Field(description="formats, as --record")] = None
+    output_dir: Annotated[str | None, Field(alias="output-dir", min_length=1, description="as --output-dir")] = None
+    junit: Annotated[str | None, Field(min_length=1, description="as --junit")] = None
+    junit_strict: Annotated[bool | None, Field(alias="junit-strict", description="as --junit-strict")] = None
+    report: Annotated[bool | None, Field(description="as --report")] = None
+    summary: Annotated[bool | None, Field(description="as --summary")] = None
+    annotations: Annotated[bool | None, Field(description="as --annotations")] = None
+    verbose: Annotated[bool | None, Field(description="as --verbose")] = None
+    quiet: Annotated[bool | None, Field(description="as --quiet")] = None

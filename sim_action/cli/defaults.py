@@ -1,0 +1,162 @@
+"""`[tool.sim-action]` in pyproject.toml: what the command line says if nobody says otherwise.
+
+A stranger's pull request can change this file: it lets nothing be run, read or written that a scenario could not.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any, Final
+
+from sim_action.core.discovery import file_name
+from sim_action.core.errors import UsageError
+from sim_action.core.location import Location
+from sim_action.core.messages import escaped_line
+from sim_action.core.regular_files import read_at_most
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import Document, KeyPath
+
+if TYPE_CHECKING:
+    from sim_action.cli.default_options import Defaults
+
+FILE: Final = "pyproject.toml"
+TABLE: Final = ("tool", "sim-action")
+
+_MOST_BYTES: Final = 1_000_000
+_MOST_TOLD: Final = 100
+_HEADER: Final = re.compile(r"\s*\[\s*tool\s*\.\s*[\"']?sim-action[\"']?\s*\]")
+# However the table is written: reading a long file for nothing would take a tenth of the time to check a scenario.
+_MENTION: Final = re.compile(r"\btool\b\W*sim-action|\[\W*tool\W*\]|^\W*tool\W*=|\\u", re.MULTILINE | re.IGNORECASE)
+_KEY: Final = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
+# To read a key takes tomllib the square of its steps: with 20,000 of them a minute.
+_ENDLESS_KEY: Final = re.compile(r"(?:[\"']?[A-Za-z0-9_-]++[\"']?\s*+\.\s*+){100}")
+
+
+_REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
+_OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
+    "run": ("paths", "backend", "seed", "repeat", "jobs", "fail_fast", "record", *_REPORTS),
+    "merge": _REPORTS,
+    "validate": ("paths",),
+    "matrix": ("paths",),
+    "view": ("output_dir",),
+}
+"""Subcommand -> which of them it takes."""
+
+
+def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]:
+    """What is stated for a subcommand that is called in a folder, by the names that click gives its options.
+
+    Raises UsageError for a table that says what it cannot.
+    """
+    options = _OPTIONS.get(subcommand or "")
+    found = _nearest(here) if options else None
+    if not subcommand or not options or found is None:
+        return {}
+    path, document = found
+    defaults = _validated(document, path.parent)
+    stated = {name: value for name in options if (value := getattr(defaults, name)) is not None}
+    for name in ("output_dir", "junit", "paths"):
+        if name in stated:
+            stated[name] = _seen_from(here, path.parent, stated[name])
+    return {subcommand: stated}
+
+
+def _nearest(here: Path) -> tuple[Path, Document] | None:
+    """The first file with such a table, from here upwards within the workspace."""
+    root = Workspace.around(here.resolve() / "a scenario").root
+    for folder in (here.resolve(), *here.resolve().parents):
+        path = folder / FILE
+        document = _read(path) if path.is_file() and path.resolve().is_relative_to(root) else None
+        if document is not None:
+            return path, document
+        if folder == root:
+            break
+    return None
+
+
+def _read(path: Path) -> Document | None:
+    """None: it has no such table. Raises UsageError."""
+    name = file_name(Path(os.path.relpath(path)))
+    try:
+        if (data := read_at_most(path, _MOST_BYTES)) is None:
+            raise UsageError(f"{name} is not read: it has more than {_MOST_BYTES // 1_000_000} MB")
+        text = data.decode("utf-8", errors="replace")
+        if TABLE[1] not in text or not _MENTION.search(text):
+            return None
+        if _ENDLESS_KEY.search(text):
+            raise UsageError(f"{name} is not read: it has a key of more than 100 steps")
+        import tomllib
+
+        table: Any = tomllib.loads(text)
+    except OSError as error:
+        raise UsageError(f"{name} cannot be read: {error.strerror}") from None
+    except RecursionError:
+        raise UsageError(f"{name} is not read: its lists or tables go too deep") from None
+    except ValueError as error:  # what is no TOML, and whole numbers of more digits than Python reads
+        raise UsageError(f"{name} is not valid TOML: {escaped_line(str(error))}") from None
+    for step in TABLE:
+        table = table.get(step) if isinstance(table, dict) else None
+    return None if table is None else Document(name, table, dict(_marks(name, text)))
+
+
+def _marks(name: str, text: str) -> Iterator[tuple[KeyPath, Location]]:
+    """Where the keys of the table stand, as far as they are written in the usual way."""
+    inside = False
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.lstrip().startswith("["):
+            inside = bool(_HEADER.match(line))
+            if inside:
+                yield (), Location(name, number, 1)
+        elif inside and (key := _KEY.match(line)):
+            yield (key[1],), Location(name, number, key.start(1) + 1)
+
+
+def _validated(document: Document, folder: Path) -> Defaults:
+    """Raises UsageError."""
+    from pydantic import ValidationError
+
+    from sim_action.cli.default_options import Defaults
+    from sim_action.core.spec_errors import spec_errors
+
+    data = document.data
+    if isinstance(data, dict):
+        data = {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+    try:
+        defaults = Defaults.model_validate(data)
+    except ValidationError as error:
+        problems = [document.problem(path, message) for path, message in spec_errors(Defaults, data, error)]
+    else:
+        problems = [document.problem((key,), message) for key, message in _out_of_bounds(defaults, folder)]
+        if not problems:
+            return defaults
+    more = len(problems) - _MOST_TOLD
+    told = [*map(str, problems[:_MOST_TOLD]), *([f"{document.file}: and {more:,} more like these"] if more > 0 else [])]
+    raise UsageError("\n".join(told))
+
+
+def _out_of_bounds(defaults: Defaults, folder: Path) -> Iterator[tuple[str, str]]:
+    """Results go, and scenarios come from, where the file itself is or below: nobody has typed these."""
+    named = {"output-dir": (defaults.output_dir,), "junit": (defaults.junit,), "paths": defaults.paths or ()}
+    for key, names in named.items():
+        for name in filter(None, names):
+            if not _is_below(folder, name):
+                yield key, f"{name!r} must be below the folder of {FILE}; the command line may name others"
+
+
+def _is_below(folder: Path, name: str) -> bool:
+    """Links that are there are followed."""
+    try:
+        found = (folder / name).resolve()
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
+        return False
+    steps = (*PurePath(name).parts, *found.parts)
+    return name.isprintable() and found.is_relative_to(folder.resolve()) and ".." not in steps and ".git" not in steps
+
+
+def _seen_from(here: Path, folder: Path, names: Any) -> Any:
+    if isinstance(names, tuple):
+        return tuple(_seen_from(here, folder, name) for name in names)
+    return names if folder == here.resolve() else Path(os.path.relpath(folder / names, here.resolve())).as_posix()

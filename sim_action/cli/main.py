@@ -1,0 +1,102 @@
+"""The command line. One place that catches errors, and says them with an exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+
+from sim_action import __version__
+from sim_action.cli import SUBCOMMANDS, TAKE_DEFAULTS
+from sim_action.cli.paths import complain
+from sim_action.core import gc_tuning as garbage
+from sim_action.core.errors import ExitCode, SimActionError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_BEFORE_IMPORTS = {
+    # A process that forks must have started no thread, and results must not depend on how many cores there are.
+    "OPENBLAS_NUM_THREADS": "1",
+    # Looking for plugins takes longer than reading a scenario, and nobody's plugin belongs in it.
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",
+}
+
+
+def main() -> NoReturn:
+    """The entry point."""
+    garbage.look_rarely()
+    _open_closed_streams()
+    leave(call(sys.argv[1:]))
+
+
+def leave(code: int) -> NoReturn:
+    """Ends the process, with everything said."""
+    with suppress(BrokenPipeError):
+        sys.stdout.flush()
+    sys.stderr.flush()
+    # Taking the interpreter apart would take longer than reading a scenario.
+    os._exit(code)
+
+
+def _open_closed_streams() -> None:
+    """A shell may close them (`>&-`): what is opened next would take their numbers, and get what is printed."""
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDWR)
+            # Whoever puts another stream in its place must not close what has this number by then.
+            setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r", closefd=False))
+
+
+def call(arguments: Sequence[str]) -> int:
+    """Does what a command line says and returns the exit code: the one place that catches errors."""
+    os.environ.update(_BEFORE_IMPORTS)
+    try:
+        return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
+    except click.ClickException as error:
+        _blame_variable(error)
+        complain(error.format_message())
+        if isinstance(error, click.UsageError) and error.ctx:
+            click.echo(f"Try '{error.ctx.command_path} --help'.", err=True)
+        return error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        return ExitCode.INTERRUPTED
+    except SimActionError as error:
+        for line in str(error).split("\n"):
+            complain(line)
+        return error.exit_code
+    except BrokenPipeError:
+        # Whoever read our output has gone; there is nobody left to tell.
+        return ExitCode.FAILED
+    except Exception:  # noqa: BLE001 - the last stop: whatever it is, it is a fault of ours
+        sys.excepthook(*sys.exc_info())
+        click.echo("sim-action: this is a fault of sim-action; please report it with the lines above", err=True)
+        return ExitCode.INTERNAL
+
+
+def _blame_variable(error: click.ClickException) -> None:
+    """What came from a variable was typed as no option."""
+    if isinstance(error, click.BadParameter) and error.ctx is not None and error.param is not None:
+        source = error.ctx.get_parameter_source(error.param.name or "")
+        if source is click.core.ParameterSource.ENVIRONMENT:
+            error.param_hint = f"the variable {error.param.envvar}"
+
+
+@click.group(commands=SUBCOMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="sim-action")
+@click.pass_context
+def program(context: click.Context) -> None:
+    """Simulation tests for robots: a YAML scenario, a headless physics engine, a verdict.
+
+    PATHS are scenario files, folders (every *.sim.yml in and below them) or globs; left out: the current folder.
+    Options may be variables, such as SIM_ACTION_BACKEND, or stand below [tool.sim-action] in pyproject.toml.
+    """
+    if context.invoked_subcommand in TAKE_DEFAULTS:
+        from pathlib import Path
+
+        from sim_action.cli.defaults import default_map
+
+        context.default_map = default_map(context.invoked_subcommand, Path.cwd())

@@ -1,0 +1,55 @@
+"""`sim-action matrix`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sim_action.cli.paths import PATHS, discovered, note
+from sim_action.cli.selection_flags import selection_flags
+from sim_action.core.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sim_action.app.matrix import FileOfScenarios
+    from sim_action.scenario.suite import Suite
+
+
+@click.command()
+@PATHS
+@selection_flags
+@click.option("--shards", type=click.IntRange(min=1, max=256), metavar="N", required=True, help="How many, at most.")
+@click.option("--durations", metavar="PATH", help="An earlier results.json, by which to balance them.")
+def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: Any) -> ExitCode:
+    """Deal scenarios to shards that take about equally long; print them as JSON, for the matrix of a GitHub job.
+
+    Exit code: 5 if there is no scenario.
+    """
+    from pathlib import Path
+
+    from sim_action.app.matrix import Unit, known_durations, matrix_text
+    from sim_action.results.file import Results
+
+    suite = discovered(paths, flags)
+    if not suite.files:
+        return ExitCode.NO_SCENARIO
+    known: dict[Unit, float] = {}
+    try:
+        known = known_durations(Results.read(Path(durations))) if durations else known
+    except UsageError as error:
+        note(f"{error}; every scenario counts the same")
+    click.echo(matrix_text(_files(suite), suite.empty, shards, known))
+    return ExitCode.PASSED
+
+
+def _files(suite: Suite) -> list[FileOfScenarios]:
+    """Those of which something is meant."""
+    from sim_action.app.matrix import FileOfScenarios
+    from sim_action.core.discovery import file_name
+    from sim_action.core.permissions import Permissions
+
+    read = suite.read(Permissions()).items()
+    numbers = {path: [each.number for each in scenarios if suite.numbered(each)] for path, scenarios in read}
+    return [FileOfScenarios(path, some, file_name(path) not in suite.numbers) for path, some in numbers.items() if some]

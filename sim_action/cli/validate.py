@@ -1,0 +1,59 @@
+"""`sim-action validate`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from sim_action.cli.paths import ALLOW_OUTSIDE, PATHS, discovered
+from sim_action.core.errors import ExitCode, Fault
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sim_action.scenario.source import Refused
+
+
+@click.command()
+@PATHS
+@ALLOW_OUTSIDE
+def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
+    """Find everything that is wrong with scenarios without running them."""
+    from sim_action.core.messages import log_line
+    from sim_action.core.permissions import Permissions
+    from sim_action.scenario.loading import load_all
+    from sim_action.scenario.source import Refused
+
+    suite = discovered(paths)
+    permissions = Permissions(allow_outside)
+    found = load_all(suite.scenarios(permissions), permissions)
+    refused = [scenario for scenario in found if isinstance(scenario, Refused)]
+    valid = [scenario for scenario in found if not isinstance(scenario, Refused)]
+    # What several share may be wrong in each of them, and stands in one place.
+    messages = [message for scenario in refused for message in _messages(scenario)]
+    messages += [f"{loaded.file}: not checked: {remark}" for loaded in valid for remark in loaded.unchecked]
+    for line in (line for message in dict.fromkeys(messages) for line in message.split("\n")):
+        click.echo(log_line(line))
+    scenarios = len({(loaded.file, loaded.source.group or loaded.scenario.name) for loaded in valid})
+    runs = f" ({len(valid)} runs with all variations)" if len(valid) > scenarios else ""
+    click.echo(f"{scenarios} valid, {_count(refused)}{runs}", err=bool(refused))
+    if not suite.files:
+        return ExitCode.NO_SCENARIO
+    worst = max((scenario.error.exit_code for scenario in refused), default=ExitCode.PASSED)
+    return max(worst, ExitCode.INVALID if suite.empty else ExitCode.PASSED)
+
+
+def _messages(refused: Refused) -> list[str]:
+    """What is said of a scenario that cannot be run."""
+    details = f"\n{refused.error.details.rstrip()}" if isinstance(refused.error, Fault) else ""
+    return [f"{problem}{details}" for problem in refused.problems]
+
+
+def _count(refused: Sequence[Refused]) -> str:
+    """How many are invalid; those with a fault of ours may be valid, and others have variations that are."""
+    faults = sum(isinstance(scenario.error, Fault) for scenario in refused)
+    alone = sum(scenario.group is not None for scenario in refused)
+    variations = f", {alone} {'variation' if alone == 1 else 'variations'} invalid" if alone else ""
+    unchecked = f", {faults} not checked to the end" if faults else ""
+    return f"{len(refused) - faults - alone} invalid{variations}{unchecked}"

@@ -1,0 +1,158 @@
+"""CSV: a header, then a row for each command. `time` in s, and the twist of a base or targets of joints beside it.
+
+    time,linear,angular
+    0.0,0.2,0
+    1.5,0.2,0.5
+
+Strangers write such files: what is read is bounded, and nothing in it is more than a number or a name.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from decimal import Decimal
+from io import TextIOWrapper
+from pathlib import Path
+from typing import Final
+
+from sim_action.commands.logs import Moment
+from sim_action.commands.logs.csv_header import TIME, TWIST, Header, HeaderError
+from sim_action.commands.logs.joint_columns import followed, targets
+from sim_action.core.errors import RecordingError
+from sim_action.core.geometry import Twist
+from sim_action.core.location import Location
+from sim_action.core.messages import escaped_line, shown
+from sim_action.core.regular_files import open_regular
+from sim_action.state.command import Command
+
+MOST_BYTES: Final = 25_000_000
+MOST_ROWS: Final = 250_000
+# Digits are bounded: no number of a log has so many, and conversions take the longer the more there are.
+_DIGITS: Final = r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?"
+_NUMBER: Final = re.compile(_DIGITS)
+_NUMBERS: Final = re.compile(f"{_DIGITS}(?:,{_DIGITS})*")
+
+Line = tuple[int, list[str]]
+"""The number of a line, from 1, and its cells."""
+
+
+def read_header(path: Path, name: str) -> Header:
+    """What a file holds; `name`: how messages call it. Raises RecordingError."""
+    with _lines(path, name) as lines:
+        return _header(lines, name)
+
+
+def read_moments(path: Path, name: str) -> Iterator[Moment]:
+    """The commands of a file, as they follow one another; at least one. Raises RecordingError."""
+    with _lines(path, name) as lines:
+        header = _header(lines, name)
+        command = _twists(header) if header.holds_twists else _joint_targets(header)
+        clock, time_column = _Clock(), header.columns.index(TIME)
+        for count, (line, cells) in enumerate(lines):
+            if count == MOST_ROWS:
+                raise _error(name, line, f"more than {MOST_ROWS:,} rows are not read: cut out what is to be replayed")
+            try:
+                row = _numbers(cells, header)
+                time = clock.since_first(cells[time_column])
+            except ValueError as error:
+                raise _error(name, line, str(error)) from None
+            yield time, command(row)
+        if clock.first is None:
+            raise RecordingError(f"{name}: no row follows the header: nothing to replay")
+
+
+class _Clock:
+    """Times as they are written, to the last digit: seconds since 1970 have none to lose."""
+
+    def __init__(self) -> None:
+        self.first: Decimal | None = None
+        self._last = Decimal()
+
+    def since_first(self, text: str) -> float:
+        """In s. Raises ValueError for a time before the last one."""
+        time = Decimal(text)
+        if self.first is None:
+            self.first = self._last = time
+        if time < self._last:
+            raise ValueError(f"column '{TIME}': {shown(text)} is earlier than the row before, {self._last}")
+        self._last = time
+        return float(time - self.first)
+
+
+@contextmanager
+def _lines(path: Path, name: str) -> Iterator[Iterator[Line]]:
+    try:
+        with open_regular(path, follow_link=False) as file:
+            if (size := file.seek(0, 2)) > MOST_BYTES:
+                most = f"no more than {MOST_BYTES // 1_000_000} MB of CSV are read"
+                raise RecordingError(f"{name}: it has {size / 1e6:.0f} MB; {most}: cut out what is to be replayed")
+            file.seek(0)
+            with TextIOWrapper(file, encoding="utf-8-sig", newline="") as text:
+                yield _cells(text, name)
+    except OSError as error:
+        raise RecordingError(f"{name}: cannot be read: {error.strerror}") from None
+
+
+def _cells(text: TextIOWrapper, name: str) -> Iterator[Line]:
+    """The lines that are not blank. Raises RecordingError."""
+    reader = csv.reader(text, strict=True)
+    try:
+        for cells in reader:
+            if cells:
+                yield reader.line_num, [cell.strip() for cell in cells]
+    except csv.Error as error:
+        raise _error(name, reader.line_num, f"not valid CSV: {error}") from None
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{name}: not UTF-8 text ({error.reason}); is this a CSV file?") from None
+
+
+def _header(lines: Iterator[Line], name: str) -> Header:
+    line, columns = next(lines, (0, []))
+    if not columns:
+        raise RecordingError(f"{name}: it is empty; its first line names the columns, such as {TIME},linear,angular")
+    try:
+        return Header.of(columns)
+    except HeaderError as error:
+        raise _error(name, line, str(error)) from None
+
+
+def _numbers(cells: Sequence[str], header: Header) -> list[float]:
+    """The values of a row. Raises ValueError."""
+    if len(cells) != len(header.columns):
+        raise ValueError(f"{len(cells)} cells, where the header names {len(header.columns)} columns")
+    with suppress(ValueError):
+        row = list(map(float, cells))
+        # Of finite numbers the sum may not be finite: then each is looked at.
+        if _NUMBERS.fullmatch(",".join(cells)) and math.isfinite(sum(row)):
+            return row
+    for column, cell in zip(header.columns, cells, strict=True):
+        if _NUMBER.fullmatch(cell) is None or not math.isfinite(float(cell)):
+            raise ValueError(f"column {shown(column)}: expected a finite number, found {shown(cell)}")
+    return list(map(float, cells))
+
+
+def _twists(header: Header) -> Callable[[list[float]], Command]:
+    # What no column tells is the zero that is put after the last one.
+    linear, lateral, angular = (
+        header.columns.index(name) if name in header.columns else len(header.columns) for name in TWIST
+    )
+
+    def command(row: list[float]) -> Command:
+        row.append(0.0)
+        return Twist((row[linear], row[lateral], 0.0), (0.0, 0.0, row[angular]))
+
+    return command
+
+
+def _joint_targets(header: Header) -> Callable[[list[float]], Command]:
+    columns = [(index, column) for index, column in enumerate(header.joints) if column is not None]
+    counting = [columns[place] for place in followed(column for _, column in columns)]
+    return lambda row: targets((column, row[index]) for index, column in counting)
+
+
+def _error(name: str, line: int, message: str) -> RecordingError:
+    return RecordingError(escaped_line(f"{Location(name, line)}: {message}"))

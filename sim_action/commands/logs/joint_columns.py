@@ -1,0 +1,36 @@
+"""What a log tells about joints -> targets: each joint follows one of its position, its velocity and its effort."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Final, Literal, NamedTuple
+
+from sim_action.state.command import JointTargets
+
+Kind = Literal["position", "velocity", "effort"]
+KINDS: Final[tuple[Kind, ...]] = ("position", "velocity", "effort")
+"""In the order in which they count: a robot that is told where to be is not told how fast as well."""
+
+
+class JointColumn(NamedTuple):
+    """One number of a row: of which joint, and what of it."""
+
+    kind: Kind
+    joint: str
+
+
+def followed(columns: Iterable[JointColumn]) -> Iterator[int]:
+    """The places of the columns that count: of each joint the first kind that there is."""
+    listed = list(columns)
+    best: dict[str, JointColumn] = {}
+    for column in sorted(listed, key=lambda column: KINDS.index(column.kind)):
+        best.setdefault(column.joint, column)
+    return (index for index, column in enumerate(listed) if best[column.joint] == column)
+
+
+def targets(row: Iterable[tuple[JointColumn, float]]) -> JointTargets:
+    """The command of one row, of columns that count; rad, rad/s and N m, or m, m/s and N."""
+    groups: dict[Kind, dict[str, float]] = {kind: {} for kind in KINDS}
+    for column, value in row:
+        groups[column.kind][column.joint] = value
+    return JointTargets(position=groups["position"], velocity=groups["velocity"], effort=groups["effort"])

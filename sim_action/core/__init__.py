@@ -1,0 +1,1 @@
+"""What all other folders build on: errors, units, geometry, YAML documents, the workspace and its files."""

@@ -1,0 +1,118 @@
+"""What a run was made with beside its scenario: the processor, the build of the engine, and versions.
+
+The same seed gives the same digest on one machine; where two digests differ, this says what to look at.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.messages import escaped_line
+from sim_action.core.quantities import FrozenModel
+
+_CPU_INFO: Final = Path("/proc/cpuinfo")
+_SYSCTL: Final = ("/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string")
+_LIBRARIES: Final = (".so", ".pyd", ".dylib", ".dll")
+_LONGEST: Final = 200
+_DIGEST_DIGITS: Final = 12
+
+
+class Provenance(FrozenModel):
+    """What a run was made with.
+
+    Attributes:
+        cpu: model of the processor.
+        engine_build: version of the engine's package, what its wheel was built for, and a digest over its libraries.
+    """
+
+    cpu: str
+    engine_build: str | None = None
+    sim_action: str
+    python: str
+    numpy: str | None = None
+    platform: str
+
+
+@cache
+def provenance(package: str, sim_action: str) -> Provenance:
+    """Of runs on this machine with an engine; `package`: as pip knows it; `sim_action`: our own version."""
+    return Provenance(
+        cpu=_short(cpu_model()),
+        engine_build=_build(package),
+        sim_action=sim_action,
+        python=platform.python_version(),
+        numpy=_version("numpy"),
+        platform=_short(platform.platform()),
+    )
+
+
+def cpu_model() -> str:
+    """As the system calls it; at worst the architecture."""
+    return _named_by_system() or platform.processor() or platform.machine() or "unknown"
+
+
+def _named_by_system() -> str:
+    """Empty if it does not say."""
+    with suppress(OSError, subprocess.SubprocessError):
+        if sys.platform == "linux":
+            return named_in_cpu_info(_CPU_INFO.read_text(encoding="utf-8", errors="replace"))
+        if sys.platform == "darwin":
+            asked = subprocess.run(_SYSCTL, capture_output=True, text=True, timeout=5, check=True)  # noqa: S603 - fixed
+            return asked.stdout.strip()
+    return ""
+
+
+def named_in_cpu_info(text: str) -> str:
+    """The first processor in what Linux says of all; of ARM's, which have no names, their numbers. Empty: none."""
+    lines = (line.partition(":") for line in text.split("\n\n", maxsplit=1)[0].splitlines())
+    told = {key.strip(): value.strip() for key, _, value in lines}
+    if name := told.get("model name") or told.get("Processor"):
+        return name
+    parts = [f"{key.removeprefix('CPU ')} {told[key]}" for key in ("CPU implementer", "CPU part") if key in told]
+    return f"{platform.machine()}, {', '.join(parts)}" if parts else ""
+
+
+def _build(package: str) -> str | None:
+    try:
+        found = distribution(package)
+    except PackageNotFoundError:
+        return None
+    return _short(", ".join((f"{package} {found.version}", *_of_wheel(found))))
+
+
+def _of_wheel(found: Distribution) -> Iterator[str]:
+    """What its wheel was built for, and which libraries are in it, as far as pip has kept that."""
+    for line in (found.read_text("WHEEL") or "").splitlines():
+        if line.startswith("Tag: "):
+            yield line.removeprefix("Tag: ")
+            break
+    lines = (found.read_text("RECORD") or "").splitlines()
+    libraries = sorted(line for line in lines if _is_library(line.split(",")[0]))
+    if libraries:
+        digest = hashlib.sha256("\n".join(libraries).encode()).hexdigest()
+        yield f"libraries {digest[:_DIGEST_DIGITS]}"
+
+
+def _is_library(path: str) -> bool:
+    name = path.rpartition("/")[2]
+    return name.endswith(_LIBRARIES) or ".so." in name
+
+
+def _version(package: str) -> str | None:
+    try:
+        return distribution(package).version
+    except PackageNotFoundError:
+        return None
+
+
+def _short(text: str) -> str:
+    return escaped_line(text)[:_LONGEST]

@@ -1,0 +1,200 @@
+"""Python files of the user's: read as text by whoever asks, run in the scenario's own process alone."""
+
+from __future__ import annotations
+
+import ast
+import itertools
+import sys
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import CodeType
+from typing import Any, Final
+
+from sim_action.core.errors import ScriptError
+from sim_action.core.location import Location
+from sim_action.core.regular_files import read_at_most
+
+ANYTHING: Final = "*"
+"""Among the names that a script binds: it imports all names of another module."""
+
+_MOST_BYTES: Final = 1_000_000
+_MOST_REMEMBERED: Final = 16
+# Of a traceback: a recursion has a thousand.
+_MOST_FRAMES: Final = 10
+_MODULES: Final = (
+    "scripts run in sim-action's own Python, which has numpy and finds the files beside them; "
+    "a controller that needs more is a 'process', with a Python of yours"
+)
+_OURS: Final = str(Path(__file__).parent.parent / "_").removesuffix("_")
+
+
+class ScriptProblem(ValueError):
+    """Why a file cannot be what it is named for, to be said after its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptClass:
+    """A class of a script.
+
+    Attributes:
+        is_plain: all that it has stands in its body.
+        asks_for: the first argument that its own `__init__` cannot do without; None: there is none.
+    """
+
+    name: str
+    line: int
+    names: frozenset[str]
+    is_plain: bool
+    asks_for: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """What can be said of a Python file without running it.
+
+    Attributes:
+        names: what it defines, imports or assigns outside its functions and classes, also in an `if` or a `try`.
+        functions, classes: those that it defines itself, at its outermost level.
+    """
+
+    names: frozenset[str]
+    functions: frozenset[str]
+    classes: tuple[ScriptClass, ...]
+
+
+def read_script(path: Path) -> Script:
+    """Raises OSError, ScriptProblem."""
+    if (source := read_at_most(path, _MOST_BYTES)) is None:
+        raise ScriptProblem(f": a script of more than {_MOST_BYTES // 1000} kB is not read")
+    found = _parsed(source)
+    if isinstance(found, str):
+        raise ScriptProblem(found)
+    return found
+
+
+# To parse a large one takes seconds, and many expectations may be of classes of the same file.
+@lru_cache(maxsize=_MOST_REMEMBERED)
+def _parsed(source: bytes) -> Script | str:
+    """What a text defines, or why it is no Python."""
+    try:
+        tree = ast.parse(source)
+    except SyntaxError as error:
+        line = "" if error.lineno is None else f":{error.lineno}"
+        return f"{line}: not valid Python: {error.msg}"
+    except (ValueError, RecursionError, MemoryError) as error:
+        return f": not valid Python: {error}"
+    classes = (_class_of(node) for node in tree.body if isinstance(node, ast.ClassDef))
+    functions = frozenset(node.name for node in tree.body if isinstance(node, ast.FunctionDef))
+    return Script(_names_bound_in(tree.body), functions, tuple(classes))
+
+
+def _class_of(node: ast.ClassDef) -> ScriptClass:
+    is_plain = not (node.bases or node.keywords or node.decorator_list)
+    inits = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
+    asks_for = _asked(inits[-1].args) if inits and not inits[-1].decorator_list else None
+    return ScriptClass(node.name, node.lineno, _names_bound_in(node.body), is_plain, asks_for)
+
+
+def _asked(arguments: ast.arguments) -> str | None:
+    """The first argument of a method, but for `self`, that has no default."""
+    plain = [*arguments.posonlyargs, *arguments.args]
+    needed = plain[1 : len(plain) - len(arguments.defaults)]
+    pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
+    needed += [argument for argument, default in pairs if default is None]
+    return needed[0].arg if needed else None
+
+
+def _names_bound_in(body: Sequence[ast.AST]) -> frozenset[str]:
+    names, waiting = set(), list(body)
+    while waiting:
+        match node := waiting.pop():
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                names.add(name)
+                continue
+            case ast.alias():
+                names.add(node.asname or node.name)
+            case ast.Name(ctx=ast.Store()):
+                names.add(node.id)
+        waiting += ast.iter_child_nodes(node)
+    return frozenset(names)
+
+
+def run_file(path: Path, who: str) -> Mapping[str, Any]:
+    """What a file binds when it has run as a module; it may import its neighbours. Raises ScriptError."""
+    sys.path.insert(0, str(path.parent))
+    name = _module_name(path.stem.replace(".", "_"))
+    spec = spec_from_loader(name, _FromSource(name, str(path)))
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = module_from_spec(spec)
+    try:
+        with told_at(path, who):
+            spec.loader.exec_module(module)
+    except ScriptError:
+        sys.modules.pop(name, None)
+        raise
+    return vars(module)
+
+
+def _module_name(stem: str) -> str:
+    """Its own, by which its classes can be pickled; another, if there is such a module, which it must not replace."""
+    names = itertools.chain((stem,), (f"{stem}_{number}" for number in itertools.count(2)))
+    return next(name for name in names if name not in sys.modules and name not in sys.stdlib_module_names)
+
+
+class _FromSource(SourceFileLoader):
+    """Reads no bytecode, which may be that of an earlier text, and leaves none in the user's folder."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
+@contextmanager
+def told_at(path: Path, who: str) -> Iterator[None]:
+    """Whatever the user's code raises, or exits with, is told with its line."""
+    try:
+        yield
+    except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
+        raise script_error(error, path, who) from None
+
+
+def script_error(error: BaseException, path: Path, who: str) -> ScriptError:
+    """Says where in the user's file it happened, which is not where our own frames are; `who` raised it."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return ScriptError(f"SyntaxError: {error.msg}", Location(error.filename, error.lineno))
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _is_machinery(frame.filename)]
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+    what = traceback.format_exception_only(error)[-1].strip()
+    if isinstance(error, ModuleNotFoundError):
+        what += f"; {_MODULES}"
+    place = Location(str(path), lines[-1] if lines else None)
+    # Without memory, no more is asked for than that takes.
+    details = "" if isinstance(error, MemoryError) else _traceback(frames, path.parent)
+    return ScriptError(f"{who} raised {what}", place, details)
+
+
+def _is_machinery(file: str) -> bool:
+    """Whether a frame is of what runs the user's code, rather than of that."""
+    return file.startswith((_OURS, "<frozen "))
+
+
+def _traceback(frames: list[traceback.FrameSummary], folder: Path) -> str:
+    """The last frames as Python shows them, files seen from a folder; of one alone, the place of the error says all."""
+    if len(frames) < 2:
+        return ""
+    seen = [
+        traceback.FrameSummary(_seen_from(folder, frame.filename), frame.lineno, frame.name, line=frame.line)
+        for frame in frames[-_MOST_FRAMES:]
+    ]
+    return "".join(("Traceback (most recent call last):\n", *traceback.StackSummary.from_list(seen).format())).rstrip()
+
+
+def _seen_from(folder: Path, file: str) -> str:
+    return Path(file).relative_to(folder).as_posix() if Path(file).is_relative_to(folder) else file

@@ -1,0 +1,134 @@
+"""pydantic's findings, as sentences for the person who wrote the file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from sim_action.core.bounds import bound_text, unit_of
+from sim_action.core.messages import FirstFew, did_you_mean, shown
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+# What stands in a list of YAML as it is.
+_PLAIN: Final = re.compile(r"[A-Za-z_][\w./*-]*")
+_BOUNDS = ("gt", "ge", "lt", "le")
+_EXPECTED = {
+    "model_type": "a map of keys",
+    "model_attributes_type": "a map of keys",
+    "dict_type": "a map of keys",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "is_instance_of": "a map of keys",
+}
+
+_SENTENCES = {
+    "literal_error": "expected {expected}, found {found}",
+    "greater_than": "must be greater than {gt}, found {found}",
+    "greater_than_equal": "must be at least {ge}, found {found}",
+    "less_than": "must be less than {lt}, found {found}",
+    "less_than_equal": "must be at most {le}, found {found}",
+    "string_pattern_mismatch": "expected text that fits {pattern}, found {found}",
+    "too_long": "expected a list of {max_length}, found {found}",
+    "too_short": "must not be empty",
+    "string_too_short": "must not be empty",
+    "string_too_long": "must have at most {max_length} characters",
+}
+
+
+def spec_errors(
+    model: type[BaseModel], data: object, error: ValidationError
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Each finding about `data`, with the path of the key that it is about."""
+    hinted = FirstFew()
+    for details in error.errors(include_url=False):
+        yield details["loc"], _sentence(model, details, _written(data, details), hinted)
+
+
+def _written(data: Any, details: ErrorDetails) -> object:
+    """The value as it was written: pydantic knows it in SI only."""
+    try:
+        for step in details["loc"]:
+            data = data[step]
+    except (LookupError, TypeError):
+        return details["input"]
+    return data
+
+
+def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hinted: FirstFew) -> str:
+    kind = details["type"]
+    key = details["loc"][-1] if details["loc"] else ""
+    if kind == "missing":
+        # A list of a fixed length reports its entries as pydantic's models report their keys.
+        return f"the list ends before entry {key + 1}" if isinstance(key, int) else f"the key '{key}' is missing"
+    if kind == "extra_forbidden":
+        hint = did_you_mean(str(key), _keys_at(model, details["loc"][:-1])) if hinted.one_more() else ""
+        return f"unknown key{hint}"
+    if kind in _SENTENCES:
+        return _SENTENCES[kind].format(found=shown(value), **_context(model, details))
+    if kind in _EXPECTED:
+        hint = _hint(kind, value, _annotation_at(model, details["loc"]))
+        return f"expected {_EXPECTED[kind]}, found {shown(value)}{hint}"
+    return details["msg"].removeprefix("Value error, ")
+
+
+def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
+    """What a sentence names, bounds with the unit of the key."""
+    unit = _unit_at(model, details["loc"])
+    named = details.get("ctx", {})
+    return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
+
+
+def _hint(kind: str, value: object, annotation: Any) -> str:
+    if kind == "string_type" and isinstance(value, (bool, int, float)):
+        return "; put it in quotes"
+    if kind != "tuple_type":
+        return ""
+    if isinstance(value, str) and _PLAIN.fullmatch(value) and _takes_any_number(annotation):
+        return f"; write [{value}]"
+    return "; begin each entry of a list with '- '" if isinstance(value, dict) else ""
+
+
+def _takes_any_number(annotation: Any) -> bool:
+    """Whether it is a list of no fixed length."""
+    return Ellipsis in get_args(annotation) or any(map(_takes_any_number, get_args(annotation)))
+
+
+def _unit_at(model: type[BaseModel], path: tuple[str | int, ...]) -> str:
+    last = list(_fields_along(model, path))[-1:]
+    return unit_of(last[0].annotation, last[0].metadata) if last else ""
+
+
+def _annotation_at(model: type[BaseModel], path: tuple[str | int, ...]) -> Any:
+    """The type of the last key that leads to a path."""
+    last = list(_fields_along(model, path))[-1:]
+    return last[0].annotation if last else model
+
+
+def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
+    """The keys that are allowed at a path."""
+    return [field.alias or name for name, field in _fields(_annotation_at(model, path)).items()]
+
+
+def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterator[FieldInfo]:
+    """The fields of models that a path leads through."""
+    at: Any = model
+    for step in path:
+        fields = {field.alias or name: field for name, field in _fields(at).items()}
+        if isinstance(step, str) and step in fields:
+            at = fields[step].annotation
+            yield fields[step]
+
+
+def _fields(annotation: Any) -> dict[str, FieldInfo]:
+    """The fields of the first model in an annotation such as `tuple[Body, ...] | None`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return dict(annotation.model_fields)
+    return next((found for part in get_args(annotation) if (found := _fields(part))), {})

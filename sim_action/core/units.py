@@ -1,0 +1,141 @@
+"""Quantities as people write them ("30 s", "90 deg", "1.5 m") to and from SI floats.
+
+A bare number is SI already. Prefixes and symbols are those of the SI brochure (BIPM, 9th edition).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from sim_action.core.messages import shown
+
+_DEGREE: Final = math.pi / 180
+_BYTES: Final = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
+# No two floats look the same with as many; one more, as those with an exponent are shown with one less.
+_ALL_DIGITS: Final = 18
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dimension:
+    """A kind of quantity: its name, its SI unit, and the factor from each accepted unit to SI."""
+
+    name: str
+    si: str
+    factors: MappingProxyType[str, float]
+
+
+def _dimension(name: str, si: str, others: dict[str, float] | None = None) -> Dimension:
+    return Dimension(name, si, MappingProxyType({si: 1.0, **(others or {})}))
+
+
+TIME: Final = _dimension("time", "s", {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0})
+LENGTH: Final = _dimension("length", "m", {"mm": 1e-3, "cm": 1e-2, "km": 1e3})
+ANGLE: Final = _dimension("angle", "rad", {"deg": _DEGREE})
+FREQUENCY: Final = _dimension("frequency", "Hz", {"kHz": 1e3})
+MASS: Final = _dimension("mass", "kg", {"g": 1e-3, "t": 1e3})
+SPEED: Final = _dimension("speed", "m/s", {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1 / 3.6})
+ANGULAR_SPEED: Final = _dimension("angular speed", "rad/s", {"deg/s": _DEGREE, "rpm": 2 * math.pi / 60})
+ACCELERATION: Final = _dimension("acceleration", "m/s^2", {"cm/s^2": 1e-2})
+FORCE: Final = _dimension("force", "N", {"mN": 1e-3, "kN": 1e3})
+TORQUE: Final = _dimension("torque", "N m", {"Nm": 1.0})
+ENERGY: Final = _dimension("energy", "J", {"mJ": 1e-3, "kJ": 1e3, "Wh": 3600.0, "kWh": 3.6e6})
+INERTIA: Final = _dimension("moment of inertia", "kg m^2", {"g m^2": 1e-3})
+RATIO: Final = _dimension("ratio", "")
+SHARE: Final = _dimension("share", "", {"%": 1e-2})
+DATA: Final = _dimension(
+    "amount of data", "B", {"kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
+)
+
+_DIMENSIONS: Final = (
+    TIME,
+    LENGTH,
+    ANGLE,
+    FREQUENCY,
+    MASS,
+    SPEED,
+    ANGULAR_SPEED,
+    ACCELERATION,
+    FORCE,
+    TORQUE,
+    ENERGY,
+    INERTIA,
+    SHARE,
+    DATA,
+)
+
+_QUANTITY: Final = re.compile(r"([-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?)\s*+(\S.*)?")
+
+
+class UnitError(ValueError):
+    """The text is no quantity of the dimension asked for; the message says what would be."""
+
+
+def parse(value: object, *dimensions: Dimension) -> float:
+    """The SI value of a number, or of a string with a unit of one of `dimensions`.
+
+    Raises UnitError for anything else, and for numbers that are not finite.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise UnitError(f"expected {_expected(dimensions)}, found {shown(value)}")
+    try:
+        number = _parse_text(value, dimensions) if isinstance(value, str) else float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise UnitError(f"expected a finite {_expected(dimensions)}, found {shown(value)}")
+    return number
+
+
+def conversion(unit: str, other: str) -> float | None:
+    """How many of `other` one `unit` is; None if they are not units of one dimension."""
+    shared = (dimension.factors for dimension in _DIMENSIONS if {unit, other} <= dimension.factors.keys())
+    return next((factors[unit] / factors[other] for factors in shared), None)
+
+
+def _parse_text(text: str, dimensions: tuple[Dimension, ...]) -> float:
+    match = _QUANTITY.fullmatch(text.strip())
+    if match is None:
+        raise UnitError(f"expected {_expected(dimensions)}, found {shown(text)}")
+    number, unit = match.groups()
+    if unit is None:
+        return float(number)
+    factors = {symbol: factor for dimension in dimensions for symbol, factor in dimension.factors.items() if symbol}
+    if unit not in factors:
+        units = f"use one of: {', '.join(factors)}" if factors else "it takes no unit"
+        names = " or ".join(dimension.name for dimension in dimensions)
+        raise UnitError(f"{shown(unit)} is not a unit of {names}; {units}")
+    return float(number) * factors[unit]
+
+
+def _expected(dimensions: tuple[Dimension, ...]) -> str:
+    names = " or ".join(dimension.name for dimension in dimensions)
+    example = next((f" such as '1 {dimension.si}'" for dimension in dimensions if dimension.si), " such as 0.5")
+    return f"{names}{example}"
+
+
+def display(value: float, unit: str, digits: int = 4) -> str:
+    """A value as people read it: four significant digits, angles in degrees, no trailing zeros."""
+    value += 0.0  # not "-0 m"
+    if unit in ("rad", "rad/s"):
+        value, unit = value / _DEGREE, unit.replace("rad", "deg")
+    if unit == "B":
+        factor, unit = next(((factor, name) for factor, name in _BYTES if abs(value) >= factor), (1.0, unit))
+        value /= factor
+    if unit == "contacts" and abs(value) == 1:
+        unit = "contact"
+    digits -= not 1e-3 <= abs(value) < 1e6  # the exponent takes room
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def display_apart(value: float, limit: float, unit: str) -> tuple[str, str]:
+    """A value and its limit, with as many digits as it takes to tell them apart if they differ."""
+    texts = display(value, unit), display(limit, unit)
+    for digits in range(5, _ALL_DIGITS + 1):
+        if texts[0] != texts[1] or value == limit:
+            break
+        texts = display(value, unit, digits), display(limit, unit, digits)
+    return texts

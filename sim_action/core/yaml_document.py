@@ -1,0 +1,230 @@
+"""Strict YAML: the core schema of YAML 1.2, no tags, no duplicate keys, bounded size, and a mark for every value.
+
+PyYAML follows YAML 1.1, in which `on` is true, `1:30` is 90 and the last of two equal keys wins; its scanner and parser
+are used here, its interpretation is not.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import yaml
+
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.location import Location, Problem
+from sim_action.core.messages import escaped_line
+
+MAX_BYTES: Final = 1_000_000
+MAX_DEPTH: Final = 40
+MAX_VALUES: Final = 20_000
+MAX_DIGITS: Final = 400
+
+_Mark = Any  # PyYAML's two parsers have a class each, with line and column from 0.
+
+KeyPath = tuple[str | int, ...]
+"""The keys and list indices that lead to a value."""
+
+_INT: Final = re.compile(r"[-+]?[0-9]+")
+_OCTAL_OR_HEX: Final = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
+_LINE_END: Final = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
+_SURROGATE: Final = re.compile("[\ud800-\udfff]")
+_FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_CONSTANTS: Final[dict[str, object]] = (
+    dict.fromkeys(("", "~", "null", "Null", "NULL"))
+    | dict.fromkeys(("true", "True", "TRUE"), True)
+    | dict.fromkeys(("false", "False", "FALSE"), False)
+    | dict.fromkeys((".inf", ".Inf", ".INF", "+.inf", "+.Inf", "+.INF"), float("inf"))
+    | dict.fromkeys(("-.inf", "-.Inf", "-.INF"), float("-inf"))
+    | dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan"))
+)
+
+
+@dataclass(frozen=True)
+class Document:
+    """A file as plain values (maps as dict, lists as tuple), with the place of each."""
+
+    file: str
+    data: object
+    marks: Mapping[KeyPath, Location] = field(default_factory=dict)
+
+    def location(self, path: KeyPath) -> Location:
+        """Where the key or list item at `path` stands; the nearest map or list around it, if it is not there."""
+        while path not in self.marks and path:
+            path = path[:-1]
+        return self.marks.get(path, Location(self.file, 1, 1))
+
+    @property
+    def size(self) -> int:
+        """How many values it holds, with aliases written out."""
+        size, waiting = 0, [self.data]
+        while waiting:
+            value = waiting.pop()
+            size += 1
+            waiting += value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()
+        return size
+
+    def problem(self, path: KeyPath, message: str) -> Problem:
+        """What is wrong at `path`, as people are told."""
+        dotted = ".".join(str(step) for step in path)
+        return Problem(self.location(path), escaped_line(f"{dotted}: {message}" if dotted else message))
+
+
+def read_document(file: str, text: str) -> Document:
+    """Reads one YAML document. Raises InvalidScenario."""
+    return _Reader(file).read(text)
+
+
+def location_after(file: str, text: str) -> Location:
+    """The place that follows the beginning `text` of a file, lines counted as YAML counts them."""
+    lines = _LINE_END.split(text)
+    return Location(file, len(lines), len(lines[-1]) + 1)
+
+
+class _Refused(Exception):
+    """Ends the reading; its problem has been noted."""
+
+
+class _Reader:
+    def __init__(self, file: str) -> None:
+        self._file = file
+        self._problems: list[Problem] = []
+        self._marks: dict[KeyPath, Location] = {}
+        self._anchors: dict[str, tuple[object, int]] = {}
+        self._values = 0
+
+    def read(self, text: str) -> Document:
+        data: object = None
+        try:
+            self._events = self._parsed(text)
+            data = self._document()
+        except _Refused:
+            pass
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            self._note(mark, f"not valid YAML: {' '.join(filter(None, (error.context, error.problem)))}")
+        except yaml.reader.ReaderError as error:
+            where = location_after(self._file, text[: error.position])
+            message = f"the control character U+{ord(text[error.position]):04X} is not allowed; take it out"
+            self._problems.append(Problem(where, message))
+        if self._problems:
+            raise InvalidScenario(self._problems)
+        return Document(self._file, data, self._marks)
+
+    def _parsed(self, text: str) -> Iterator[yaml.Event]:
+        mark: _Mark | None = None
+        try:
+            for event in yaml.parse(text, Loader=yaml.SafeLoader):
+                mark = event.end_mark
+                yield event
+        except (ValueError, OverflowError):
+            # PyYAML's own: an escape such as "\UFFFFFFFF", a version of 5,000 digits.
+            self._note(mark, "not valid YAML: what follows has an escape or a number out of range")
+            raise _Refused from None
+
+    def _document(self) -> object:
+        data: object = None
+        documents = 0
+        for event in self._events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    raise self._refuse(event, "a second document; a file holds one scenario")
+                data, _ = self._value(next(self._events), ())
+        return data
+
+    def _value(self, event: yaml.Event, path: KeyPath) -> tuple[object, int]:
+        """The value that begins with an event, and how many values it holds with aliases written out."""
+        self._marks.setdefault(path, self._at(event.start_mark))
+        if len(path) > MAX_DEPTH:
+            raise self._refuse(event, f"more than {MAX_DEPTH} maps and lists inside each other")
+        if isinstance(event, yaml.AliasEvent):
+            built = self._alias(event)
+        else:
+            built = self._node(event, path)
+            if anchor := getattr(event, "anchor", None):
+                self._anchors[anchor] = built
+        return built
+
+    def _node(self, event: yaml.Event, path: KeyPath) -> tuple[object, int]:
+        if (tag := getattr(event, "tag", None)) is not None:
+            written = tag.replace("tag:yaml.org,2002:", "!!")
+            raise self._refuse(event, f"the tag '{written}' is not supported; leave it out")
+        self._count(event, 1)
+        if isinstance(event, yaml.MappingStartEvent):
+            return self._map(path)
+        if isinstance(event, yaml.SequenceStartEvent):
+            return self._list(path)
+        assert isinstance(event, yaml.ScalarEvent)
+        return self._scalar(event), 1
+
+    def _alias(self, event: yaml.AliasEvent) -> tuple[object, int]:
+        if event.anchor not in self._anchors:
+            raise self._refuse(event, f"the alias '*{event.anchor}' stands for nothing that came before it")
+        value, size = self._anchors[event.anchor]
+        self._count(event, size)
+        return value, size
+
+    def _map(self, path: KeyPath) -> tuple[object, int]:
+        values: dict[str, object] = {}
+        size = 1
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            key = self._key(event)
+            if key in values:
+                self._note(event.start_mark, f"the key '{key}' is there twice")
+            self._marks[(*path, key)] = self._at(event.start_mark)
+            values[key], inner = self._value(next(self._events), (*path, key))
+            size += inner
+        return values, size
+
+    def _list(self, path: KeyPath) -> tuple[object, int]:
+        values: list[object] = []
+        size = 1
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+            value, inner = self._value(event, (*path, len(values)))
+            values.append(value)
+            size += inner
+        return tuple(values), size
+
+    def _key(self, event: yaml.Event) -> str:
+        if not isinstance(event, yaml.ScalarEvent):
+            raise self._refuse(event, "a key must be text; this is a map, a list or an alias")
+        key = self._scalar(event)
+        if not isinstance(key, str):
+            raise self._refuse(event, f"a key must be text; put it in quotes: '{event.value}'")
+        return key
+
+    def _scalar(self, event: yaml.ScalarEvent) -> object:
+        if _SURROGATE.search(event.value):
+            raise self._refuse(event, "half of a surrogate pair is no character; write the character itself")
+        return self._plain(event) if event.style is None else event.value
+
+    def _plain(self, event: yaml.ScalarEvent) -> object:
+        text = event.value
+        if text in _CONSTANTS:
+            return _CONSTANTS[text]
+        whole, based = _INT.fullmatch(text), _OCTAL_OR_HEX.fullmatch(text)
+        if (whole or based) and len(text) > MAX_DIGITS:
+            raise self._refuse(event, f"a number of {len(text)} digits; at most {MAX_DIGITS} are read")
+        if whole:
+            return int(text)
+        if based:
+            return int(text, 0)
+        return float(text) if _FLOAT.fullmatch(text) else text
+
+    def _count(self, event: yaml.Event, values: int) -> None:
+        self._values += values
+        if self._values > MAX_VALUES:
+            raise self._refuse(event, f"more than {MAX_VALUES} values, with aliases written out")
+
+    def _at(self, mark: _Mark | None) -> Location:
+        return Location(self._file, mark.line + 1, mark.column + 1) if mark else Location(self._file, 1, 1)
+
+    def _note(self, mark: _Mark | None, message: str) -> None:
+        self._problems.append(Problem(self._at(mark), escaped_line(message)))
+
+    def _refuse(self, event: yaml.Event, message: str) -> _Refused:
+        self._note(event.start_mark, message)
+        return _Refused()

@@ -1,0 +1,89 @@
+"""What the robot touches, in names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import mujoco
+
+from sim_action.engines.mujoco.model import Compiled
+from sim_action.state.observation import Clash, Contact, Overlap
+from sim_action.world import GROUND
+
+_REMEMBERED: Final = 256
+
+
+class Contacts:
+    """Reads the contacts of the last step."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._model, self._data = compiled.model, compiled.data
+        self._links, self._bodies = compiled.links, compiled.bodies
+        objects = {geom for geom, body in self._bodies.items() if body != GROUND}
+        self._matters = objects.union(self._links)
+        # Geoms that touched at once, of which none mattered to the other.
+        self._harmless: set[bytes] = set()
+        # By the number of contacts: a live view of their geoms. The engine always has contacts at the same place, and
+        # to look up where takes five times as long as to read them.
+        self._geoms: dict[int, memoryview] = {}
+
+    def may_matter(self) -> bool:
+        """Whether anything may touch now beside the ground, which is asked at every step."""
+        count = self._data.ncon
+        if not count:
+            return False
+        if count not in self._geoms:
+            self._geoms[count] = memoryview(self._data.contact.geom)
+        # Wheels stand on the ground at most steps: which geoms touch is seldom new.
+        seen = self._geoms[count].tobytes()
+        if seen in self._harmless:
+            return False
+        matters = any(self._matters.issuperset(pair) for pair in self._data.contact.geom.tolist())
+        if not matters:
+            if len(self._harmless) == _REMEMBERED:
+                self._harmless.clear()
+            self._harmless.add(seen)
+        return matters
+
+    def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
+        """What touches now, with or without the ground."""
+        contacts, forces = self._data.contact, self._data.efc_force
+        pairs = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), contacts.pos.tolist(), strict=True)
+        for (one, other), row, (x, y, z) in pairs:
+            link, body = (one, other) if one in self._links else (other, one)
+            if link not in self._links or row < 0 or (not ground and self._bodies[body] == GROUND):
+                continue
+            yield Contact(time, self._links[link], self._bodies[body], (x, y, z), float(forces[row]))
+
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """See Backend.overlaps."""
+        deepest: dict[tuple[str, str], float] = {}
+        for one, other, depth in self._present():
+            link, body = (one, other) if one in self._links else (other, one)
+            if link in self._links:
+                pair = self._links[link], self._bodies[body]
+                deepest[pair] = max(deepest.get(pair, 0.0), depth)
+        return tuple(Overlap(link, body, depth) for (link, body), depth in deepest.items() if depth > 0)
+
+    def clashes(self) -> tuple[Clash, ...]:
+        """See Backend.clashes."""
+        deepest: dict[tuple[str, str], float] = {}
+        for one, other, depth in self._present():
+            if one not in self._links and other not in self._links:
+                body, fixed = (one, other) if self._moves(one) else (other, one)
+                pair = self._bodies[body], self._bodies[fixed]
+                deepest[pair] = max(deepest.get(pair, 0.0), depth)
+        return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
+
+    def _moves(self, geom: int) -> bool:
+        return bool(self._model.body_dofnum[self._model.geom_bodyid[geom]])
+
+    def _present(self) -> Iterator[tuple[int, int, float]]:
+        """Geoms that touch now, and how deep they are in each other in m."""
+        # Contacts are those of the last step, and have a part in the next: present ones are looked for on a copy.
+        present = mujoco.MjData(self._model)
+        present.qpos[:] = self._data.qpos
+        mujoco.mj_fwdPosition(self._model, present)
+        for (one, other), distance in zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True):
+            yield one, other, -distance

@@ -1,0 +1,133 @@
+"""The clean URDF as bodies and joints of a MuJoCo model."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.engines.mujoco.shapes import add_collision, wxyz
+from sim_action.engines.mujoco.touch import Skin
+from sim_action.engines.mujoco.wording import engine_name
+from sim_action.robot.robot_model import Joint, Mimic, RobotModel
+
+_JOINT_TYPES: Final = {
+    "revolute": mujoco.mjtJoint.mjJNT_HINGE,
+    "continuous": mujoco.mjtJoint.mjJNT_HINGE,
+    "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
+}
+
+# In rad, or m: no joint gets there. The engine takes no range that is open at one end.
+_FAR: Final = 1e16
+
+_AXES: Final[tuple[geometry.Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Skin]:
+    """Adds the robot's tree to the world, its base at the origin; returns what can touch something."""
+    # The text was written by `models.urdf`.
+    root = ET.fromstring(model.urdf)  # noqa: S314 - see above
+    links = {link.attrib["name"]: link for link in root.iterfind("link")}
+    joints = {joint.attrib["name"]: joint for joint in root.iterfind("joint")}
+    base = spec.worldbody.add_body(name=engine_name(model.root))
+    if not fixed:
+        base.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+    skins = _fill(spec, base, links[model.root], model)
+    waiting = [(model.root, base)]
+    while waiting:
+        parent, above = waiting.pop()
+        for joint in (joint for joint in model.joints if joint.parent == parent):
+            body = _hang(above, joint, joints[joint.name])
+            skins += _fill(spec, body, links[joint.child], model)
+            waiting.append((joint.child, body))
+    for joint in model.joints:
+        if joint.mimic is not None:
+            _follow(spec, joint, joint.mimic)
+    return skins
+
+
+def _hang(parent: Any, joint: Joint, element: Element) -> Any:
+    at = joint.origin
+    body = parent.add_body(name=engine_name(joint.child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
+    if joint.moves:
+        dynamics = element.find("dynamics")
+        body.add_joint(
+            name=engine_name(joint.name),
+            type=_JOINT_TYPES[joint.type],
+            axis=list(joint.axis_xyz),
+            damping=[_number(dynamics, "damping"), 0, 0],
+            frictionloss=_number(dynamics, "friction"),
+            **_limits(joint),
+        )
+    return body
+
+
+def _follow(spec: Any, joint: Joint, mimic: Mimic) -> None:
+    spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        name1=engine_name(joint.name),
+        name2=engine_name(mimic.joint),
+        data=[mimic.offset, mimic.multiplier, *[0.0] * (mujoco.mjNEQDATA - 2)],
+    )
+
+
+def _limits(joint: Joint) -> dict[str, Any]:
+    """A joint that states no limits turns freely, and one whose limits are reversed, as in Bullet."""
+    lower = -_FAR if joint.lower is None else joint.lower
+    upper = _FAR if joint.upper is None else joint.upper
+    if joint.type == "continuous" or (joint.lower is None and joint.upper is None) or lower > upper:
+        return {"limited": mujoco.mjtLimited.mjLIMITED_FALSE}
+    # The engine takes no range of length 0.
+    narrow = 1e-9 * (lower == upper)
+    return {"limited": mujoco.mjtLimited.mjLIMITED_TRUE, "range": [lower - narrow, upper + narrow]}
+
+
+def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Skin]:
+    inertial = link.find("inertial")
+    if inertial is not None and _number(inertial.find("mass"), "value") > 0:
+        _weigh(body, inertial)
+    name = link.attrib["name"]
+    surface = model.links_by_name[name].surface
+    skins = []
+    for number, collision in enumerate(link.iterfind("collision")):
+        shape = collision.find("geometry/*")
+        assert shape is not None
+        added = add_collision(spec, body, f"robot/{name}/{number}", shape, _origin(collision))
+        skins += [Skin(geom, name, surface) for geom in added]
+    return skins
+
+
+def _weigh(body: Any, inertial: Element) -> None:
+    pose, inertia = _origin(inertial), inertial.find("inertia")
+    xx, xy, xz, yy, yz, zz = (_number(inertia, name) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    # The engine takes a full tensor in the axes of the link alone.
+    turned = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES]).T
+    tensor = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
+    body.explicitinertial = True
+    body.mass = _number(inertial.find("mass"), "value")
+    body.ipos = list(pose.position_xyz)
+    body.fullinertia = tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)].tolist()
+
+
+def _origin(element: Element) -> Pose:
+    stated = element.find("origin")
+    position, rpy = (
+        (0.0, 0.0, 0.0) if stated is None or name not in stated.attrib else _vector(stated.attrib[name])
+        for name in ("xyz", "rpy")
+    )
+    return Pose(position, geometry.quaternion_from_rpy(*rpy))
+
+
+def _vector(text: str) -> geometry.Vector3:
+    x, y, z = map(float, text.split())
+    return (x, y, z)
+
+
+def _number(element: Element | None, name: str) -> float:
+    return 0.0 if element is None else float(element.get(name, 0.0))

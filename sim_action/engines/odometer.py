@@ -1,0 +1,149 @@
+"""How far any point of a robot can have come, as a bound that is cheap to work out at every step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Vector3
+from sim_action.robot.robot_model import Joint, RobotModel, Shape
+from sim_action.state.trace import FloatArray
+
+# What rounding makes of a bound, and how much further than its limits a slide may be pushed.
+_ROUNDING = 1 + 1e-9
+_BEYOND_LIMITS = 1.1
+
+
+class PoseOdometer:
+    """Bounds how far any point of a rigid body can have come, in m.
+
+    A pose that changes by dp and by dq (of its unit quaternion) moves a point at a distance r by no more than
+    |dp| + 2 r |dq|.
+    """
+
+    def __init__(self, radius: float) -> None:
+        """`radius`: m, how far its points are from its origin at most; inf if nobody knows."""
+        self._diameter = 2 * radius
+        self._last: Sequence[float] = ()
+
+    def advance(self, pose: Sequence[float]) -> float:
+        """How far a step has taken it that ends at a pose (7,): position and unit quaternion."""
+        last, self._last = self._last or pose, pose
+        turned = math.dist(pose[3:], last[3:])
+        # Nothing times infinity is not a number.
+        return (math.dist(pose[:3], last[:3]) + (self._diameter * turned if turned else 0.0)) * _ROUNDING
+
+    def advance_all(self, poses: FloatArray) -> FloatArray:
+        """(T,) m: the same of T steps, (T, 7)."""
+        change = np.diff(np.vstack((self._last or poses[0], poses)), axis=0) ** 2
+        self._last = tuple(poses[-1].tolist())
+        moved, turned = np.sqrt(change[:, :3].sum(axis=1)), np.sqrt(change[:, 3:].sum(axis=1))
+        told: FloatArray = (moved + _times(turned, self._diameter)) * _ROUNDING
+        return told
+
+
+class Odometer:
+    """Bounds how far any point of a robot can have come, in m.
+
+    Beside what the base does, a joint moves what is beyond it by no more than its angle times how far away that can be.
+    """
+
+    def __init__(self, model: RobotModel, radii: Mapping[str, float]) -> None:
+        """`radii`: link -> m, how far its shapes are from its origin at most; inf if nobody knows."""
+        extents = _extents(model, radii)
+        self._base = PoseOdometer(extents[model.root])
+        self._chains = _chains(model, extents)
+        self._last: Sequence[float] = ()
+
+    def advance(self, pose: Sequence[float], joints: Sequence[float]) -> float:
+        """How far a step has taken it that ends at a pose (7,) of the base, and at joint positions (J,)."""
+        last, self._last = self._last or joints, joints
+        moved = 0.0
+        for chain in self._chains:
+            swung = 0.0
+            for joint, reach in chain:
+                turned = abs(joints[joint] - last[joint])
+                swung += reach * turned if turned else 0.0
+            # Also where it is no number.
+            moved = max(moved, swung)
+        return (moved + self._base.advance(pose)) * _ROUNDING
+
+    def advance_all(self, poses: FloatArray, joints: FloatArray) -> FloatArray:
+        """(T,) m: the same of T steps, (T, 7) and (T, J)."""
+        turned = np.abs(np.diff(np.vstack((self._last or joints[0], joints)), axis=0))
+        self._last = tuple(joints[-1].tolist())
+        moved = np.zeros(len(joints))
+        for chain in self._chains:
+            moved = np.maximum(moved, sum(_times(turned[:, joint], reach) for joint, reach in chain))
+        return (moved + self._base.advance_all(poses)) * _ROUNDING
+
+
+def _times(turned: FloatArray, reach: float) -> FloatArray:
+    """Nothing times infinity is nothing."""
+    return turned * reach if reach < math.inf else np.where(turned == 0.0, 0.0, math.inf)
+
+
+def _extents(model: RobotModel, radii: Mapping[str, float]) -> dict[str, float]:
+    """Link -> m: how far what hangs on it, and itself, can be from its origin."""
+    extents: dict[str, float] = {}
+    for name in reversed(_from_root(model)):
+        ways = (
+            math.hypot(*joint.origin.position_xyz) + _stroke(joint) + extents[joint.child]
+            for joint in model.joints
+            if joint.parent == name
+        )
+        extents[name] = max([radii.get(name, 0.0), *ways])
+    return extents
+
+
+def _from_root(model: RobotModel) -> list[str]:
+    names = [model.root]
+    for name in names:
+        names += [joint.child for joint in model.joints if joint.parent == name]
+    return names
+
+
+def _stroke(joint: Joint) -> float:
+    if joint.type != "prismatic":
+        return 0.0
+    if joint.lower is None or joint.upper is None:
+        return math.inf
+    return _BEYOND_LIMITS * max(abs(joint.lower), abs(joint.upper))
+
+
+def _reach(model: RobotModel, joint: Joint, extent: float) -> float:
+    """By how many m a joint moves what is beyond it, per rad or m."""
+    if joint.type == "prismatic":
+        return 1.0
+    shapes = model.links_by_name[joint.child].collisions
+    if not shapes or any(other.parent == joint.child for other in model.joints):
+        return extent
+    return min(extent, max(_wobble(shape, joint.axis_xyz) for shape in shapes))
+
+
+def _wobble(shape: Shape, axis_xyz: Vector3) -> float:
+    """By how many m per rad a shape moves that turns about an axis: where it is round about it, it stays as it is."""
+    if shape.kind not in ("cylinder", "sphere"):
+        return math.inf
+    place, size = shape.pose.position_xyz, math.hypot(*shape.upper_xyz)
+    upright = geometry.rotate(shape.pose.orientation_xyzw, (0.0, 0.0, 1.0))
+    tilt = math.hypot(*geometry.cross(upright, axis_xyz)) if shape.kind == "cylinder" else 0.0
+    # An axis that changes by dz turns by no more than 2 |dz|.
+    return math.hypot(*geometry.cross(place, axis_xyz)) + 2 * tilt * size
+
+
+def _chains(model: RobotModel, extents: Mapping[str, float]) -> list[list[tuple[int, float]]]:
+    """From the root to each leaf: which joints move it, and by how many m per rad or m."""
+    numbers = {joint.name: number for number, joint in enumerate(model.moving_joints)}
+    chains: dict[str, list[tuple[int, float]]] = {model.root: []}
+    inner = set()
+    for name in _from_root(model):
+        for joint in (joint for joint in model.joints if joint.parent == name):
+            reach = _reach(model, joint, extents[joint.child])
+            moves = [(numbers[joint.name], reach)] if joint.name in numbers else []
+            chains[joint.child] = chains[name] + moves
+            inner.add(name)
+    return [chain for name, chain in chains.items() if chain and name not in inner]

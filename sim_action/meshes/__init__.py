@@ -1,0 +1,100 @@
+"""Mesh files that a model names, read far enough to say what they are, and rewritten for the engine.
+
+An engine's own readers die of a wrong index, hang on a material that is a pipe, and take a file that they do not
+understand for a shape that nothing can touch (tests/integration/test_meshes.py holds what PyBullet does with each).
+So it is handed only files that were written here: `clean_mesh` leaves the points of convex hulls, and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+from sim_action.core.geometry import Vector3
+from sim_action.core.regular_files import read_at_most
+from sim_action.meshes.clean import CleanMesh, clean_name, known_mesh, written_mesh
+from sim_action.meshes.collada import read_collada
+from sim_action.meshes.hulls import MeshFacts, facts_of
+from sim_action.meshes.mesh import MAX_BYTES, MAX_TRIANGLES, Mesh, MeshError
+from sim_action.meshes.obj import read_obj
+from sim_action.meshes.stl import read_stl
+
+__all__ = [
+    "MAX_BYTES",
+    "MAX_TRIANGLES",
+    "READERS",
+    "CleanMesh",
+    "MeshError",
+    "MeshFacts",
+    "clean_mesh",
+    "mesh_bytes",
+    "parsed_mesh",
+    "read_mesh",
+]
+
+READERS: Final[Mapping[str, Callable[[bytes], Mesh]]] = MappingProxyType(
+    {"stl": read_stl, "obj": read_obj, "dae": read_collada}
+)
+"""How a file is read, by the end of its name."""
+
+_LFS_POINTER: Final = b"version https://git-lfs"
+
+
+def read_mesh(path: Path) -> MeshFacts:
+    """What a mesh file holds. Raises MeshError."""
+    return facts_of(_format(path), _parsed(path, mesh_bytes(path)))
+
+
+def parsed_mesh(path: Path) -> Mesh:
+    """The triangles of a mesh file. Raises MeshError."""
+    return _parsed(path, mesh_bytes(path))
+
+
+def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margin: float = 0.0) -> CleanMesh:
+    """Rewrites a mesh as an OBJ of hulls in metres, to be used with no scale; a file of the same content only once.
+
+    Args:
+        path: of the mesh.
+        folder: where rewritten meshes are kept, by content. What is found there is believed.
+        scale: of the URDF's `<mesh scale>`: what one unit of the file is in m.
+        margin: in m, what the engine adds around a hull; the hulls are drawn in by as much.
+
+    Raises MeshError.
+    """
+    data = mesh_bytes(path)
+    cleaned = folder / clean_name(_format(path), data, scale, margin)
+    known = known_mesh(cleaned, scale)
+    if known is not None:
+        return known
+    mesh = _parsed(path, data)
+    return written_mesh(cleaned, mesh, facts_of(_format(path), mesh), scale, margin)
+
+
+def _format(path: Path) -> str:
+    return path.suffix.lower().removeprefix(".")
+
+
+def _parsed(path: Path, data: bytes) -> Mesh:
+    if data.startswith(_LFS_POINTER):
+        message = "is a pointer of Git LFS, not the mesh; fetch it: git lfs pull, or actions/checkout with lfs: true"
+        raise MeshError("broken-mesh", message)
+    return READERS[_format(path)](data)
+
+
+def mesh_bytes(path: Path) -> bytes:
+    """What is in a mesh file, as it is. Raises MeshError."""
+    if _format(path) not in READERS:
+        message = f"'{path.suffix}' files are not read; convert it to one of .{', .'.join(READERS)}"
+        raise MeshError("unknown-mesh-format", message)
+    try:
+        data = read_at_most(path, MAX_BYTES)
+    except FileNotFoundError:
+        raise MeshError("missing-mesh", "is not there") from None
+    except (OSError, ValueError) as error:  # a NUL in its name
+        raise MeshError("broken-mesh", f"cannot be read: {error}") from None
+    if data is None:
+        message = f"has more than {MAX_BYTES // 1_000_000} MB; a few thousand triangles are plenty to collide with"
+        raise MeshError("too-large-mesh", message)
+    return data

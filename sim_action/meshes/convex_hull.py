@@ -1,0 +1,127 @@
+"""The faces of convex hulls, and what a hull weighs that is filled evenly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core.geometry import Vector3
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+# Of its extent: what is nearer to a plane is on it.
+_FLAT: Final = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """Of a body of 1 kg: its centre of mass in m, and its inertia about that in kg m^2, in the axes of the body."""
+
+    centre_xyz: FloatArray
+    inertia: FloatArray
+
+
+def mass_properties(points: FloatArray) -> MassProperties:
+    """Of the hull of points (N, 3) that has a volume, as tetrahedra between its faces and a point inside."""
+    inside = points.mean(axis=0)
+    faces = hull_faces(points - inside)
+    assert faces is not None
+    a, b, c = (points[faces[:, corner]] - inside for corner in range(3))
+    volumes = np.abs((a * np.cross(b, c)).sum(axis=1)) / 6
+    share = volumes / volumes.sum()
+    centre = (share[:, None] * (a + b + c) / 4).sum(axis=0)
+    # The second moments of a tetrahedron with a corner at the origin: (the corners' and their sum's) / 20.
+    sums = sum(np.einsum("t,ti,tj->ij", share, corner, corner) for corner in (a, b, c, a + b + c)) / 20
+    moments = sums - np.outer(centre, centre)
+    return MassProperties(inside + centre, np.trace(moments) * np.eye(3) - moments)
+
+
+def face_normals(points: FloatArray) -> FloatArray:
+    """(F, 3) unit vectors out of the faces of a hull; none if it has no volume."""
+    faces = hull_faces(points)
+    return np.empty((0, 3)) if faces is None else _planes(points, faces, points.mean(axis=0))[0]
+
+
+def hull_faces(points: FloatArray) -> IntArray | None:
+    """(F, 3) the points of each face of a hull, which grows point by point; None if it has no volume."""
+    eps = _FLAT * float(np.abs(points).max())
+    corners = _first_corners(points, eps)
+    if corners is None:
+        return None
+    inside = points[list(corners)].mean(axis=0)
+    a, b, c, d = corners
+    faces = np.array([(a, b, c), (a, b, d), (a, c, d), (b, c, d)])
+    normals, offsets = _planes(points, faces, inside)
+    for number, point in enumerate(points):
+        seen = along(normals, point) > offsets + eps
+        if seen.any():
+            rim = _rim(faces[seen])
+            grown = np.column_stack((rim, np.full(len(rim), number)))
+            new_normals, new_offsets = _planes(points, grown, inside)
+            faces = np.concatenate((faces[~seen], grown))
+            normals = np.concatenate((normals[~seen], new_normals))
+            offsets = np.concatenate((offsets[~seen], new_offsets))
+    return faces
+
+
+def _rim(faces: IntArray) -> IntArray:
+    """(E, 2) the edges that belong to one of the faces only."""
+    edges = np.sort(faces[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2), axis=1)
+    found, counts = np.unique(edges, axis=0, return_counts=True)
+    rim: IntArray = found[counts == 1]
+    return rim
+
+
+def _planes(points: FloatArray, faces: IntArray, inside: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(F, 3) normals, away from a point inside, and (F,) offsets."""
+    a, b, c = (points[faces[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    lengths = np.sqrt((normals**2).sum(axis=1))
+    normals /= np.where(lengths > 0, lengths, 1.0)[:, None]
+    normals *= np.where(((a - inside) * normals).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    return normals, (a * normals).sum(axis=1)
+
+
+def _first_corners(points: FloatArray, eps: float) -> tuple[int, int, int, int] | None:
+    """Four points that are far from lying in a plane."""
+    a = int(points[:, 0].argmin())
+    away = points - points[a]
+    b = int((away**2).sum(axis=1).argmax())
+    across = np.cross(away, away[b])
+    c = int((across**2).sum(axis=1).argmax())
+    heights = np.abs(along(away, np.cross(away[b], away[c])))
+    d = int(heights.argmax())
+    area = float(np.sqrt((np.cross(away[b], away[c]) ** 2).sum()))
+    return (a, b, c, d) if heights[d] > eps * area else None
+
+
+def along(points: FloatArray, direction: FloatArray) -> FloatArray:
+    """Sums of products, not a product of matrices: the same on every machine."""
+    length: FloatArray = points[..., 0] * direction[0] + points[..., 1] * direction[1] + points[..., 2] * direction[2]
+    return length
+
+
+def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
+    """The points (N, 3) that reach furthest in one of some directions, in their order.
+
+    It is as if the body were as long as it is wide, lest all directions see the ends of what is long.
+    """
+    extents = np.ptp(points, axis=0)
+    even = points / np.where(extents > 0, extents, 1.0)
+    kept: FloatArray = points[sorted({int(along(even, np.array(direction)).argmax()) for direction in directions})]
+    return kept
+
+
+def spread_directions(count: int) -> Iterator[Vector3]:
+    """Unit vectors that are spread evenly over the sphere, along a spiral."""
+    golden_angle = math.pi * (3 - math.sqrt(5))
+    for nth in range(count):
+        height = 1 - (2 * nth + 1) / count
+        radius = math.sqrt(1 - height * height)
+        yield (radius * math.cos(golden_angle * nth), radius * math.sin(golden_angle * nth), height)

@@ -1,0 +1,132 @@
+"""Wavefront OBJ: points, faces, objects. What is said of looks is passed over, and no other file is opened."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+from array import array
+from collections.abc import Iterator
+from typing import Final
+
+from sim_action.core.messages import shown
+from sim_action.meshes.mesh import (
+    Mesh,
+    MeshError,
+    mesh_of,
+    refuse_more_parts,
+    refuse_more_points,
+    refuse_more_triangles,
+)
+
+# As in the engine: a hull for each.
+_BEGINS_A_PART: Final = (b"o", b"g")
+
+_MAX_LINES: Final = 5_000_000
+
+_LONGEST_STATEMENT: Final = 1_000_000
+"""In characters; a face of as many corners as robots have would need fewer."""
+
+
+def read_obj(data: bytes) -> Mesh:
+    """Reads the bytes of a file. Raises MeshError."""
+    if b"\0" in data:
+        raise MeshError("broken-mesh", "is no OBJ: there are NULs in it")
+    if data.count(b"\n") > _MAX_LINES:
+        raise MeshError("too-large-mesh", f"has more than {_MAX_LINES:,} lines")
+    reader = _Reader()
+    for number, words in _statements(data):
+        reader.take(words, number)
+    return reader.mesh()
+
+
+def _statements(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
+    """The words of each statement, and the line that it ends on; a backslash goes on in the next line."""
+    waiting: list[bytes] = []
+    for number, line in enumerate(io.BytesIO(data), start=1):
+        if len(line) > _LONGEST_STATEMENT or len(waiting) > _LONGEST_STATEMENT:
+            raise MeshError("too-large-mesh", f"a statement of more than {_LONGEST_STATEMENT:,} characters", number)
+        words = line.split()
+        if words and words[-1].endswith(b"\\"):
+            waiting += [word for word in (*words[:-1], words[-1][:-1]) if word]
+        elif waiting:
+            yield number, waiting + words
+            waiting = []
+        elif words:
+            yield number, words
+    if waiting:
+        raise MeshError("broken-mesh", "the last line goes on nowhere: was the file cut off?")
+
+
+class _Reader:
+    """One file while it is read."""
+
+    def __init__(self) -> None:
+        self._coordinates = array("d")
+        self._points = 0
+        # Points as files name them: from 1.
+        self._corners = array("q")
+        self._starts = [0]
+        # The highest point that a face named before the file did, and where.
+        self._ahead = (0, 0)
+
+    def take(self, words: list[bytes], line: int) -> None:
+        keyword = words[0]
+        if keyword == b"v":
+            self._take_point(words, line)
+        elif keyword == b"f":
+            self._take_face(words, line)
+        elif keyword in _BEGINS_A_PART and self._starts[-1] < len(self._corners):
+            self._starts.append(len(self._corners))
+            refuse_more_parts(len(self._starts))
+
+    def mesh(self) -> Mesh:
+        import numpy as np
+
+        if self._ahead[0] > self._points:
+            raise self._no_such_point(*self._ahead)
+        triangles = np.array(self._corners, np.int64).reshape(-1, 3) - 1
+        parts = np.split(triangles, [start // 3 for start in self._starts[1:]])
+        return mesh_of(np.array(self._coordinates).reshape(-1, 3), parts)
+
+    def _take_point(self, words: list[bytes], line: int) -> None:
+        try:
+            x, y, z = map(float, words[1:4])
+        except ValueError:
+            x = y = z = math.nan
+        if not math.isfinite(x + y + z):
+            raise MeshError("broken-mesh", f"{_quoted(words)}: a point is three finite numbers", line)
+        self._coordinates.extend((x, y, z))
+        self._points += 1
+        refuse_more_points(self._points)
+
+    def _take_face(self, words: list[bytes], line: int) -> None:
+        if len(words) < 4:  # an edge, which some programs leave behind
+            return
+        try:
+            # Of 1/2/3, only the first is a point's.
+            named = [int(word.split(b"/", 1)[0]) for word in words[1:]]
+        except ValueError:
+            raise MeshError("broken-mesh", f"{_quoted(words)}: a corner is a whole number", line) from None
+        if min(named) < 1 or max(named) > self._points:
+            named = [self._counted_from_1(point, line) for point in named]
+        first, *others = named
+        for second, third in itertools.pairwise(others):
+            self._corners.extend((first, second, third))
+        refuse_more_triangles(len(self._corners) // 3)
+
+    def _counted_from_1(self, point: int, line: int) -> int:
+        """A point that was counted backwards, or that is yet to come."""
+        if point == 0 or point < -self._points:
+            raise self._no_such_point(point, line)
+        if point > max(self._points, self._ahead[0]):
+            self._ahead = (point, line)
+        return point if point > 0 else self._points + 1 + point
+
+    def _no_such_point(self, point: int, line: int) -> MeshError:
+        known = "points count from 1" if point == 0 else f"there are {self._points:,}"
+        return MeshError("mesh-index", f"a face names point {point:,}, and {known}; export the mesh again", line)
+
+
+def _quoted(words: list[bytes]) -> str:
+    return shown(b" ".join(words)[:100].decode("latin-1"))

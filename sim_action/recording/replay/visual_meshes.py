@@ -1,0 +1,104 @@
+"""Files of meshes that links are drawn with, as surfaces of few triangles; each content is looked at once."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from sim_action.core.whole_files import whole_file
+from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
+from sim_action.meshes.hull_file import hull_points
+from sim_action.recording.replay.hulls import hull_surface
+from sim_action.recording.replay.simplification import Triangles, simplified
+from sim_action.robot.references import cache_folder
+from sim_action.robot.robot_model import RobotModel
+
+# Of what is written here: another number, and files of before are no longer found.
+_VERSION: Final = 1
+
+_MOST_BYTES: Final = 20_000_000
+"""Of a file: what is larger would take longer to read than most runs take."""
+
+
+class VisualMeshes:
+    """The surfaces of one robot's meshes; of the same file, one."""
+
+    def __init__(self, model: RobotModel, most: int) -> None:
+        """`most`: triangles of each."""
+        self._text, self._most = model.mjcf, most
+        self._known: dict[str, Triangles | None] = {}
+        self._known_hulls: dict[str, Triangles | None] = {}
+
+    def surface(self, file: str) -> Triangles | None:
+        """What is in a file (see Visual), in its own units; None if that cannot be read."""
+        if self._text and not self._known:
+            self._known = dict(self._of_text())
+        if file not in self._known:
+            self._known[file] = None if self._text else self._read(Path(file))
+        return self._known[file]
+
+    def hulls(self, file: str) -> Triangles | None:
+        """The hulls in a file that was written here (see Shape), whose name is that of its content."""
+        if file not in self._known_hulls:
+            self._known_hulls[file] = self._read_hulls(Path(file))
+        return self._known_hulls[file]
+
+    def _read_hulls(self, path: Path) -> Triangles | None:
+        cached = path.with_name(f"{path.stem}-{_VERSION}-{self._most}.npz")
+        if (known := _stored(cached)) is not None:
+            return known
+        try:
+            found = hull_surface(hull_points(path))
+            if found is not None:
+                found = simplified(found, self._most)
+                _store(found, cached)
+        except OSError:
+            return None
+        return found
+
+    def _of_text(self) -> Iterator[tuple[str, Triangles]]:
+        from sim_action.robot.mjcf_model import surfaces_of_text
+
+        for name, (points, corners) in surfaces_of_text(self._text).items():
+            yield name, simplified(Triangles(points, corners), self._most)
+
+    def _read(self, path: Path) -> Triangles | None:
+        try:
+            data = mesh_bytes(path)
+            if len(data) > _MOST_BYTES:
+                return None
+            cached = cache_folder() / self._name(path, data)
+            known = _stored(cached)
+            if known is None:
+                mesh = parsed_mesh(path)
+                known = simplified(Triangles(mesh.points_xyz, np.concatenate(mesh.parts)), self._most)
+                _store(known, cached)
+        except (MeshError, OSError):
+            return None
+        return known
+
+    def _name(self, path: Path, data: bytes) -> str:
+        digest = hashlib.sha256(json.dumps([_VERSION, "visual", path.suffix.lower(), self._most]).encode())
+        digest.update(data)
+        return f"{digest.hexdigest()}.npz"
+
+
+def _stored(path: Path) -> Triangles | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            points, corners = stored["points_xyz"].astype(np.float64), stored["corners"].astype(np.int64)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    return Triangles(points, corners)
+
+
+def _store(surface: Triangles, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as file:  # another process may be at the same mesh
+        np.savez(file, points_xyz=surface.points_xyz.astype(np.float32), corners=surface.corners.astype(np.int32))

@@ -1,0 +1,1 @@
+"""The results of a call: outcomes, `results.json`, shards, comparison and artifacts."""

@@ -1,0 +1,152 @@
+"""Folders of ROS packages and Gazebo models below a root, found without ROS: what package.xml and model.config say."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+from xml.parsers import expat
+
+from sim_action.core.regular_files import read_at_most
+
+PACKAGE_FILE: Final = "package.xml"
+_MODEL_FILES: Final = frozenset({"model.config", "model.sdf"})
+
+_IGNORE_FILES: Final = frozenset({"CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"})
+# What catkin and colcon make: copies of the packages, or nothing of ours.
+_SKIPPED: Final = frozenset({"build", "devel", "install", "log", "node_modules", "__pycache__"})
+_MAX_FOLDERS: Final = 20_000
+_MAX_DEPTH: Final = 16
+_MAX_PACKAGE_BYTES: Final = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class PackageFolders:
+    """What was found below a folder.
+
+    Attributes:
+        packages: name -> its folders, nearest to the root first; more than one is a package that is there twice.
+        models: the same for Gazebo models, whose name is the folder's.
+        complete: whether all folders were looked at.
+    """
+
+    packages: Mapping[str, tuple[Path, ...]]
+    models: Mapping[str, tuple[Path, ...]]
+    complete: bool
+
+
+def folders_below(root: Path, *, inside_packages: bool) -> PackageFolders:
+    """The packages and models in a folder and below it; `inside_packages`: also below a package."""
+    packages: dict[str, tuple[Path, ...]] = {}
+    models: dict[str, tuple[Path, ...]] = {}
+    walk = _Walk(root, inside_packages)
+    for folder, files in walk.folders():
+        if PACKAGE_FILE in files:
+            name = package_name(folder)
+            packages[name] = (*packages.get(name, ()), folder)
+        if files & _MODEL_FILES:
+            models[folder.name] = (*models.get(folder.name, ()), folder)
+    return PackageFolders(packages, models, walk.complete)
+
+
+@dataclass(slots=True)
+class _Walk:
+    """Folders, breadth first: where there are too many, what is deepest is not seen."""
+
+    root: Path
+    inside_packages: bool
+    complete: bool = True
+    _waiting: deque[tuple[Path, int]] = field(default_factory=deque)
+
+    def folders(self) -> Iterator[tuple[Path, frozenset[str]]]:
+        """Each folder with the names of its files."""
+        self._waiting.append((self.root, 0))
+        count = 0
+        while self._waiting:
+            count += 1
+            if count > _MAX_FOLDERS:
+                self.complete = False
+                return
+            folder, depth = self._waiting.popleft()
+            files, below = _listed(folder)
+            if files & _IGNORE_FILES:
+                continue
+            yield folder, files
+            if PACKAGE_FILE not in files or self.inside_packages:
+                self._queue(below, depth + 1)
+
+    def _queue(self, folders: list[Path], depth: int) -> None:
+        if depth > _MAX_DEPTH:
+            self.complete = self.complete and not folders
+            return
+        self._waiting.extend((folder, depth) for folder in folders)
+
+
+def _listed(folder: Path) -> tuple[frozenset[str], list[Path]]:
+    """The names of a folder's files, and the folders to look into; links to folders could lead anywhere."""
+    files, below = [], []
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if not entry.is_dir():
+                    files.append(entry.name)
+                elif not (entry.is_symlink() or entry.name.startswith(".") or entry.name in _SKIPPED):
+                    below.append(entry.name)
+    except OSError:  # not ours to read
+        return frozenset(), []
+    return frozenset(files), [folder / name for name in sorted(below)]
+
+
+def package_name(folder: Path) -> str:
+    """What a package's package.xml calls it; the folder's name where that cannot be read."""
+    try:
+        data = read_at_most(folder / PACKAGE_FILE, _MAX_PACKAGE_BYTES)
+    except OSError:
+        return folder.name
+    return (data and _NameReader().read(data)) or folder.name
+
+
+def is_model(folder: Path) -> bool:
+    """Whether a folder is a Gazebo model."""
+    return any((folder / name).is_file() for name in _MODEL_FILES)
+
+
+class _DoctypeFound(Exception):
+    """Entities can blow a small file up; no package needs them."""
+
+
+class _NameReader:
+    """The text of <package><name>."""
+
+    def __init__(self) -> None:
+        self._open: list[str] = []
+        self._name = ""
+
+    def read(self, data: bytes) -> str:
+        """The name, or nothing."""
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._text
+        parser.StartDoctypeDeclHandler = self._doctype
+        try:
+            parser.Parse(data, True)
+        except (expat.ExpatError, LookupError, ValueError, _DoctypeFound):
+            return ""
+        return self._name.strip()
+
+    def _start(self, tag: str, _attributes: dict[str, str]) -> None:
+        self._open.append(tag)
+
+    def _end(self, _tag: str) -> None:
+        self._open.pop()
+
+    def _text(self, text: str) -> None:
+        if self._open == ["package", "name"]:
+            self._name += text
+
+    def _doctype(self, *_: object) -> None:
+        raise _DoctypeFound

@@ -1,0 +1,231 @@
+"""ROS packages and Gazebo models by name, without ROS: `package://`, `model://`, `file://` -> files.
+
+A name is looked for in this order: the scenario's `robot.packages`, the package that the referring file is part of,
+the workspace, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH (models: GAZEBO_MODEL_PATH, GZ_SIM_RESOURCE_PATH).
+
+What is found must lie in the workspace, or in a package or model of one of those paths: whoever set them owns the
+machine. Links are resolved first, so that no package leads out of itself by one.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import islice
+from pathlib import Path, PureWindowsPath
+from typing import Final
+from urllib.parse import unquote
+
+from sim_action.core.messages import FirstFew, nearest
+from sim_action.core.workspace import Workspace
+from sim_action.robot.owners_folders import MODEL_VARIABLES, PACKAGE_VARIABLES, OwnersFolders
+from sim_action.robot.package_folders import PACKAGE_FILE, PackageFolders, folders_below, package_name
+
+_PLACES_SHOWN: Final = 5
+_NAMES_READ: Final = 10_000
+
+
+class PackageError(Exception):
+    """A reference that leads to no file; `rule`: missing-package, missing-file, outside-workspace, bad-reference."""
+
+    def __init__(self, rule: str, message: str) -> None:
+        self.rule = rule
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A file or folder that was referred to; `warning`: what its reader should know, such as a second one."""
+
+    path: Path
+    warning: str | None = None
+
+
+@dataclass(frozen=True)
+class Packages:
+    """Where one scenario's packages are. What was found of the workspace is kept: make one per scenario.
+
+    Attributes:
+        workspace: of the scenario.
+        mapped: name -> folder, relative to the scenario.
+        environment: variables, of which those above are read.
+    """
+
+    workspace: Workspace
+    mapped: Mapping[str, str] = field(default_factory=dict)
+    environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ), repr=False)
+    _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
+
+    def find(self, name: str, referrer: Path) -> Found:
+        """The folder of a package; `referrer`: the file that names it. Raises PackageError."""
+        here = referrer.resolve()
+        found = self._package(name, here)
+        if found is None:
+            raise self._missing("package", name, here, PACKAGE_VARIABLES)
+        return found
+
+    def find_model(self, name: str, referrer: Path) -> Found:
+        """The folder of a Gazebo model, or else of a package of that name. Raises PackageError."""
+        here = referrer.resolve()
+        found = self._mapped(name) or _nearest(self._inside.models.get(name), here) or _of(self._owners.model(name))
+        found = found or self._package(name, here)
+        if found is None:
+            raise self._missing("model", name, here, (*MODEL_VARIABLES, *PACKAGE_VARIABLES))
+        return found
+
+    def resolve(self, reference: str, referrer: Path) -> Found:
+        """The file that `reference`, which stands in `referrer`, names. Raises PackageError."""
+        scheme, separator, rest = reference.partition("://")
+        if not separator:
+            _refuse_one_slash(reference)
+            return Found(self.file(referrer.resolve().parent / reference, reference))
+        if scheme == "file":
+            return Found(self.file(_path_of_address(rest, reference), reference))
+        finders: dict[str, Callable[[str, Path], Found]] = {"package": self.find, "model": self.find_model}
+        if scheme not in finders:
+            allowed = "package://name/path, model://name/path, file:///path, or a path from the file that refers to it"
+            raise PackageError("bad-reference", f"'{reference}': files are named by {allowed}")
+        name, _, path = rest.partition("/")
+        if not name or not path:
+            raise PackageError("bad-reference", f"'{reference}' names no file: write {scheme}://name/path/of/the/file")
+        folder = finders[scheme](name, referrer)
+        return Found(self.file(folder.path / path, reference), folder.warning)
+
+    def admits(self, path: Path) -> bool:
+        """Whether a file or folder may be read; `path` has its links resolved."""
+        return self.workspace.allow_outside or path.is_relative_to(self.workspace.root) or self._owners.hold(path)
+
+    def file(self, path: Path, reference: str) -> Path:
+        """The file at an absolute path, for which `reference` stands in a file. Raises PackageError."""
+        try:
+            found = path.resolve()
+            # As in an address, %20 is a space where there is no such name.
+            if not found.exists() and "%" in reference:
+                found = Path(unquote(str(path))).resolve()
+            is_file, is_folder, is_there = found.is_file(), found.is_dir(), found.exists()
+        except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
+            raise PackageError("bad-reference", f"{reference!r} cannot be a file: {error}") from None
+        if not self.admits(found):
+            elsewhere = "; a path from the file that refers to it, or of a package, is there on every machine"
+            is_absolute = reference.startswith(("/", "file:"))
+            raise self._outside(f"'{reference}'", found, elsewhere if is_absolute else "")
+        if is_there and not is_file and not is_folder:
+            raise PackageError("missing-file", f"'{reference}' is no regular file (looked for {found})")
+        if not is_file:
+            reason = "is a folder" if is_folder else "does not exist"
+            raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){self._beside(found)}")
+        return found
+
+    def _package(self, name: str, here: Path) -> Found | None:
+        found = self._mapped(name) or self._above(name, here) or _nearest(self._inside.packages.get(name), here)
+        return found or _of(self._owners.package(name))
+
+    def _mapped(self, name: str) -> Found | None:
+        if name not in self.mapped:
+            return None
+        what = f"'{name}: {self.mapped[name]}' of robot.packages"
+        try:
+            folder = (self.workspace.directory / self.mapped[name]).resolve()
+            is_folder = folder.is_dir()
+        except (OSError, ValueError, RuntimeError) as error:
+            raise PackageError("missing-package", f"{what} cannot be a folder: {error}") from None
+        if not self.admits(folder):
+            raise self._outside(what, folder)
+        if not is_folder:
+            raise PackageError("missing-package", f"{what} is no folder (looked for {folder})")
+        return Found(folder)
+
+    def _above(self, name: str, here: Path) -> Found | None:
+        """A file means its own package first, however many there are of that name."""
+        for folder in here.parents:
+            if not self.admits(folder):
+                return None
+            if (folder / PACKAGE_FILE).is_file() and package_name(folder) == name:
+                return Found(folder)
+        return None
+
+    @cached_property
+    def _inside(self) -> PackageFolders:
+        return folders_below(self.workspace.root, inside_packages=True)
+
+    @cached_property
+    def _owners(self) -> OwnersFolders:
+        return OwnersFolders(self.environment)
+
+    def _outside(self, what: str, found: Path, advice: str = "") -> PackageError:
+        where = f"is outside the workspace {self.workspace.root} (it is {found})"
+        return PackageError("outside-workspace", f"{what} {where}; --allow-outside lifts this{advice}")
+
+    def _missing(self, kind: str, name: str, here: Path, variables: Iterable[str]) -> PackageError:
+        inside, root = self._inside, self.workspace.root
+        known = {
+            *self.mapped,
+            *inside.packages,
+            *self._owners.package_names,
+            *(inside.models if kind == "model" else ()),
+        }
+        near = nearest(name, sorted(known)) if self._hinted.one_more() else None
+        hint = "" if near is None else f"; did you mean '{near}'?"
+        extent = f"{len(inside.packages)} packages" if inside.complete else "not all of its folders, there are too many"
+        places = ("robot.packages", f"{root} ({extent})", *self._owners.described(variables))
+        where = here.relative_to(root) if here.is_relative_to(root) else here
+        return PackageError(
+            "missing-package",
+            f"{where} refers to the {kind} '{name}', which is not there{hint} (looked for in {', '.join(places)}); "
+            f"add it to the repository, or say where it is: robot.packages: {{{name}: path/to/{name}}}",
+        )
+
+    def _beside(self, path: Path) -> str:
+        """A name in the same folder that may be meant: Linux tells Base.STL from base.stl, and exporters do not."""
+        if not self._hinted.one_more():
+            return ""
+        try:
+            with os.scandir(path.parent) as entries:
+                names = {entry.name.lower(): entry.name for entry in islice(entries, _NAMES_READ)}
+        except OSError:
+            return ""
+        near = nearest(path.name.lower(), sorted(names))
+        return "" if near is None else f"; did you mean '{names[near]}'?"
+
+
+def _of(folder: Path | None) -> Found | None:
+    return None if folder is None else Found(folder)
+
+
+def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
+    """Of several of one name, the one with the shortest way from the file that refers to it."""
+    if folders is None:
+        return None
+    nearest, *others = sorted(folders, key=lambda folder: (_steps(here.parent, folder), folder))
+    if not others:
+        return Found(nearest)
+    passed_over = ", ".join(map(str, others[:_PLACES_SHOWN])) + ("" if len(others) <= _PLACES_SHOWN else ", ...")
+    chosen = f"{nearest} was taken, as the nearest to {here.name}, and not {passed_over}"
+    return Found(nearest, f"{len(folders)} packages of one name: {chosen}; robot.packages says which is meant")
+
+
+def _steps(start: Path, end: Path) -> int:
+    """How many folders lie on the way."""
+    common = len(Path(os.path.commonpath((start, end))).parts)
+    return len(start.parts) + len(end.parts) - 2 * common
+
+
+def _refuse_one_slash(reference: str) -> None:
+    """An address that has lost a slash looks like a path."""
+    scheme, _, rest = reference.partition(":/")
+    if scheme in {"package", "model", "file"} and rest:
+        meant = f"{scheme}://{'/' if scheme == 'file' else ''}{rest}"
+        raise PackageError("bad-reference", f"'{reference}' has one slash too few; did you mean '{meant}'?")
+
+
+def _path_of_address(rest: str, reference: str) -> Path:
+    path = rest.removeprefix("localhost")
+    if not path.startswith("/"):
+        meant = f"file:///{rest}, or '{rest}' alone from the file that refers to it"
+        raise PackageError("bad-reference", f"'{reference}': file:// takes an absolute path: {meant}")
+    # The path of file:///C:/robot.stl begins with a slash, too.
+    is_on_drive = sys.platform == "win32" and PureWindowsPath(path[1:]).drive
+    return Path(path[1:] if is_on_drive else path)

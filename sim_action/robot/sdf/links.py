@@ -1,0 +1,114 @@
+"""Links of SDF -> those of URDF."""
+
+from __future__ import annotations
+
+from typing import Final
+from xml.etree.ElementTree import Element
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.robot.sdf.frames import Frames
+from sim_action.robot.sdf.looks import looks_in, write_colour
+from sim_action.robot.sdf.passed_over import tell_contact, tell_parts
+from sim_action.robot.sdf.problems import Notes
+from sim_action.robot.sdf.scopes import Entry
+from sim_action.robot.sdf.shapes import shape_in, write_shape
+from sim_action.robot.sdf.values import number_of, numbers_of, says_yes
+from sim_action.robot.sdf.writing import UrdfWriter, numbers
+
+_MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
+"""With what the format has for each that is left out, in kg m^2."""
+
+_FRICTION: Final = "collision/surface/friction/ode"
+_CONTACT: Final = "collision/surface/contact/ode"
+_DEFAULT_FRICTION: Final = 1.0
+
+
+class LinkWriter:
+    """Writes links into a URDF."""
+
+    def __init__(self, notes: Notes, frames: Frames, writer: UrdfWriter) -> None:
+        self._notes, self._frames, self._writer = notes, frames, writer
+
+    def write(self, entry: Entry, frame: Pose) -> None:
+        """Writes a link; `frame`: of the URDF's link, in the outermost model's. Raises SdfProblem."""
+        element, writer = entry.element, self._writer
+        link = writer.add(writer.root, "link", element, name=entry.full_name)
+        self._tell_what_is_passed_over(element, f"link '{entry.full_name}'")
+        inertial = element.find("inertial")
+        if inertial is not None:
+            self._write_inertial(link, inertial, self._placed(entry, inertial, frame))
+        for holder in element:
+            if holder.tag in {"collision", "visual"}:
+                self._write_shape(link, holder, entry, frame)
+        if element.find("collision") is not None:
+            self._write_surface(element, entry.full_name)
+
+    def _write_inertial(self, link: Element, source: Element, pose: Pose) -> None:
+        writer = self._writer
+        inertial = writer.add(link, "inertial", source)
+        writer.add_origin(inertial, source, pose)
+        mass, inertia = source.find("mass"), source.find("inertia")
+        self._tell_defaults(source, link.attrib["name"])
+        kilograms = 1.0 if mass is None else numbers_of(mass, 1)[0]
+        writer.add(inertial, "mass", source if mass is None else mass, value=numbers(kilograms))
+        holder = source if inertia is None else inertia
+        moments = {name: numbers(number_of(holder, name, usual)) for name, usual in _MOMENTS.items()}
+        writer.add(inertial, "inertia", holder, **moments)
+
+    def _tell_defaults(self, inertial: Element, name: str) -> None:
+        if says_yes(inertial, "auto"):
+            message = f"<inertial auto> of link '{name}' is not computed: write <mass> and <inertia>"
+            self._notes.tell("unsupported-part", inertial, message)
+        units = {"mass": "kg"} | {f"inertia/{name}": "kg m^2" for name in ("ixx", "iyy", "izz")}
+        absent = [f"1 {unit} of {path}" for path, unit in units.items() if inertial.find(path) is None]
+        if absent:
+            message = f"<inertial> of link '{name}' leaves out what SDF fills in: {', '.join(absent)}"
+            self._notes.tell("default-inertia", inertial, message)
+
+    def _write_shape(self, link: Element, holder: Element, entry: Entry, frame: Pose) -> None:
+        is_visual = holder.tag == "visual"
+        # Of what is only to be looked at, nothing but its files is missed.
+        shape = looks_in(holder) if is_visual else shape_in(holder)
+        if shape is None:
+            return
+        if not is_visual and shape.find("submesh") is not None:
+            message = "a <submesh> is not taken out of its mesh; let go, the whole mesh collides"
+            self._notes.tell("unsupported-part", shape, message)
+        writer, file = self._writer, entry.owner.file.path
+        written = writer.add(link, holder.tag, holder)
+        writer.add_origin(written, holder, self._placed(entry, holder, frame))
+        geometry_of_shape = writer.add(written, "geometry", holder)
+        write_shape(writer, geometry_of_shape, shape, file)
+        if is_visual:
+            write_colour(writer, written, holder)
+
+    def _placed(self, entry: Entry, holder: Element, frame: Pose) -> Pose:
+        """Where a part of a link is, in the frame of the URDF's link."""
+        pose = self._frames.placed(entry.owner, holder.find("pose"), self._frames.in_root(entry))
+        return geometry.compose(geometry.inverse(frame), pose)
+
+    def _write_surface(self, link: Element, name: str) -> None:
+        """A link of URDF has one surface; where collisions of it differ, the least friction is what lets it slide."""
+        frictions = [friction for friction in link.findall(_FRICTION) if friction.find("mu") is not None]
+        stated = {number_of(friction, "mu", _DEFAULT_FRICTION): friction for friction in frictions}
+        if len(stated) > 1:
+            message = f"collisions of link '{name}' differ in friction: the least of them counts for all"
+            self._notes.tell("passed-over", stated[min(stated)], message)
+        source = stated[min(stated)] if stated else link
+        writer = self._writer
+        gazebo = writer.add(writer.root, "gazebo", source, reference=name)
+        writer.add(gazebo, "mu1", source).text = numbers(min(stated, default=_DEFAULT_FRICTION))
+        if stated and source.find("mu2") is not None:
+            writer.add(gazebo, "mu2", source).text = numbers(number_of(source, "mu2", _DEFAULT_FRICTION))
+        contact = link.find(_CONTACT)
+        for tag in ("kp", "kd"):
+            if contact is not None and contact.find(tag) is not None:
+                writer.add(gazebo, tag, contact).text = numbers(number_of(contact, tag, 0.0))
+
+    def _tell_what_is_passed_over(self, link: Element, owner: str) -> None:
+        tell_parts(self._notes, link, owner)
+        for collision in link.findall("collision"):
+            name = f"collision '{collision.get('name', '')}' of {owner}"
+            tell_parts(self._notes, collision, name)
+            tell_contact(self._notes, collision, name)

@@ -1,0 +1,126 @@
+"""What can be said of a xacro file without running it: that its files are there, well-formed, and know the arguments.
+
+xacro files are code, and a scenario that is only validated runs none: conditions, macros and expressions stay as they
+are. Names of includes are followed where they are plain, or begin with `$(find package)`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from xml.dom.minidom import Element, Node
+
+from sim_action.core.location import Location
+from sim_action.robot.document import shown_file, shown_place
+from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of
+from sim_action.robot.xacro_files import unknown_argument
+
+_FIND: Final = re.compile(r"(?<!\$)\$\(find\s+([^\s()$]+)\s*\)")
+_WILDCARDS: Final = frozenset("*?[")
+_MAYBE: Final = frozenset({"xacro:if", "xacro:unless", "xacro:macro"})
+
+
+@dataclass(frozen=True, slots=True)
+class XacroCheck:
+    """What was found wrong, and what was left unchecked."""
+
+    problems: tuple[XacroError, ...]
+    notes: tuple[str, ...]
+
+
+def check_xacro(path: Path, arguments: Iterable[str], packages: Packages) -> XacroCheck:
+    """Looks at a xacro file and what it includes; `arguments`: the names in `robot.args`."""
+    checker = _Checker(path, packages)
+    checker.follow_all()
+    checker.check_arguments(arguments)
+    return XacroCheck(tuple(checker.problems), tuple(checker.notes))
+
+
+class _Checker:
+    def __init__(self, path: Path, packages: Packages) -> None:
+        self.problems: list[XacroError] = []
+        self.notes: list[str] = []
+        self._all_followed = True
+        self._path = path
+        self._packages = packages
+        self._documents = XacroDocuments()
+        self._seen = {path}
+        self._waiting = deque([path])
+
+    def follow_all(self) -> None:
+        while self._waiting:
+            self._read(self._waiting.popleft())
+        files = "1 file" if len(self._seen) == 1 else f"{len(self._seen)} files"
+        evaluated = f"{shown_file(self._path)} is evaluated only when the scenario runs"
+        self.notes.append(f"what is said of links and joints: {evaluated} (read as text: {files})")
+
+    def check_arguments(self, arguments: Iterable[str]) -> None:
+        """Another one may be declared in a file that was not read."""
+        if self.problems or not self._all_followed:
+            return
+        declared = self._documents.declared
+        self.problems += [unknown_argument(name, declared, self._path) for name in sorted({*arguments} - declared)]
+
+    def _read(self, path: Path) -> None:
+        try:
+            document = self._documents.read(path)
+        except XacroError as error:
+            self.problems.append(error)
+        except OSError as error:
+            self.problems.append(XacroError("missing-include", f"cannot be read: {error}", Location(str(path))))
+        else:
+            for element in document.getElementsByTagName("xacro:include"):
+                self._include(element, path)
+
+    def _include(self, element: Element, path: Path) -> None:
+        stated = element.getAttribute("filename")
+        place = place_of(element) or Location(str(path))
+        try:
+            name = _FIND.sub(lambda found: self._package_folder(found[1], place), stated)
+            if "$" in name or _WILDCARDS & set(name):
+                self._pass_over(
+                    f"{shown_place(place)}: include '{stated}' was not followed: what it names is known only then"
+                )
+                return
+            target = self._packages.file(path.parent / name, stated)
+        except PackageError as error:
+            self._absent(element, XacroError(_rule(error), str(error), place))
+            return
+        if target not in self._seen:
+            self._seen.add(target)
+            self._waiting.append(target)
+
+    def _package_folder(self, name: str, place: Location) -> str:
+        found = self._packages.find(name, Path(place.file))
+        if found.warning:
+            self.notes.append(f"{shown_place(place)}: {found.warning}")
+        return str(found.path)
+
+    def _pass_over(self, note: str) -> None:
+        self._all_followed = False
+        self.notes.append(note)
+
+    def _absent(self, element: Element, error: XacroError) -> None:
+        """An include that may never be made is no problem yet."""
+        if element.hasAttribute("optional") or _is_conditional(element):
+            self._pass_over(f"{shown_place(error.location)}: {error.message}, if it is included at all")
+        else:
+            self.problems.append(error)
+
+
+def _rule(error: PackageError) -> str:
+    return "missing-include" if error.rule == "missing-file" else error.rule
+
+
+def _is_conditional(element: Element) -> bool:
+    around: Node | None = element.parentNode
+    while isinstance(around, Element):
+        if around.tagName in _MAYBE:
+            return True
+        around = around.parentNode
+    return False

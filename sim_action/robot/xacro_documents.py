@@ -1,0 +1,117 @@
+"""xacro files as the DOM that xacro works on, in which each element knows where it was written.
+
+xacro copies and moves elements. A place is kept as user data of DOM Level 3, whose handlers the copies call.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+from xml.dom.expatbuilder import ExpatBuilderNS
+from xml.dom.minidom import Document, Node
+from xml.parsers import expat
+
+from sim_action.core.location import Location
+from sim_action.core.regular_files import read_at_most
+from sim_action.robot.xml_errors import explained
+
+_MAX_BYTES: Final = 5_000_000
+_MAX_DEPTH: Final = 100
+_MAX_FILES: Final = 1_000
+_MAX_COPIES: Final = 200_000
+_KEY: Final = "place"
+
+
+class XacroError(Exception):
+    """A xacro file that does not expand, and where its author has to change something.
+
+    `rule` is bad-xml, bad-xacro, unknown-argument, missing-include, or one of PackageError's.
+    """
+
+    def __init__(self, rule: str, message: str, location: Location) -> None:
+        self.rule = rule
+        self.message = message
+        self.location = location
+        super().__init__(f"{location}: {message}")
+
+
+def place_of(node: object) -> Location | None:
+    """Where a node, or else what it is in, was written."""
+    while isinstance(node, Node):
+        place = node.getUserData(_KEY)
+        if isinstance(place, Location):
+            return place
+        node = node.parentNode
+    return None
+
+
+class XacroDocuments:
+    """Reads the files of one expansion, and bounds how many they are and how much macros make of them."""
+
+    def __init__(self) -> None:
+        self.declared: set[str] = set()
+        """Names of all <xacro:arg>, also of those that no evaluation came by."""
+        self._files = 0
+        self._copies = 0
+
+    def read(self, path: Path) -> Document:
+        """Parses a file. Raises XacroError for what is in it, and OSError if it cannot be read."""
+        where = Location(str(path))
+        self._files += 1
+        if self._files > _MAX_FILES:
+            raise XacroError("bad-xacro", f"more than {_MAX_FILES} files were included", where)
+        data = read_bytes(path)
+        try:
+            document = _Builder(path, self).parseString(data)
+        except expat.ExpatError as error:
+            raise XacroError("bad-xml", explained(error, data), Location(str(path), error.lineno)) from None
+        except (LookupError, ValueError) as error:  # an encoding that Python does not know
+            raise XacroError("bad-xml", f"{error}; save the file as UTF-8", Location(str(path), 1)) from None
+        arguments = document.getElementsByTagName("xacro:arg")
+        self.declared.update(argument.getAttribute("name") for argument in arguments)
+        return document
+
+    def handle(self, _operation: int, key: str, data: Location, _source: Node, copy: Node | None) -> None:
+        """What a copied element calls: the copy was written where it was."""
+        self._copies += 1
+        if self._copies > _MAX_COPIES:
+            raise XacroError("bad-xacro", f"macros make more than {_MAX_COPIES:,} elements of this model", data)
+        if copy is not None:
+            copy.setUserData(key, data, self)
+
+
+def read_bytes(path: Path) -> bytes:
+    """A file's content. Raises OSError, and XacroError if it is too large."""
+    if (data := read_at_most(path, _MAX_BYTES)) is None:
+        raise XacroError(
+            "bad-xacro", f"a file of more than {_MAX_BYTES // 1_000_000} MB is not read", Location(str(path))
+        )
+    return data
+
+
+class _Builder(ExpatBuilderNS):
+    """What minidom itself parses with, and xacro through it."""
+
+    def __init__(self, path: Path, documents: XacroDocuments) -> None:
+        super().__init__()
+        self._path = path
+        self._documents = documents
+        self._depth = 0
+
+    def start_element_handler(self, name: str, attributes: list[str]) -> None:
+        super().start_element_handler(name, attributes)
+        place = self._here()
+        self.curNode.setUserData(_KEY, place, self._documents)
+        self._depth += 1
+        if self._depth > _MAX_DEPTH:
+            raise XacroError("bad-xml", f"more than {_MAX_DEPTH} elements inside each other", place)
+
+    def end_element_handler(self, name: str) -> None:
+        super().end_element_handler(name)
+        self._depth -= 1
+
+    def start_doctype_decl_handler(self, *_: object) -> None:
+        raise XacroError("bad-xml", "a DOCTYPE is not allowed in a model", self._here())
+
+    def _here(self) -> Location:
+        return Location(str(self._path), self.getParser().CurrentLineNumber)

@@ -1,0 +1,1 @@
+"""Real ROS nodes in the loop."""

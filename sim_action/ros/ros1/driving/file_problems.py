@@ -1,0 +1,150 @@
+"""What is wrong with the packages, launch files and nodes that a scenario names; nothing of them is run.
+
+What is not in the workspace may be in ROS: where that is not installed, it is not known.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sim_action.core.errors import UsageError
+from sim_action.core.messages import did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.ros.ros1.catkin_packages import packages_of
+from sim_action.ros.ros1.driving.launch_arguments import argument_problems
+from sim_action.ros.ros1.driving.node_spec import NodeSpec
+from sim_action.ros.ros1.driving.workspaces import packages_in, workspace_of
+from sim_action.ros.ros1.installation import Ros, find_ros
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros1.driving.spec import RosNodes
+
+_LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
+
+
+def unchecked(spec: RosNodes) -> tuple[str, ...]:
+    """What is not known before nodes are launched."""
+    why = why_no_ros()
+    what = "its launch file is read when it runs" if spec.launch else "its nodes are started when it runs"
+    return (f"ros1: {what}", *([f"ros1: {why}"] if why else []))
+
+
+@cache
+def why_no_ros() -> str | None:
+    """Why nodes cannot run here."""
+    if sys.platform != "linux":
+        return "ROS 1 has packages for Linux alone: Debian 12, and Ubuntu"
+    try:
+        find_ros()
+    except UsageError as error:
+        return str(error)
+    return None
+
+
+def file_problems(spec: RosNodes, workspace: Workspace) -> SpecProblems:
+    """Problems by their keys below `ros1`."""
+    if (spec.launch is None) == (spec.nodes is None):
+        hint = "leave out one of them" if spec.launch else "give one of them"
+        yield (), f"takes 'launch' or 'nodes'; {hint}"
+        return
+    if spec.launch and len(spec.launch) < 2:
+        yield ("launch",), "names a package and a file of it, such as [my_robot, drive.launch]"
+        return
+    try:
+        folder = workspace_of(spec.workspace, workspace)
+    except PathError as error:
+        yield ("workspace",), str(error)
+        return
+    packages = Packages.around(folder)
+    yield from _launch_problems(spec.launch, packages) if spec.launch else _node_problems(spec.nodes or (), packages)
+
+
+@dataclass(frozen=True, slots=True)
+class Packages:
+    """The packages that there are: of a workspace, and of ROS; `ros` None: it is not here, and may have others."""
+
+    workspace: Path
+    users: Mapping[str, Path]
+    ros: Ros | None
+    distributed: Mapping[str, Path]
+
+    @classmethod
+    def around(cls, workspace: Path) -> Packages:
+        """Those of a workspace, and of what is installed."""
+        ros = find_ros() if why_no_ros() is None else None
+        return cls(workspace, packages_in(workspace), ros, packages_of([ros.share]) if ros else {})
+
+    def trouble(self, name: str) -> str | None:
+        """What to say of a package that is not there."""
+        if name in self.users or name in self.distributed or self.ros is None:
+            return None
+        # Of those of ROS, a screenful: whoever has misspelt one of their own is to see these.
+        near = did_you_mean(name, self.users or self.distributed)
+        return f"there is no package '{name}' in {self.workspace} or ROS{near}"
+
+    def folder(self, name: str) -> Path | None:
+        """Of a package; None: it is one of ROS's that is not here."""
+        return self.users.get(name) or self.distributed.get(name)
+
+
+def launch_file(package: Path, name: str) -> Path | None:
+    """The launch file of a package: where it is said to be, else the one of that name below it."""
+    named = [package / name, *sorted(package.rglob(Path(name).name))]
+    found = (path for path in named if path.is_file() and path.resolve().is_relative_to(package.resolve()))
+    return next(found, None)
+
+
+def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
+    package, name, *arguments = launch
+    folder = packages.folder(package)
+    if trouble := packages.trouble(package):
+        yield ("launch", 0), trouble
+    elif folder is None:
+        return
+    elif (file := launch_file(folder, name)) is None:
+        files = {path.name for path in folder.rglob("*") if path.suffix in _LAUNCH_FILES} - {"package.xml"}
+        yield ("launch", 1), f"the package '{package}' has no file '{name}'{did_you_mean(name, files)}"
+    else:
+        for index, message in argument_problems(file, arguments):
+            yield ("launch", 1 if index is None else index + 2), message
+
+
+def _node_problems(nodes: Sequence[NodeSpec], packages: Packages) -> SpecProblems:
+    names: set[tuple[str | None, str]] = set()
+    for index, node in enumerate(nodes):
+        if (node.namespace, node.called) in names:
+            yield ("nodes", index), f"a second node named '{node.called}'; give each a 'name' of its own"
+        names.add((node.namespace, node.called))
+        if (trouble := packages.trouble(node.package)) or (trouble := _program_trouble(node, packages)):
+            yield ("nodes", index), trouble
+
+
+def _program_trouble(node: NodeSpec, packages: Packages) -> str | None:
+    programs = dict(_programs(node.package, packages))
+    if packages.folder(node.package) is None or programs.get(node.type):
+        return None
+    if node.type in programs:
+        path = node.type
+        return f"'{path}' of '{node.package}' is not executable: chmod +x, and git update-index --chmod=+x, {path}"
+    can_run = [name for name, is_executable in programs.items() if is_executable]
+    return f"the package '{node.package}' has no node '{node.type}'{did_you_mean(node.type, can_run)}"
+
+
+def _programs(package: str, packages: Packages) -> Iterator[tuple[str, bool]]:
+    """Names of files that may be nodes, and whether they can be run: in the package, and where a build puts them."""
+    built = [packages.workspace / space / "lib" / package for space in ("devel", "install")]
+    built += [packages.ros.prefix / "lib" / package] if packages.ros else []
+    folder = packages.folder(package)
+    for path in [*_files(folder), *(each for place in built for each in _files(place))]:
+        yield path.name, os.access(path, os.X_OK)
+
+
+def _files(folder: Path | None) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file()) if folder is not None else []

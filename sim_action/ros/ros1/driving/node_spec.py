@@ -1,0 +1,61 @@
+"""A node, as a scenario lists it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePosixPath
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
+from pydantic_core import CoreSchema
+
+from sim_action.core.quantities import FrozenModel
+from sim_action.ros.ros1.driving.graph_names import BaseName, GraphName
+
+
+def _with_lists(value: Any) -> Any:
+    """Values of YAML are frozen, and those of JSON are not."""
+    if isinstance(value, tuple):
+        return [_with_lists(each) for each in value]
+    return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value
+
+
+class NodeSpec(FrozenModel):
+    """A node: a program of a package, and what it is started with."""
+
+    package: Annotated[str, Field(min_length=1, description="that the program is of")]
+    type: Annotated[str, Field(min_length=1, description="its file, such as mover.py, or its name if it is compiled")]
+    name: Annotated[BaseName | None, Field(description="among nodes; left out: as its file, without the ending")] = None
+    args: Annotated[str, Field(description="words after the name of the program, as in a launch file")] = ""
+    params: Annotated[
+        dict[str, JsonValue], BeforeValidator(_with_lists), Field(description="its private parameters")
+    ] = Field(default_factory=dict)
+    remap: Annotated[dict[GraphName, GraphName], Field(description="a name that it uses, to another")] = Field(
+        default_factory=dict
+    )
+    namespace: Annotated[GraphName | None, Field(description="that its names are in")] = None
+    required: Annotated[bool, Field(description="whether nothing goes on without it")] = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, value: Any) -> Any:
+        """Raises ValueError for text that is no node."""
+        if not isinstance(value, str):
+            return value
+        package, slash, kind = value.partition("/")
+        if not (package and slash and kind):
+            raise ValueError(f"a node in short is package/type, such as my_robot/mover.py, found '{value}'")
+        return {"package": package, "type": kind}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Text is a node in short."""
+        full = handler.resolve_ref_schema(handler(schema))
+        full.pop("title", None)
+        return {"anyOf": [{"type": "string", "pattern": "^[^/]+/.+$"}, full]}
+
+    @property
+    def called(self) -> str:
+        """Its name among nodes."""
+        plain = re.sub(r"\W", "_", PurePosixPath(self.type).stem)
+        return self.name or (plain if plain[:1].isalpha() else f"node_{plain}")

@@ -1,0 +1,127 @@
+"""Nodes of ROS 1: `ros1: {launch: [package, file.launch]}` or `ros1: {nodes: [package/type]}`."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from sim_action.commands import CommandSource, Controller
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.quantities import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
+from sim_action.core.workspace import Workspace
+from sim_action.ros.ros1.driving.graph_names import GraphName
+from sim_action.ros.ros1.driving.node_spec import NodeSpec
+from sim_action.world.scene import Scene
+
+# In s: as long as anybody can mean.
+_A_DAY = 86_400
+
+
+class RosNodes(FrozenModel):
+    """Which nodes there are, and how the robot's topics are called."""
+
+    launch: Annotated[
+        tuple[str, ...] | None,
+        Field(
+            min_length=1,
+            description="a launch file: its package, its name, and NAME:=VALUE for each argument that it is given",
+        ),
+    ] = None
+    nodes: Annotated[
+        tuple[NodeSpec, ...] | None,
+        Field(min_length=1, description="in place of a launch file: nodes, each in full, or as package/type"),
+    ] = None
+    workspace: Annotated[
+        str | None,
+        NamesFile(),
+        Field(
+            min_length=1,
+            description="folder of the catkin workspace; left out: the nearest one around the scenario, else its "
+            "repository",
+        ),
+    ] = None
+    topics: Annotated[
+        dict[str, GraphName],
+        Field(
+            description="cmd_vel, odom, joint_states, or the name of a sensor -> the topic that it has with the nodes"
+        ),
+    ] = Field(default_factory=dict)
+    start_within: Annotated[
+        PositiveSeconds, Field(le=_A_DAY, description="of wall time: how long sim time waits for nodes to come up")
+    ] = 10.0
+
+
+class RosCommands(CommandSource):
+    """Drives the base by nodes of ROS 1, as they are: real roscore, roslaunch and rospy, and no Gazebo.
+
+    The nodes are those of a launch file, or are listed. They run unmodified, on the ROS of the distribution (see
+    [ROS 1 without Gazebo](../README.md#ros-1-without-gazebo)), and none of their packages needs a catkin build. What
+    they say to the robot on `/cmd_vel` (`geometry_msgs/Twist`) drives it, and holds until they say something else.
+    They hear:
+
+    - `/clock` at `rate`, and the parameter `/use_sim_time` is set;
+    - `/odom` and `/tf` (where the base really is) and `/joint_states`, 30 times in a second; `/gazebo/model_states` and
+      `/gazebo/link_states` at `rate`;
+    - the sensors of the scenario, at their own rates: a lidar on `/scan`, an IMU on `/imu`, odometry on `/odom` and
+      `/tf` in place of the truth, a camera on `/NAME/image_raw`, a contact sensor on `/contact` (`std_msgs/Bool`). Of
+      several of a kind, each has its name before it: `/NAME/scan`. `topics` calls them otherwise, by their names.
+
+    `/robot_description` is the robot's URDF, unless a launch file sets it. A launch file that starts Gazebo may stay as
+    it is: nodes of `gazebo_ros` and of `controller_manager` are left out, since the scenario says which robot and which
+    world there is. Services of Gazebo are not offered.
+
+    Sim time is 0 when all nodes are up, and hear whom they listen to; a process that has not become a node
+    `start_within` that time is no longer waited for, and noted. From then on it goes on only when every node has dealt
+    with all that it was told: the same run every time, as fast as nodes can follow, and sim time alone decides, as
+    ever. Nodes that are still busy after 10 s of wall time cost lock-step: the run goes on without, and is noted to be
+    not deterministic.
+
+    A node that ends with another exit code than 0, or by a signal, and a required one however it ends, is an error:
+    with the exception that it died of, and the line of the package that raised it. A node that is done may leave. If
+    none has driven the robot, that is noted, with topics on which some might have meant to.
+
+    A node of a list is `package/type`, or a map of `package`, `type`, `name`, `args`, `params` (its private ones),
+    `remap`, `namespace` and `required`. Nodes are code, as scripts are: they run with the rights of the job and what
+    scripts see of its environment, each within `memory_limit`, and are refused where scripts are.
+    """
+
+    runs_user_code: ClassVar[bool] = True
+    needs_drive: ClassVar[bool] = True
+
+    ros1: Annotated[RosNodes, Field(description="a launch file, or a list of nodes")]
+    rate: Annotated[
+        PositiveHertz, Field(description="of the clock: how often nodes are told the time, and commands are taken")
+    ] = 120.0
+
+    @property
+    def code(self) -> str:
+        """See CommandSource.code."""
+        return "ros1"
+
+    def problems(self, workspace: Workspace) -> SpecProblems:
+        """See CommandSource.problems. Nothing is launched, and nothing needs ROS to be here."""
+        from sim_action.ros.ros1.driving.file_problems import file_problems
+
+        return ((("ros1", *path), message) for path, message in file_problems(self.ros1, workspace))
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """See CommandSource.unchecked."""
+        from sim_action.ros.ros1.driving.file_problems import unchecked
+
+        return unchecked(self.ros1)
+
+    def model_problems(self, scene: Scene) -> SpecProblems:
+        """See CommandSource.model_problems: topics of what the robot has not."""
+        from sim_action.ros.ros1.driving.robot_topics import topic_problems
+
+        return (
+            (("ros1", "topics", *path), message) for path, message in topic_problems(self.ros1.topics, scene.sensors)
+        )
+
+    def open(self, scene: Scene) -> Controller:
+        """See CommandSource.open. Raises SourceProblem if ROS is not here, ScriptError."""
+        from sim_action.ros.ros1.driving.opening import opened
+
+        return opened(self, scene)

@@ -1,0 +1,85 @@
+"""Where ROS 1 is on this machine: the distribution's own packages, for the distribution's own Python."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import UsageError
+
+PACKAGES: Final = (
+    "python3-rospy",
+    "python3-rostest",
+    "python3-roslaunch",
+    "python3-geometry-msgs",
+    "python3-nav-msgs",
+    "python3-sensor-msgs",
+    "python3-std-srvs",
+    "python3-tf2-msgs",
+    "python3-trajectory-msgs",
+    "ros-geometry-msgs",
+    "ros-std-msgs",
+)
+"""What Debian and Ubuntu call what is needed of ROS."""
+
+INSTALLING: Final = f"sudo apt-get install --no-install-recommends {' '.join(PACKAGES)}"
+
+PYTHON: Final = Path("/usr/bin/python3")
+"""The one that the distribution's packages are for, whichever is first on PATH."""
+
+_LOOK: Final = """\
+import importlib.util
+names = "rospy rostest roslaunch genpy geometry_msgs nav_msgs sensor_msgs std_srvs tf2_msgs trajectory_msgs".split()
+found = {name: importlib.util.find_spec(name) for name in names}
+print(",".join(name for name, spec in found.items() if spec is None))
+print(found["rospy"].submodule_search_locations[0] if found["rospy"] else "")
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Ros:
+    """An installation of ROS 1.
+
+    Attributes:
+        python: an interpreter that has its modules.
+        modules: the folder that they are in.
+    """
+
+    python: Path
+    modules: Path
+
+    @property
+    def prefix(self) -> Path:
+        """What it was installed below: /usr, or /opt/ros/noetic where that has been sourced."""
+        return self.modules.parents[2]
+
+    @property
+    def share(self) -> Path:
+        """The folder that has a folder for each of its packages."""
+        return self.prefix / "share"
+
+    def program(self, name: str) -> Path:
+        """One of its programs, such as rostest."""
+        return self.prefix / "bin" / name
+
+
+def find_ros(python: Path | None = None) -> Ros:
+    """The distribution's. Raises UsageError if it is not here, or not whole."""
+    python = python or PYTHON
+    missing, modules = _look(python) if python.exists() else (["rospy"], None)
+    if modules and not missing:
+        ros = Ros(python, modules)
+        needed = ros.share / "geometry_msgs/msg/Pose.msg"
+        if needed.exists():
+            return ros
+        missing = [str(needed)]
+    raise UsageError(f"ROS 1 is not installed here: {python} has no {', no '.join(missing)}; {INSTALLING}")
+
+
+def _look(python: Path) -> tuple[list[str], Path | None]:
+    command = [str(python), "-c", _LOOK]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, cwd="/").stdout  # noqa: S603 - that one
+    missing, _, rospy = told.partition("\n")
+    return [name for name in missing.split(",") if name], Path(rospy.strip()).parent if rospy.strip() else None

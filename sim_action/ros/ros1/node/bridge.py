@@ -1,0 +1,133 @@
+"""The bridge between the loop of a simulation and the nodes of ROS: at each tick it tells them, and takes commands."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from threading import Event
+from typing import Final
+
+from sim_action.core.errors import SourceOver
+from sim_action.core.geometry import Pose, Twist
+from sim_action.ros.ros1.frames import ModelFrame
+from sim_action.ros.ros1.node.changes import BeginAnew, Changes
+from sim_action.ros.ros1.node.devices import TICKS, Device, Told
+from sim_action.ros.ros1.node.efforts import Efforts
+from sim_action.ros.ros1.node.lockstep import Lockstep
+from sim_action.ros.ros1.node.present import Present
+from sim_action.ros.ros1.node.publishing import Traffic
+from sim_action.ros.ros1.node.topics import Topics
+from sim_action.ros.ros1.node.world_states import states_in
+from sim_action.state.command import Answer
+from sim_action.state.observation import Observation
+
+# In s: how often one looks whether a world that stands still may go on.
+_LOOK: Final = 0.01
+
+
+class Pace:
+    """Holds a run back to a real-time factor."""
+
+    def __init__(self, factor: float | None) -> None:
+        self._factor = factor
+        self._began: float | None = None
+
+    def keep(self, seconds: float) -> None:
+        """Waits until wall time has come as far as sim time has."""
+        if self._factor is None:
+            return
+        began = self._began = self._began or time.monotonic() - seconds / self._factor
+        time.sleep(max(0.0, began + seconds / self._factor - time.monotonic()))
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """What lasts as long as the node does, through all changes of the world."""
+
+    present: Present
+    traffic: Traffic
+    topics: Topics
+    lockstep: Lockstep
+    changes: Changes
+    paused: Event
+    pace: Pace
+    efforts: Efforts
+
+
+class Bridge:
+    """One robot among nodes, until the world changes or the nodes are gone."""
+
+    def __init__(self, session: Session, robot: str, frame: ModelFrame, devices: Iterable[Device], told: Told) -> None:
+        self._session, self._robot, self._frame = session, robot, frame
+        self._devices, self.told = tuple(devices), told
+        self._start = session.present.time
+        self.first_command: float | None = None
+        self.over: SourceOver | None = None
+
+    def tick(self, seen: Observation) -> Answer:
+        """Tells nodes of a moment, waits until they have dealt with it, and returns what they say to it.
+
+        Raises SourceOver if there are none any more, BeginAnew if they want another world.
+        """
+        try:
+            return self._answer(seen)
+        except SourceOver as over:
+            self.over = over
+            raise
+
+    def _answer(self, seen: Observation) -> Answer:
+        session, seconds, tick = self._session, self._start + seen.time, round(seen.time * TICKS)
+        self._note(seconds, seen)
+        self._hold()
+        is_heard = self._tell(seconds, tick, seen)
+        if is_heard:
+            session.lockstep.settle(seconds)
+        session.topics.tell_time(seconds)
+        session.lockstep.settle(seconds)
+        self._stand_still(seconds)
+        if session.changes.are_waiting():
+            raise BeginAnew("the world has changed")
+        session.pace.keep(seconds)
+        if self.first_command is None and self.told.is_commanded:
+            self.first_command = seconds
+        return session.efforts.added_to(self.told.answer(seconds, seen), seconds, self.told.wheels)
+
+    def _hold(self) -> None:
+        """The clock does not start before everybody is there: the engine is, which takes as long as nodes do."""
+        session = self._session
+        if session.present.started is not None:
+            return
+        session.lockstep.begin(lambda: self.told.topics, session.changes.are_waiting)
+        if session.changes.are_waiting():
+            raise BeginAnew("the world has changed")
+        self.told.begin()
+        session.traffic.clear()
+        session.present.started = time.monotonic()
+
+    def _tell(self, seconds: float, tick: int, seen: Observation) -> bool:
+        """Returns whether somebody listens."""
+        topics, present = self._session.topics, self._session.present
+        heard = [device.tell(tick, seconds, seen) for device in self._devices]
+        links_are_heard = bool(present.links) and topics.tell_links(present.links)
+        return any([*heard, topics.tell_models(present.models), links_are_heard])
+
+    def _note(self, seconds: float, seen: Observation) -> None:
+        states, present = states_in(seen), self._session.present
+        bodies = {f"{name}::link": state for name, state in states.bodies.items()}
+        links = {f"{self._robot}::{name}": state for name, state in states.links.items()}
+        present.time = seconds
+        present.models = {**states.bodies, self._robot: self._model_state(seen)}
+        present.base = seen.pose, seen.twist
+        # A node may have begun to listen since they were read.
+        present.links = {**bodies, **links} if links else {}
+        present.joints = dict(seen.joints)
+
+    def _model_state(self, seen: Observation) -> tuple[Pose, Twist]:
+        return self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)
+
+    def _stand_still(self, seconds: float) -> None:
+        session = self._session
+        while session.paused.is_set() and not session.changes.are_waiting():
+            time.sleep(_LOOK)
+            session.lockstep.settle(seconds)

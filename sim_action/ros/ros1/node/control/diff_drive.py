@@ -1,0 +1,139 @@
+"""The controller that turns the wheels of a robot with two sides for a twist (wiki.ros.org/diff_drive_controller)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from geometry_msgs.msg import Transform, TransformStamped, Twist, Vector3
+from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.drives.wheels import wheel
+from sim_action.ros.ros1.node.control import BadController, Controller, Opening, Parameters
+from sim_action.ros.ros1.node.devices import TICKS, Device, period_of
+from sim_action.ros.ros1.node.ears import Ear
+from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message
+from sim_action.ros.ros1.transmissions import INTERFACES
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
+
+_TIMEOUT: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Of a speed in m/s or rad/s, and of its change in a second; from the least to the most."""
+
+    speed: tuple[float, float]
+    change: tuple[float, float]
+
+    @classmethod
+    def of(cls, parameters: Parameters, name: str) -> Limit:
+        """As parameters below a name have it; what they say counts if they also say that it does."""
+        return cls(_range(parameters, name, "velocity"), _range(parameters, name, "acceleration"))
+
+    def next(self, wanted: float, value: float) -> float:
+        """The speed after a tick."""
+        (least, most), (slower, faster) = self.speed, self.change
+        aim = max(least, min(most, wanted))
+        return value + max(slower / TICKS, min(faster / TICKS, aim - value))
+
+
+def _range(parameters: Parameters, name: str, kind: str) -> tuple[float, float]:
+    if not parameters.get(f"{name}/has_{kind}_limits", default=False):
+        return -math.inf, math.inf
+    most = parameters.number(f"{name}/max_{kind}")
+    return parameters.number(f"{name}/min_{kind}", -most), most
+
+
+def open_diff_drive(opening: Opening) -> Controller:
+    """diff_drive_controller/DiffDriveController; odometry is the truth, from where it began to run."""
+    left, right = opening.fitting("left_wheel", "velocity"), opening.fitting("right_wheel", "velocity")
+    ear = opening.wiring.ear(opening.topic("cmd_vel"), Twist, lambda told: (told.linear.x, told.angular.z))
+    drive = WheelsOfTwoSides(opening, left, right, ear)
+    return Controller(INTERFACES["velocity"], (*left, *right), drive, _odometry(opening, drive), (ear,), drive.begin)
+
+
+class WheelsOfTwoSides:
+    """The live half: how fast the base goes and turns, by the limits of both.
+
+    Attributes:
+        start: where the robot was when it began to run; None: it has not yet.
+    """
+
+    def __init__(self, opening: Opening, left: tuple[str, ...], right: tuple[str, ...], ear: Ear) -> None:
+        """Raises BadController."""
+        parameters = opening.parameters
+        self.start: Pose | None = None
+        self._ear, self._left, self._right = ear, left, right
+        self._timeout = parameters.number("cmd_vel_timeout", _TIMEOUT)
+        self._forward, self._turning = Limit.of(parameters, "linear/x"), Limit.of(parameters, "angular/z")
+        self._half_separation, self._left_radius, self._right_radius = _measures(opening, left[0], right[0])
+        self._count, self._since = 0, 0.0
+        self._speed = self._turn = 0.0
+
+    def begin(self) -> None:
+        """Stands still until it is told something."""
+        self._ear.forget()
+        self.start = None
+        self._speed = self._turn = 0.0
+
+    def __call__(self, seconds: float, seen: Observation) -> JointTargets:
+        """See Mover."""
+        if self.start is None:
+            self.start = seen.pose
+        if self._ear.count != self._count:
+            self._count, self._since = self._ear.count, seconds
+        speed, turn = self._ear.heard or (0.0, 0.0)
+        if seconds - self._since > self._timeout:
+            speed = turn = 0.0
+        self._speed, self._turn = self._forward.next(speed, self._speed), self._turning.next(turn, self._turn)
+        rim = self._turn * self._half_separation
+        return JointTargets(
+            velocity={
+                **dict.fromkeys(self._left, (self._speed - rim) / self._left_radius),
+                **dict.fromkeys(self._right, (self._speed + rim) / self._right_radius),
+            }
+        )
+
+
+def _measures(opening: Opening, left: str, right: str) -> tuple[float, float, float]:
+    """Half the separation and the radii of both sides in m: of parameters, else of the model. Raises BadController."""
+    parameters, model = opening.parameters, opening.wiring.model
+    first, second = wheel(model, left), wheel(model, right)
+    separation = parameters.number("wheel_separation", math.dist(first.position_xyz, second.position_xyz))
+    radii = [parameters.get("wheel_radius", default=found.radius) for found in (first, second)]
+    if not separation or not all(radii):
+        raise BadController(f"{parameters.space} needs wheel_separation and wheel_radius: the model does not tell them")
+    factor = parameters.number("wheel_separation_multiplier", 1.0)
+    sides = ("left_wheel_radius_multiplier", "right_wheel_radius_multiplier")
+    common = parameters.number("wheel_radius_multiplier", 1.0)
+    left_radius, right_radius = (
+        float(value) * parameters.number(name, common) for value, name in zip(radii, sides, strict=True)
+    )
+    return separation * factor / 2, left_radius, right_radius
+
+
+def _odometry(opening: Opening, drive: WheelsOfTwoSides) -> Device:
+    parameters, wiring = opening.parameters, opening.wiring
+    frame = str(parameters.get("odom_frame_id", default="odom"))
+    base = str(parameters.get("base_frame_id", default="base_link"))
+    odometry = wiring.sender(opening.topic("odom"), Odometry)
+    frames = wiring.sender("/tf", TFMessage) if parameters.get("enable_odom_tf", default=True) else None
+
+    def publish(seconds: float, seen: Observation) -> None:
+        pose = geometry.compose(geometry.inverse(drive.start or seen.pose), seen.pose)
+        message = Odometry(header=header(seconds, frame), child_frame_id=base)
+        message.pose.pose = pose_message(pose)
+        message.twist.twist = twist_message(in_frame_of(seen.pose, seen.twist))
+        odometry.send(message)
+        if frames is not None:
+            moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
+            frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
+
+    period = period_of(parameters.number("publish_rate", 50.0))
+    return Device(period, (odometry, *([frames] if frames else [])), publish)

@@ -1,0 +1,186 @@
+"""The controller manager of a robot: services by which nodes load controllers, start and stop them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import rospy
+from controller_manager_msgs.msg import ControllerState, HardwareInterfaceResources
+from controller_manager_msgs.srv import (
+    ListControllers,
+    ListControllerTypes,
+    LoadController,
+    ReloadControllerLibraries,
+    SwitchController,
+    UnloadController,
+)
+
+from sim_action.core.messages import did_you_mean
+from sim_action.ros.ros1.node.catalogue import CONTROLLERS
+from sim_action.ros.ros1.node.control import BadController, Controller, Opening, Parameters
+from sim_action.ros.ros1.node.devices import Wiring
+from sim_action.ros.ros1.transmissions import Transmissions
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
+
+_STRICT: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A controller and its state, in the words of ros_control: initialized, running or stopped."""
+
+    type: str
+    controller: Controller
+    state: str = "initialized"
+
+    @property
+    def runs(self) -> bool:
+        """Whether it is asked at every tick."""
+        return self.state == "running"
+
+
+@dataclass(slots=True)
+class ControllerManager:
+    """Those of one robot; `space`: its namespace, "" or one that begins with a slash."""
+
+    space: str
+    wiring: Wiring
+    transmissions: Transmissions
+    _loaded: dict[str, Loaded] = field(default_factory=dict)
+
+    def offer(self) -> None:
+        """Until the robot is gone."""
+        for name, kind, answer in (
+            ("list_controllers", ListControllers, self._list),
+            ("list_controller_types", ListControllerTypes, self._list_types),
+            ("load_controller", LoadController, lambda asked: self._tried(self._load, asked.name)),
+            ("unload_controller", UnloadController, lambda asked: self._tried(self._unload, asked.name)),
+            ("switch_controller", SwitchController, self._switch),
+            ("reload_controller_libraries", ReloadControllerLibraries, lambda _: (True,)),
+        ):
+            service = rospy.Service(f"{self.space}/controller_manager/{name}", kind, answer)
+            self.wiring.closing.callback(service.shutdown)
+
+    def tell(self, tick: int, seconds: float, seen: Observation) -> bool:
+        """See Device.tell: of all controllers that run."""
+        devices = [loaded.controller.device for loaded in self._running() if loaded.controller.device is not None]
+        heard = [device.tell(tick, seconds, seen) for device in devices]
+        return any(heard)
+
+    def move(self, seconds: float, seen: Observation) -> JointTargets | None:
+        """See Mover: of all controllers that run."""
+        targets: JointTargets | None = None
+        for loaded in self._running():
+            answer = loaded.controller.mover(seconds, seen) if loaded.controller.mover else None
+            if isinstance(answer, JointTargets):
+                targets = answer if targets is None else targets.updated_by(answer)
+        return targets
+
+    def _running(self) -> list[Loaded]:
+        return [loaded for loaded in tuple(self._loaded.values()) if loaded.runs]
+
+    def _tried(self, what: Any, name: str) -> tuple[bool]:
+        try:
+            what(name)
+        except BadController as error:
+            self._complain(str(error))
+            return (False,)
+        return (True,)
+
+    def _complain(self, message: str) -> None:
+        rospy.logerr("controller_manager: %s", message)
+        self.wiring.warn(message)
+
+    def _load(self, name: str) -> None:
+        """Raises BadController."""
+        if name in self._loaded:
+            raise BadController(f"a controller named '{name}' is loaded already")
+        parameters = Parameters(f"{self.space}/{name}")
+        kind = parameters.get("type")
+        if kind is None:
+            raise BadController(
+                f"no controller '{name}' can be loaded: there is no parameter {parameters.space}/type; "
+                "load its file of parameters (<rosparam file=...>) before it is spawned"
+            )
+        if kind in CONTROLLERS:
+            opening = Opening(parameters, self.space, self.wiring, self.transmissions)
+            self._loaded[name] = Loaded(kind, CONTROLLERS.load(kind)(opening))
+            return
+        hint = did_you_mean(str(kind), CONTROLLERS)
+        self._complain(f"the controller '{name}' is of the type {kind}, which is not known here and does nothing{hint}")
+        self._loaded[name] = Loaded(str(kind), Controller("unknown"))
+
+    def _unload(self, name: str) -> None:
+        """Raises BadController."""
+        self._refuse_unknown(name)
+        if self._loaded[name].runs:
+            raise BadController(f"the controller '{name}' runs: stop it before it is unloaded")
+        for ear in self._loaded.pop(name).controller.ears:
+            self.wiring.forget(ear)
+
+    def _switch(self, asked: Any) -> tuple[bool]:
+        try:
+            wanted = self._switched(
+                asked.start_controllers, asked.stop_controllers, strictly=asked.strictness == _STRICT
+            )
+        except BadController as error:
+            self._complain(f"controllers are not switched: {error}")
+            return (False,)
+        for name, loaded in wanted.items():
+            if loaded.runs and not self._loaded[name].runs:
+                loaded.controller.begin()
+        self._loaded = wanted
+        return (True,)
+
+    def _switched(self, started: Iterable[str], stopped: Iterable[str], *, strictly: bool) -> dict[str, Loaded]:
+        """All controllers as they would be. Raises BadController."""
+        wanted = dict(self._loaded)
+        for names, state, runs in ((stopped, "stopped", True), (started, "running", False)):
+            for name in names:
+                if strictly:
+                    self._refuse_unknown(name)
+                    self._refuse_unswitchable(name, wanted[name], runs=runs)
+                if name in wanted and wanted[name].runs == runs:
+                    wanted[name] = replace(wanted[name], state=state)
+        _refuse_conflicts(wanted)
+        return wanted
+
+    def _refuse_unknown(self, name: str) -> None:
+        if name not in self._loaded:
+            there = ", ".join(self._loaded) or "none"
+            raise BadController(f"no controller '{name}' is loaded; there are: {there}")
+
+    def _refuse_unswitchable(self, name: str, loaded: Loaded, *, runs: bool) -> None:
+        if loaded.runs != runs:
+            raise BadController(f"the controller '{name}' {'does not run' if runs else 'runs already'}")
+
+    def _list(self, _: Any) -> tuple[list[ControllerState]]:
+        return (
+            [
+                ControllerState(name, loaded.state, loaded.type, [_claims(loaded.controller)])
+                for name, loaded in self._loaded.items()
+            ],
+        )
+
+    def _list_types(self, _: Any) -> tuple[list[str], list[str]]:
+        return list(CONTROLLERS), ["controller_interface::ControllerBase"] * len(list(CONTROLLERS))
+
+
+def _claims(controller: Controller) -> HardwareInterfaceResources:
+    return HardwareInterfaceResources(controller.interface.replace("/", "::"), list(controller.joints))
+
+
+def _refuse_conflicts(wanted: dict[str, Loaded]) -> None:
+    """Raises BadController if two that would run move the same joint."""
+    owners: dict[str, str] = {}
+    for name, joint in _claimed(wanted):
+        owner = owners.setdefault(joint, name)
+        if owner != name:
+            raise BadController(f"'{owner}' and '{name}' would both move the joint '{joint}'")
+
+
+def _claimed(wanted: dict[str, Loaded]) -> Iterator[tuple[str, str]]:
+    return ((name, joint) for name, loaded in wanted.items() if loaded.runs for joint in loaded.controller.joints)

@@ -1,0 +1,85 @@
+"""Controllers that lead joints along trajectories, told on a topic (wiki.ros.org/joint_trajectory_controller)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, Final
+
+from trajectory_msgs.msg import JointTrajectory
+
+from sim_action.robot.robot_model import Joint, Reading
+from sim_action.ros.ros1.joint_trajectory import JointCurve, Waypoint, curves
+from sim_action.ros.ros1.node.control import Controller, Opening
+from sim_action.ros.ros1.node.control.forward import GAINS, within_limits
+from sim_action.ros.ros1.node.ears import Ear
+from sim_action.ros.ros1.transmissions import INTERFACES
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
+
+
+def _controller(opening: Opening, interface: Reading) -> Controller:
+    joints = opening.fitting("joints", interface)
+    ear = opening.wiring.ear(opening.topic("command"), JointTrajectory, lambda message: message)
+    if interface != "position":
+        opening.wiring.warn(f"the controller '{opening.parameters.space}': {GAINS}")
+    following = Following(opening, joints, ear)
+    return Controller(INTERFACES[interface], joints, following, ears=(ear,), begin=following.begin)
+
+
+# Which types these are, `catalogue` says.
+open_on_position: Final = partial(_controller, interface="position")
+open_on_velocity: Final = partial(_controller, interface="velocity")
+open_on_effort: Final = partial(_controller, interface="effort")
+
+
+class Following:
+    """Goes after the last trajectory; before there is one, and after its end, joints are held."""
+
+    def __init__(self, opening: Opening, joints: tuple[str, ...], ear: Ear) -> None:
+        self._joints: Mapping[str, Joint] = {name: opening.wiring.model.joints_by_name[name] for name in joints}
+        self._warn, self._ear, self._count = opening.wiring.warn, ear, 0
+        self._curves: dict[str, JointCurve] = {}
+
+    def begin(self) -> None:
+        """What was said while it did not run is not for it."""
+        self._ear.forget()
+        self._count, self._curves = self._ear.count, {}
+
+    def __call__(self, seconds: float, seen: Observation) -> JointTargets:
+        """See Mover."""
+        if not self._curves:
+            self._curves = {name: JointCurve((Waypoint(seconds, seen.joints[name].position),)) for name in self._joints}
+        if self._ear.heard is not None and self._ear.count != self._count:
+            self._count = self._ear.count
+            self._take(self._ear.heard, seconds)
+        now = {name: curve.at(seconds) for name, curve in self._curves.items()}
+        return JointTargets(
+            position={
+                name: within_limits(self._joints[name], "position", position) for name, (position, _) in now.items()
+            },
+            velocity={
+                name: within_limits(self._joints[name], "velocity", velocity) for name, (_, velocity) in now.items()
+            },
+        )
+
+    def _take(self, told: Any, seconds: float) -> None:
+        """One without points ends the present one."""
+        if not told.points:
+            self._curves = {
+                name: JointCurve((Waypoint(seconds, curve.at(seconds)[0]),)) for name, curve in self._curves.items()
+            }
+            return
+        if set(told.joint_names) != set(self._joints):
+            self._warn(
+                f"{self._ear.topic}: a trajectory of {', '.join(told.joint_names)} is passed over: "
+                f"the controller has {', '.join(self._joints)}"
+            )
+            return
+        begins = told.header.stamp.to_sec() or seconds
+        start = [Waypoint(seconds, *self._curves[name].at(seconds)) for name in told.joint_names]
+        points = [(begins + point.time_from_start.to_sec(), point.positions, point.velocities) for point in told.points]
+        try:
+            self._curves = curves(told.joint_names, start, points)
+        except ValueError as error:
+            self._warn(f"{self._ear.topic}: a trajectory is passed over: {error}")

@@ -1,0 +1,44 @@
+"""Plugins that drive: twists on a topic turn the wheels, and odometry says where that has led."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from geometry_msgs.msg import Transform, TransformStamped, Twist, Vector3
+from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
+
+from sim_action.ros.ros1.gazebo_tags import Plugin
+from sim_action.ros.ros1.node.devices import Device, Wiring, period_of
+from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message, twist_of
+from sim_action.state.observation import Observation
+
+
+def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """gazebo_ros_diff_drive, gazebo_ros_skid_steer_drive. Odometry is the truth, as theirs is unless they are told."""
+    ear = wiring.ear(plugin.topic("commandTopic", default="cmd_vel"), Twist, twist_of)
+    wiring.moves(lambda _seconds, _seen: ear.heard)
+    yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
+
+
+def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
+    """Odometry of a base, and its frame; `child`, `rate`: what holds if the plugin does not say."""
+    own = plugin.own
+    odometry = wiring.sender(plugin.topic("odometryTopic", default="odom"), Odometry)
+    frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
+    moves_frames = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
+    frames = wiring.sender("/tf", TFMessage) if moves_frames else None
+    period = period_of(own.number("updateRate", "odometryRate", default=rate))
+
+    def publish(seconds: float, seen: Observation) -> None:
+        message = Odometry(header=header(seconds, frame), child_frame_id=base)
+        pose, twist = wiring.frame.pose(seen.pose), wiring.frame.twist(seen.pose, seen.twist)
+        message.pose.pose = pose_message(pose)
+        message.twist.twist = twist_message(in_frame_of(pose, twist))
+        odometry.send(message)
+        if frames is not None:
+            at = message.pose.pose
+            moved = Transform(Vector3(at.position.x, at.position.y, at.position.z), at.orientation)
+            frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
+
+    return Device(period, (odometry, *([frames] if frames else [])), publish)

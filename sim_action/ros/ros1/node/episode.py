@@ -1,0 +1,161 @@
+"""One simulation of the population as it is, from its spawning, or a change, to the next change or the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, cast
+from xml.etree import ElementTree as ET
+
+from pydantic import PrivateAttr
+
+from sim_action.commands import ClosedLoop, CommandSource, Controller
+from sim_action.core.workspace import Workspace
+from sim_action.drives import recognise
+from sim_action.robot import load_model
+from sim_action.robot.robot_model import RobotModel
+from sim_action.ros.ros1.exchange import Request
+from sim_action.ros.ros1.frames import ModelFrame
+from sim_action.ros.ros1.gazebo_tags import base_in_model, plugins_of
+from sim_action.ros.ros1.node.bridge import Bridge, Session
+from sim_action.ros.ros1.node.catalogue import DEVICES
+from sim_action.ros.ros1.node.devices import TICKS, Device, Told, Wiring
+from sim_action.ros.ros1.node.planar_move import PlanarMove
+from sim_action.ros.ros1.node.population import SpawnedRobot, placement_of
+from sim_action.ros.ros1.node.world_states import states_sensor
+from sim_action.scenario.model import DrivenRobot, Scenario
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.recorder import Footage
+from sim_action.world import Physics
+from sim_action.world.scene import Scene
+
+_DESCRIPTION: Final = "robot.urdf"
+# Of sim time, in s, if nobody says how long: a replay of more would have less than 30 moments a second.
+_LONGEST: Final = 6_600.0
+
+
+class NodeCommands(CommandSource):
+    """What nodes say; no key of a scenario leads here."""
+
+    _bridge: Bridge = PrivateAttr()
+
+    @classmethod
+    def through(cls, bridge: Bridge) -> NodeCommands:
+        """Those that a bridge takes."""
+        source = cls(rate=float(TICKS))
+        source._bridge = bridge
+        return source
+
+    def open(self, scene: Scene) -> Controller:
+        """See CommandSource.open."""
+        return ClosedLoop(self._bridge.tick)
+
+
+@dataclass(eq=False)
+class Episode:
+    """A scenario, made of what nodes have spawned.
+
+    Attributes:
+        footage: what there is of it, also when it was cut short.
+    """
+
+    scenario: Scenario
+    scene: Scene
+    footage: Footage
+    bridge: Bridge
+
+    def run(self) -> SimulationRun:
+        """Raises RunError."""
+        return simulate(self.scenario, self.scene, lambda _: None, self.footage)
+
+
+class Stage:
+    """Where robots are opened: their plugins' topics stay open as long as the robot is the same."""
+
+    def __init__(self, session: Session, request: Request, folder: Path) -> None:
+        self._session, self._request, self._folder = session, request, folder
+        self._opened: tuple[SpawnedRobot, list[Device], Told] | None = None
+        self._closing = ExitStack()
+        self.notes: list[str] = []
+
+    def episode(self, *, left: float | None) -> Episode:
+        """Of the population as it is; `left`: s of sim time that it may take. Raises ModelError."""
+        population = self._session.present.population
+        assert population.robot is not None
+        spawned = population.robot
+        workspace = Workspace(self._folder, self._folder, allow_outside=True)
+        model = load_model(self._described(spawned), workspace)
+        frame = ModelFrame(base_in_model(ET.fromstring(spawned.description), model.root))  # noqa: S314 - of what is simulated
+        robot = _driven(self._described(spawned), spawned, model, frame)
+        devices, told = self._devices(spawned, model, frame)
+        drive = robot.drive or recognise(model)
+        told.wheels = drive.open(model, self._request.physics_rate).joints if drive else frozenset()
+        self._session.present.model = model
+        bridge = Bridge(self._session, spawned.name, frame, devices, told)
+        scenario = Scenario.model_construct(
+            name=population.robot.name,
+            robot=robot,
+            world=population.world,
+            physics=Physics(rate=self._request.physics_rate),
+            commands=(NodeCommands.through(bridge),),
+            sensors=(
+                states_sensor(TICKS, lambda: self._wants_links(devices)),
+                *(device.sensor for device in devices if device.sensor is not None),
+            ),
+            expect=(),
+            time_limit=left or _LONGEST,
+            backend=cast(Literal["auto", "pybullet", "mujoco"], self._request.backend),
+            seed=self._request.seed,
+        )
+        scene = Scene(robot, model, population.world, scenario.physics, workspace, scenario.seed)
+        return Episode(scenario, scene, Footage(scenario, filmed=self._request.replay), bridge)
+
+    def _wants_links(self, devices: list[Device]) -> bool:
+        session = self._session
+        # Who will listen is not known before the clock starts.
+        is_held = session.present.started is None
+        return is_held or session.topics.are_links_heard or any(device.reads_links for device in devices)
+
+    def _described(self, robot: SpawnedRobot) -> DrivenRobot:
+        """By its description alone."""
+        if robot.file is not None:
+            return DrivenRobot(model=robot.file)
+        (self._folder / _DESCRIPTION).write_text(robot.description, encoding="utf-8")
+        return DrivenRobot(model=_DESCRIPTION)
+
+    def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], Told]:
+        if self._opened is None or not robot.is_same_as(self._opened[0]):
+            self._closing.close()
+            self._session.efforts.clear_all()
+            told = Told()
+            self._opened = robot, list(self._open(robot, model, frame, told)), told
+        return self._opened[1], self._opened[2]
+
+    def _open(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame, told: Told) -> Iterator[Device]:
+        session = self._session
+        root = ET.fromstring(robot.description)  # noqa: S314 - of the robot that is simulated
+        wiring = Wiring(
+            model,
+            root,
+            frame,
+            told,
+            session.traffic,
+            lambda: session.present.started is None,
+            self.notes.append,
+            self._closing,
+        )
+        for plugin in plugins_of(root, robot.space):
+            if plugin.name in DEVICES:
+                yield from DEVICES.load(plugin.name)(plugin, wiring)
+            else:
+                self.notes.append(f"the plugin {plugin.name} of the robot is not known here and does nothing")
+
+
+def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:
+    """As a scenario has it. Robots are spawned at a height of 0, or dropped from one: here they stand."""
+    stands = robot.pose.position_xyz[2] <= 0
+    pose = placement_of(frame.base_pose(robot.pose)).model_copy(update={"z": None} if stands else {})
+    drive = PlanarMove.recognise(model)
+    return described.model_copy(update={"pose": pose, "joints": dict(robot.joints), "drive": drive})

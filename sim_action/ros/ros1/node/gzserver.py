@@ -1,0 +1,186 @@
+"""The node `gazebo`: waits for a robot, and simulates it among the other nodes until they are done."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from pathlib import Path
+from threading import Event
+from typing import Final
+
+import rospy
+
+from sim_action.core.errors import BadStart, ModelError, RunError, SimulationUnstable, SourceOver
+from sim_action.results.outcome import Failure
+from sim_action.ros.ros1.exchange import End, NodeRun, Request
+from sim_action.ros.ros1.graph import Master
+from sim_action.ros.ros1.node import leaving
+from sim_action.ros.ros1.node.bridge import Pace, Session
+from sim_action.ros.ros1.node.catalogue import DRIVING
+from sim_action.ros.ros1.node.changes import BeginAnew, Changes
+from sim_action.ros.ros1.node.efforts import Efforts
+from sim_action.ros.ros1.node.episode import Episode, Stage
+from sim_action.ros.ros1.node.inquiries import Inquiries
+from sim_action.ros.ros1.node.lockstep import Lockstep, TestOver
+from sim_action.ros.ros1.node.population import Population, SpawnedRobot
+from sim_action.ros.ros1.node.present import Present
+from sim_action.ros.ros1.node.pressing import Pressing
+from sim_action.ros.ros1.node.record import Record
+from sim_action.ros.ros1.node.services import Services
+from sim_action.ros.ros1.node.topics import Topics
+from sim_action.ros.ros1.worlds import BadWorld, model_folders, read_world
+from sim_action.simulation.loop import SimulationRun
+from sim_action.world import World
+
+NAME: Final = "/gazebo"
+
+_LOOK: Final = 0.01
+
+
+def serve(folder: Path, request: Request) -> None:
+    """Runs the node until the launch is over; writes what became of the simulation when that is known."""
+    leaving.begin(NAME.strip("/"))
+    _Server(folder, request).run().write(folder)
+    # Whoever is left may still ask; what tells it to leave is roslaunch.
+    leaving.wait()
+
+
+class _Server:
+    def __init__(self, folder: Path, request: Request) -> None:
+        self._folder, self._request = folder, request
+        self._began = time.monotonic()
+        self._notes: list[str] = []
+        self._record = Record()
+        self._traffic = Counter[str]()
+        self._changes, self._present = Changes(), Present(Population(World()))
+        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid())
+        paused, topics = Event(), Topics(self._traffic)
+        if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
+            paused.set()
+        self._session = Session(
+            self._present,
+            self._traffic,
+            topics,
+            self._lockstep,
+            self._changes,
+            paused,
+            Pace(request.real_time_factor),
+            Efforts(),
+        )
+        self._stage = Stage(self._session, request, folder)
+
+    def run(self) -> NodeRun:
+        """To its end, whatever that is."""
+        end: End = "failed"
+        failure: Failure | None = None
+        try:
+            self._present.population = self._populated()
+            session = self._session
+            self._services = Services(self._present, self._changes, session.paused, session.efforts)
+            self._pressing = Pressing(self._present, self._changes, session.efforts)
+            self._inquiries = Inquiries(self._present, session.paused, self._request.physics_rate)
+            end = self._simulate()
+        except TestOver:
+            end = "test over"
+        except SourceOver:
+            end = "nodes gone"
+        except (RunError, ModelError, BadWorld, OSError) as error:
+            failure = _failure_of(error)
+        self._record.store(self._folder)
+        return self._told(end, failure)
+
+    def _populated(self) -> Population:
+        """As the launch file's world has it; one that is Gazebo's own, and not here, is empty. Raises BadWorld."""
+        named = Path(str(rospy.get_param("/gazebo/world_name", _world_argument())))
+        if not named.is_absolute() or not named.exists():
+            if named.name != "empty.world":
+                self._notes.append(f"the world '{named}' is not here; the robot is in an empty one")
+            return Population(World())
+        read = read_world(named, model_folders(), DRIVING)
+        self._notes += read.notes
+        robot = read.robot
+        if robot is None:
+            return Population(read.world)
+        file = str(robot.file) if robot.file else None
+        return Population(read.world, SpawnedRobot(robot.name, robot.description, robot.pose, file=file))
+
+    def _simulate(self) -> End:
+        """Raises RunError; SourceOver if everybody leaves before there is a robot."""
+        self._await_robot()
+        while True:
+            episode = self._stage.episode(left=self._left())
+            self._run(episode)
+            over = episode.bridge.over
+            if not isinstance(over, BeginAnew):
+                return _end_of(over)
+            if self._present.time > self._present.began:
+                self._notes.append(f"{over} at {self._present.time:g} s of sim time: all that moved went on from rest")
+            self._make_changes()
+
+    def _run(self, episode: Episode) -> None:
+        """Raises RunError."""
+        self._record.begin(episode)
+        run: SimulationRun | None = None
+        try:
+            run = episode.run()
+        finally:
+            self._record.end(episode, run)
+
+    def _left(self) -> float | None:
+        """How much sim time there is, in s."""
+        limit = self._request.sim_time_limit
+        return None if limit is None else max(limit - self._present.time, 1 / self._request.physics_rate)
+
+    def _await_robot(self) -> None:
+        """Raises SourceOver if none comes before everybody leaves."""
+        while self._present.population.robot is None:
+            if rospy.is_shutdown():
+                raise SourceOver("the nodes have left before a robot was spawned")
+            self._present.population, _ = self._changes.make(self._present.population)
+            time.sleep(_LOOK)
+
+    def _make_changes(self) -> None:
+        """Makes what was asked for, of the world as it is now."""
+        self._present.population, restarts = self._changes.make(self._present.carried_on())
+        if restarts:
+            self._present.time = 0.0
+        self._present.began = self._present.time
+        self._await_robot()
+
+    def _told(self, end: End, failure: Failure | None) -> NodeRun:
+        now, record = time.monotonic(), self._record
+        started = self._present.started or now
+        return NodeRun(
+            end=end,
+            failure=failure,
+            sim_time=self._present.time,
+            first_command=record.first_command,
+            travelled=record.travelled,
+            digest=record.digest,
+            real_time_factor=self._present.time / (now - started) if now > started else None,
+            starting=started - self._began,
+            engine=record.engine,
+            notes=tuple(dict.fromkeys((*self._notes, *self._stage.notes, *record.notes, *self._lockstep.notes))),
+            messages=dict(sorted(self._traffic.items())),
+            in_step=self._lockstep.is_kept,
+        )
+
+
+def _world_argument() -> str:
+    """The world that a launch file names to Gazebo itself, and not to `empty_world.launch`."""
+    return next((word for word in rospy.myargv()[1:] if word.endswith(".world")), "worlds/empty.world")
+
+
+def _end_of(over: SourceOver | None) -> End:
+    if isinstance(over, TestOver):
+        return "test over"
+    return "time limit" if over is None else "nodes gone"
+
+
+def _failure_of(error: Exception) -> Failure:
+    if isinstance(error, SimulationUnstable):
+        return Failure(kind="unstable", title="simulation unstable", message=str(error))
+    if isinstance(error, ModelError | BadStart | BadWorld):
+        return Failure(kind="invalid", title="the simulation cannot begin", message=str(error))
+    return Failure(kind="engine", title="the simulation failed", message=str(error))

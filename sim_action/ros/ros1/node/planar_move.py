@@ -1,0 +1,81 @@
+"""A base that goes over the ground as it is told, whatever it stands on, as Gazebo's planar_move moves one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar, Final, Self
+
+from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.problem_list import SpecProblems
+from sim_action.drives import Drive, is_level
+from sim_action.drives.mecanum_motion import NOT_LEVEL
+from sim_action.drives.wheels import centre_of_mass
+from sim_action.robot.mobility import Mobility
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import NO_PUSH, BasePush, JointTargets
+from sim_action.world import GRAVITY
+from sim_action.world.scene import Scene
+
+PLUGIN: Final = "gazebo_ros_planar_move"
+
+# Of its weight: Gazebo sets the velocity anew at every step, whatever is in the way. 1 m/s takes 10 ms here.
+_FORCE: Final = 10.0
+_ARM: Final = 1.0  # m
+
+
+class PlanarMove(Drive):
+    """Pushed to its velocity at once, with links that slide. No key of a scenario leads here."""
+
+    key: ClassVar[str] = "planar_move"
+
+    @classmethod
+    def recognise(cls, model: RobotModel) -> Self | None:
+        """By its plugin."""
+        return cls() if any(plugin.name == PLUGIN for plugin in model.plugins) else None
+
+    def problems(self, model: RobotModel) -> SpecProblems:
+        """None: it asks nothing of a model."""
+        return iter(())
+
+    def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> PlanarMotion:
+        """See Drive.open."""
+        return PlanarMotion(centre_of_mass(model), _FORCE * model.mass * max(gravity, GRAVITY))
+
+    def wheel_motion(self, model: RobotModel) -> None:
+        """See Drive.wheel_motion."""
+
+    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
+        """See Drive.describe."""
+        return "planar move, kinematic: the base goes at the velocity it is told, at once, and no link has friction"
+
+    def mobility(self, model: RobotModel) -> Mobility:
+        """See Drive.mobility."""
+        return Mobility()
+
+    def prepared(self, scene: Scene) -> Scene:
+        """With links that slide: what is pushed at its centre of mass would tip over them. See Drive.prepared."""
+        links = tuple(replace(link, surface=replace(link.surface, friction=0.0)) for link in scene.model.links)
+        return replace(super().prepared(scene), model=replace(scene.model, links=links))
+
+
+class PlanarMotion:
+    """The live half; `point_xyz`: m, base frame, where it is pushed, by `force` N at the most."""
+
+    joints: Final[frozenset[str]] = frozenset()
+    released: Final = JointTargets(base=NO_PUSH)
+
+    def __init__(self, point_xyz: Vector3, force: float) -> None:
+        self._point_xyz, self._force = point_xyz, force
+        self._was_level = True
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See DriveMotion.notes."""
+        return () if self._was_level else (NOT_LEVEL,)
+
+    def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
+        """See DriveMotion.targets."""
+        self._was_level &= is_level(twist)
+        x, y, _ = twist.linear_xyz
+        push = BasePush((x, y), twist.angular_xyz[2], self._point_xyz, self._force, self._force * _ARM)
+        return [JointTargets(base=push)]

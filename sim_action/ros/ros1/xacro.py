@@ -1,0 +1,87 @@
+"""The overlay's `xacro`: evaluates a file as robot models of scenarios are, and prints the URDF.
+
+What launch files say to xacro is understood: `xacro [--inorder] [-o FILE] FILE [NAME:=VALUE ...]`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import ModelError
+from sim_action.core.messages import escaped_line
+from sim_action.core.workspace import Workspace
+from sim_action.robot.packages import Packages
+from sim_action.robot.xacro_documents import XacroError
+from sim_action.robot.xacro_files import Expansion, expand
+
+_UNKNOWN: Final = "unknown-argument"
+_FALLBACKS: Final = Path(__file__).parent / "packages"
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Returns the exit code; what is wrong is told on standard error, in a line that begins with `xacro:`."""
+    asked, others = _parser().parse_known_args(words)
+    given = dict(word.split(":=", 1) for word in others if ":=" in word)
+    path = Path(asked.file)
+    try:
+        text = _expanded(path, {name: value for name, value in given.items() if not name.startswith("_")}).text
+    except (ModelError, XacroError) as error:
+        sys.stderr.write(f"xacro: {_told(error)}\n")
+        return 2
+    if asked.output:
+        Path(asked.output).write_text(text, encoding="utf-8")
+    else:
+        sys.stdout.write(text)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("xacro", allow_abbrev=False)
+    parser.add_argument("file")
+    parser.add_argument("-o", dest="output")
+    for ignored in (("--inorder", "-i"), ("--xacro-ns",), ("--check-order",), ("-q",), ("-v",)):
+        parser.add_argument(*ignored, action="store_true")
+    parser.add_argument("--verbosity")
+    return parser
+
+
+def _expanded(path: Path, arguments: Mapping[str, str]) -> Expansion:
+    """Raises XacroError, ModelError."""
+    if not path.is_file():
+        raise ModelError(_missing(path))
+    folder = path.resolve().parent
+    packages = Packages(Workspace(folder, folder, allow_outside=True))
+    left = dict(arguments)
+    while True:
+        try:
+            return expand(path, left, packages)
+        except XacroError as error:
+            # To ROS, an argument that a file does not declare is nobody's business.
+            unknown = [name for name in left if error.rule == _UNKNOWN and f"is named '{name}'" in str(error)]
+            if not unknown:
+                raise
+            del left[unknown[0]]
+
+
+def _missing(path: Path) -> str:
+    folder = path.parent
+    names = ", ".join(sorted(file.name for file in folder.iterdir())) if folder.is_dir() else "nothing"
+    if _FALLBACKS in folder.resolve().parents:
+        return (
+            f"'{path.name}' is not here: of TurtleBot3, sim-action has {names} alone; put ROBOTIS's package "
+            "turtlebot3_description into the workspace for the others, or set TURTLEBOT3_MODEL=burger"
+        )
+    return f"'{path}' does not exist (the folder has {names})"
+
+
+def _told(error: ModelError | XacroError) -> str:
+    place = f"{error.location}: " if isinstance(error, XacroError) else ""
+    return escaped_line(f"{place}{error}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

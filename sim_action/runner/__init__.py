@@ -1,0 +1,1 @@
+"""Runs many scenarios: planning, child processes, repetitions and engine agreement."""

@@ -1,0 +1,260 @@
+"""What became of a child: the outcome that it wrote, as far as it can be believed, or why there is none.
+
+A child may have run a stranger's code: its files are read as data, with bounds, and only if they are files; what the
+parent knows better (names, places, where the trace is) is not taken from it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final, Literal
+
+from pydantic import ValidationError
+
+from sim_action import __version__
+from sim_action.core import units
+from sim_action.core.discovery import file_name
+from sim_action.core.location import Location
+from sim_action.core.provenance import Provenance, provenance
+from sim_action.core.regular_files import open_regular
+from sim_action.core.workspace import PathError
+from sim_action.core.yaml_document import Document
+from sim_action.engines import PACKAGES, chosen
+from sim_action.results.outcome import Failure, FailureKind, Outcome
+from sim_action.runner.isolation.child import Child
+from sim_action.runner.job import Job, out_of_memory
+from sim_action.runner.native_output import split_output
+from sim_action.runner.stack_dump import noted_place
+from sim_action.scenario.model import LoadedScenario, Scenario
+
+_MOST_OUTPUT: Final = 64_000
+_MOST_LAST_WORDS: Final = 2_000
+_MOST_LAST_LINES: Final = 20
+_MOST_OUTCOME: Final = 50_000_000
+_MOST_NOTED: Final = 1_000_000
+
+
+Limit = Literal["wall limit", "output limit"]
+
+Ending = int | Limit
+"""The exit status of a child, as `Child.poll` has it, or the limit at which it was ended."""
+
+
+def outcome_of(child: Child, ending: Ending) -> Outcome:
+    """The outcome of a child that has ended."""
+    job = child.job
+    diagnostics, output = split_output(_end_of(job.output_file, _MOST_OUTPUT).decode("utf-8", errors="replace"))
+    written = _written(job) if ending == 0 or child.judged is not None else None
+    outcome = written or without_verdict(job.loaded, _failure(child, ending, output))
+    return outcome.model_copy(
+        update={
+            "name": job.loaded.scenario.name,
+            "file": job.loaded.file,
+            "line": job.loaded.source.line,
+            "number": job.loaded.source.number,
+            "group": job.loaded.source.group,
+            "variation": job.loaded.source.variation,
+            "trace": job.trace_name if _is_regular(job.trace) else None,
+            "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
+            "recordings": tuple(job.named(path) for path in job.recordings if _is_regular(path)),
+            "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
+            "provenance": made_with(job.loaded.scenario.backend),
+            "diagnostics": diagnostics,
+            "output": output,
+            "wall_time": time.monotonic() - child.started,
+        }
+    )
+
+
+def made_with(backend: str) -> Provenance:
+    """What outcomes of an engine say of it, and of this machine; `backend`: as the scenario has it."""
+    return provenance(PACKAGES[chosen(backend)], __version__)
+
+
+def interrupted(loaded: LoadedScenario) -> Outcome:
+    """The outcome of a scenario that the call did not come to, or not to the end of."""
+    message = "the run was interrupted before this scenario was over"
+    return without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
+
+
+def skipped(loaded: LoadedScenario) -> Outcome:
+    """The outcome of a scenario that was not begun, as another had failed."""
+    note = "not run, as another scenario had not passed (--fail-fast)"
+    return _unjudged(loaded).model_copy(update={"status": "skipped", "notes": (note,)})
+
+
+def without_verdict(loaded: LoadedScenario, failure: Failure) -> Outcome:
+    """An error outcome."""
+    return _unjudged(loaded).model_copy(update={"failures": (failure,)})
+
+
+def _unjudged(loaded: LoadedScenario) -> Outcome:
+    source = loaded.source
+    return Outcome(
+        name=loaded.scenario.name,
+        file=loaded.file,
+        line=source.line,
+        number=source.number,
+        group=source.group,
+        variation=source.variation,
+        status="error",
+    )
+
+
+def _written(job: Job) -> Outcome | None:
+    try:
+        outcome = Outcome.model_validate_json(_end_of(job.outcome_file, _MOST_OUTCOME))
+    except ValidationError:
+        return None
+    return outcome if _is_consistent(outcome, job.loaded.scenario) else None
+
+
+def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
+    """Whether every expectation was judged, and the status is what the verdicts make of it."""
+    if outcome.status == "error":
+        return bool(outcome.failures)
+    asked = [(expected.name, expected.severity, expected.location) for expected in scenario.expect]
+    judged = [(expected.name, expected.severity, expected.location) for expected in outcome.expectations]
+    failed = any(expected.failed for expected in outcome.expectations)
+    return judged == asked and not outcome.failures and outcome.status == ("failed" if failed else "passed")
+
+
+def _afterwards(child: Child, ending: Ending) -> Iterator[str]:
+    """What to say of a child that has left a verdict."""
+    yield from _left_behind(child)
+    if ending != 0:
+        by = ending if isinstance(ending, str) else _signal_name(ending) or f"exit {ending}"
+        yield f"what was to be recorded of it was cut off: {by}"
+
+
+def _left_behind(child: Child) -> tuple[str, ...]:
+    if not child.left:
+        return ()
+    which = "a process" if child.left == 1 else f"{child.left} processes"
+    return (f"ended {which} that its script had left behind",)
+
+
+def _failure(child: Child, ending: Ending, output: str) -> Failure:
+    place = _stuck_at(child.job) if ending == "wall limit" else None
+    kind, title, cause = _cause(child, ending, output, place)
+    message = "; ".join((cause, f"it was last heard of at {child.sim_time:.2f} s of sim time", *_left_behind(child)))
+    if place is None and ending == "wall limit":
+        place = _limiting_key(child.job.loaded.document)
+    return Failure(kind=kind, title=title, message=message, location=place, details=_last_words(output))
+
+
+def _stuck_at(job: Job) -> Location | None:
+    """The line of the user's code that was at work when the time was up."""
+    noted = _end_of(job.hang_file, _MOST_NOTED).decode("utf-8", errors="replace")
+    loaded = job.loaded
+    try:
+        files = [loaded.workspace.file(name) for name in loaded.scenario.python_files]
+    except PathError:  # a script may have done away with itself
+        return None
+    place = noted_place(noted, files)
+    if place is None or not (file := Path(place.file)).is_relative_to(Path.cwd()):
+        return place
+    return replace(place, file=file_name(file.relative_to(Path.cwd())))
+
+
+def _limiting_key(document: Document) -> Location:
+    stated = next((key for key in ("wall_limit", "time_limit") if (key,) in document.marks), "time_limit")
+    return document.location((stated,))
+
+
+def _last_words(output: str) -> str:
+    return "\n".join(output[-_MOST_LAST_WORDS:].split("\n")[-_MOST_LAST_LINES:])
+
+
+def _cause(child: Child, ending: Ending, output: str, place: Location | None) -> tuple[FailureKind, str, str]:
+    """Kind, title and message of an end without a verdict."""
+    scenario = child.job.loaded.scenario
+    if ending == "wall limit":
+        limit = f"no verdict after {scenario.wall_seconds:g} s of wall time (wall_limit)"
+        return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child, place), 'too low a limit'))}"
+    if ending == "output limit":
+        printed = f"more than {units.display(scenario.output_bytes, 'B')} were printed"
+        return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
+    if (by := _signal_name(ending)) is None:
+        hint = "; has its script called os._exit()?" if scenario.runs_user_code else ""
+        message = f"the process of this scenario ended by itself, with exit code {ending} and no verdict{hint}"
+        return "crash", f"exit {ending}", message
+    return _cause_of_signal(child, by, output)
+
+
+def _stuck(child: Child, place: Location | None) -> Iterator[str]:
+    """What may hold a scenario up for ever; `place`: the line that is known to have been at work."""
+    scenario = child.job.loaded.scenario
+    if place is not None:
+        yield f"{place} does not end"
+        return
+    if scenario.robot.is_xacro and not child.sim_time:
+        yield "xacro that does not end"
+    if any(source.runs_user_code for source in scenario.commands):
+        yield "a stuck controller"
+    if any(assertion.runs_user_code for assertion in scenario.assertions):
+        yield "a stuck assertion"
+
+
+def _cause_of_signal(child: Child, title: str, output: str) -> tuple[FailureKind, str, str]:
+    scenario = child.job.loaded.scenario
+    by = f"the process of this scenario was ended by {title}"
+    is_full = child.peak_memory + _UNTOUCHED >= scenario.memory_bytes
+    if title in _CRASHES and (is_full or _BAD_ALLOC in output):
+        taken = f", when it had taken {child.peak_memory / 2**30:.2g} GiB" if child.peak_memory else ""
+        return "memory", "out of memory", f"{out_of_memory(child.job)}; {by}{taken}"
+    return "crash", title, f"{by}{_MEANINGS.get(title, '')}"
+
+
+_BAD_ALLOC: Final = "std::bad_alloc"
+# What native code dies of that was given no memory, and has not looked.
+_CRASHES: Final = ("SIGSEGV", "SIGBUS", "SIGABRT")
+# The limit is on address space; of that, libraries take so much and use little.
+_UNTOUCHED: Final = 256 << 20
+
+_NATIVE: Final = ", which a fault in native code brings about: in the engine, or a library of the script"
+_MEANINGS: Final[Mapping[str, str]] = {
+    "SIGSEGV": _NATIVE,
+    "SIGBUS": _NATIVE,
+    "SIGILL": _NATIVE,
+    "SIGFPE": _NATIVE,
+    "SIGABRT": ", by which native code gives up: the engine, or a library of the script",
+    "SIGKILL": ": it did so itself, or the machine ran short of memory",
+    "STATUS_ACCESS_VIOLATION": _NATIVE,
+    "STATUS_STACK_OVERFLOW": _NATIVE,
+}
+# Windows has no signals: what a fault ends, ends with one of these as its exit code (NTSTATUS values of [MS-ERREF]).
+_STATUSES: Final[Mapping[int, str]] = {
+    0xC0000005: "STATUS_ACCESS_VIOLATION",
+    0xC00000FD: "STATUS_STACK_OVERFLOW",
+}
+
+
+def _signal_name(ending: int) -> str | None:
+    """What ended a child that has not ended by itself."""
+    if ending >= 0:
+        return _STATUSES.get(ending)
+    try:
+        return signal.Signals(-ending).name
+    except ValueError:
+        return f"signal {-ending}"
+
+
+def _is_regular(path: Path) -> bool:
+    return path.is_file() and not path.is_symlink()
+
+
+def _end_of(path: Path, most: int) -> bytes:
+    """The last bytes of a file; nothing, if it is something else."""
+    try:
+        file = open_regular(path, follow_link=False)
+    except OSError:
+        return b""
+    with file:
+        file.seek(max(0, os.fstat(file.fileno()).st_size - most))
+        return file.read(most)

@@ -1,0 +1,168 @@
+"""Whether engines agree on a scenario: how far apart they saw the robot at the same time, and what they judged.
+
+The comparison stands among the expectations of the last outcome that has a verdict: it is as much a claim as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from sim_action.core import units
+from sim_action.core.verdict import Verdict
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.trace_files import stored_file
+from sim_action.scenario.model import Agreement, LoadedScenario
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace_storage import TraceError, load_trace
+
+_KEY: Final = "agreement"
+# Of sim time in s: two ways to one moment differ by rounding alone.
+_SAME_TIME: Final = 1e-9
+
+
+def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path) -> tuple[Outcome, ...]:
+    """The outcomes of one scenario in several engines, the last with a verdict among them held against the first.
+
+    `folder`: where the results are, from which traces are named.
+    """
+    if len(outcomes) == 1:
+        return (_alone(outcomes[0]),) if loaded.scenario.agreement else outcomes
+    judged = [outcome for outcome in outcomes if outcome.has_verdict]
+    if not judged or any(outcome.status == "skipped" for outcome in outcomes):
+        return outcomes
+    last = judged[-1]
+    others = [outcome for outcome in outcomes if outcome is not last]
+    expectations = tuple(
+        expectation for other in others for expectation in _Comparison(loaded, other, last, folder).expectations()
+    )
+    told = last.model_copy(update={"expectations": (*last.expectations, *expectations)})
+    if any(expectation.failed for expectation in expectations):
+        told = told.model_copy(update={"status": "failed"})
+    return tuple(told if outcome is last else outcome for outcome in outcomes)
+
+
+def _alone(outcome: Outcome) -> Outcome:
+    """Of a scenario that asks for agreement, where the call has named one engine."""
+    note = "agreement was not judged: the call names one engine"
+    return outcome.model_copy(update={"notes": (*outcome.notes, note)})
+
+
+@dataclass(frozen=True, slots=True)
+class _Apart:
+    """What two engines differ in: (T,) differences over (T,) s of sim time.
+
+    Attributes:
+        what: such as "position".
+        measurement: what the difference is called, up to the engine's name.
+    """
+
+    what: str
+    measurement: str
+    unit: str
+    limit: float | None
+    time: FloatArray
+    difference: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Comparison:
+    """One outcome, `last`, held against that of another engine."""
+
+    loaded: LoadedScenario
+    other: Outcome
+    last: Outcome
+    folder: Path
+
+    def expectations(self) -> Iterator[ExpectationOutcome]:
+        """Whether they judged alike, and how far apart they were."""
+        yield self._expectation(f"the same verdicts as {self._engine}", self._verdicts())
+        apart = tuple(self._apart())
+        for difference in apart:
+            yield self._expectation(self._name(difference), self._verdict(difference))
+        if not apart and self._asked and self.other.has_verdict:
+            message = f"there is no moment at which both have a position: nothing to compare with {self._engine}"
+            yield self._expectation(
+                f"the same position as {self._engine}", Verdict(False, None, None, None, "", None, message)
+            )
+
+    @property
+    def _asked(self) -> Agreement | None:
+        return self.loaded.scenario.agreement
+
+    @property
+    def _engine(self) -> str:
+        """Of the other outcome: it may have ended before it could say."""
+        return self.other.engine or self.other.name.rpartition("[")[2].rstrip("]")
+
+    def _name(self, apart: _Apart) -> str:
+        """Without a limit it is a measurement: a tick before "the same" would say that somebody had judged it."""
+        if apart.limit is not None:
+            return f"the same {apart.what} as {self._engine}"
+        return f"{apart.measurement} {self._engine}"
+
+    def _expectation(self, name: str, verdict: Verdict) -> ExpectationOutcome:
+        return ExpectationOutcome(
+            name=name,
+            assertion=_KEY,
+            severity="warning" if self._asked is None else "error",
+            location=self.loaded.document.location((_KEY,)),
+            verdict=verdict,
+        )
+
+    def _verdicts(self) -> Verdict:
+        different = list(self._different_verdicts())
+        message = "; ".join(different) or f"judged as in {self._engine}"
+        return Verdict(not different, None, None, None, "", None, message)
+
+    def _different_verdicts(self) -> Iterator[str]:
+        if not self.other.has_verdict:
+            yield f"{self._engine} came to no verdict"
+            return
+        for ours, theirs in zip(self.last.expectations, self.other.expectations, strict=True):
+            if ours.verdict.passed != theirs.verdict.passed:
+                held, failed = (self.last, self.other) if ours.verdict.passed else (self.other, self.last)
+                yield f"'{ours.name}' holds in {held.engine}, and not in {failed.engine}"
+
+    def _apart(self) -> Iterator[_Apart]:
+        ours, theirs = self._trace(self.last), self._trace(self.other)
+        if not ours or not theirs:
+            return
+        ours, theirs = at_the_same_times(ours, theirs)
+        # A script can write what it likes into its trace.
+        if not len(ours) or not np.isfinite((ours.state[:, 1:8], theirs.state[:, 1:8])).all():
+            return
+        position = np.sqrt(np.square(ours.base_position_xyz - theirs.base_position_xyz).sum(axis=1))
+        limits = (None, None) if self._asked is None else (self._asked.position, self._asked.yaw)
+        yield _Apart("position", "distance to", "m", limits[0], ours.time, position)
+        yield _Apart("yaw", "difference in yaw to", "rad", limits[1], ours.time, ours.yaw_error_to(theirs.yaw))
+
+    def _trace(self, outcome: Outcome) -> Trace | None:
+        path = stored_file(self.folder, outcome.trace) if outcome.trace else None
+        try:
+            return None if path is None else load_trace(path)
+        except TraceError:
+            return None
+
+    def _verdict(self, apart: _Apart) -> Verdict:
+        """At the moment when they were farthest apart."""
+        worst = int(apart.difference.argmax())
+        measured, time = float(apart.difference[worst]), float(apart.time[worst])
+        margin = None if apart.limit is None else apart.limit - measured
+        message = f"at most {units.display(measured, apart.unit)} apart from {self._engine} in {apart.what}"
+        message += f" at {time:.2f} s"
+        if apart.limit is not None:
+            message += f", of {units.display(apart.limit, apart.unit)} allowed"
+        return Verdict(margin is None or margin >= 0, measured, apart.limit, margin, apart.unit, time, message)
+
+
+def at_the_same_times(first: Trace, second: Trace) -> tuple[Trace, Trace]:
+    """The moments that both have: both begin at 0, and one goes on where the other has ended."""
+    indices = np.searchsorted(second.time, first.time - _SAME_TIME)
+    inside = np.minimum(indices, len(second) - 1)
+    same = np.abs(second.time[inside] - first.time) <= _SAME_TIME
+    return first.rows(np.flatnonzero(same)), second.rows(inside[same])

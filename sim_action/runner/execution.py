@@ -1,0 +1,216 @@
+"""Runs many scenarios, each in a child process of its own, some at the same time; each ends with an outcome."""
+
+from __future__ import annotations
+
+import select
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Final, Protocol
+
+from sim_action.core.interruption import Interruption
+from sim_action.engines import BACKENDS, chosen
+from sim_action.recording.export import EXPORTS
+from sim_action.results.outcome import Outcome
+from sim_action.results.trace_files import recording_path, replay_path, trace_paths
+from sim_action.runner.child_outcome import Ending, Limit, interrupted, made_with, outcome_of, skipped
+from sim_action.runner.isolation import way_here
+from sim_action.runner.isolation.child import Child
+from sim_action.runner.job import Job
+from sim_action.runner.native_output import muted
+from sim_action.scenario.model import LoadedScenario
+
+# The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
+_ENDING_WAIT: Final = 0.002
+_LONGEST_WAIT: Final = 0.25
+
+
+class Listener(Protocol):
+    """Who is told how it goes."""
+
+    def progress(self, name: str, sim_time: float, real_time_factor: float) -> None:
+        """A scenario has come to a sim time, in s."""
+
+    def finished(self, outcome: Outcome) -> None:
+        """A scenario is over."""
+
+
+def execute(
+    scenarios: Sequence[LoadedScenario],
+    folder: Path,
+    jobs: int,
+    listener: Listener,
+    interruption: Interruption,
+    *,
+    fail_fast: bool = False,
+    replays: bool = False,
+    formats: Sequence[str] = (),
+    repeat: int = 1,
+    way: type[Child] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
+) -> list[Outcome]:
+    """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
+
+    An interruption ends what runs; scenarios without an outcome then get one that says so. `fail_fast`: nothing is
+    begun once one has not passed. `replays`: whether they are written, too; `formats`: of recordings that are.
+    `repeat`: how often all of them are run, one time after the other; if more than once, each run has an interpreter
+    and a seed of hashes of its own. `way`: how children are born; left out, as this system has it. `meanwhile`: called
+    once the first children run, when this process has nothing to do but to wait.
+
+    Raises UsageError.
+    """
+    way = way or way_here()
+    for loaded in scenarios:
+        chosen(loaded.scenario.backend)
+    if way.forks and repeat == 1:
+        forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
+        _warm_up(forked, formats, replays=replays)
+    # On Windows, what a script has left running may hold files in it.
+    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
+        runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
+        paths = trace_paths([loaded.scenario.name for loaded, _ in runs], folder)
+        made = partial(_job, way=way, replays=replays, formats=formats)
+        waiting = deque(
+            (index, made(loaded, path, folder, _subfolder(Path(scratch), index), hash_seed=hash_seed))
+            for index, ((loaded, hash_seed), path) in enumerate(zip(runs, paths, strict=True))
+        )
+        scheduler = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast)
+        outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
+    left = interrupted if interruption.happened else skipped
+    return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
+
+
+def _job(
+    loaded: LoadedScenario,
+    trace: Path,
+    results: Path,
+    own: Path,
+    *,
+    way: type[Child],
+    hash_seed: int | None,
+    replays: bool,
+    formats: Sequence[str],
+) -> Job:
+    replay = replay_path(trace) if replays else None
+    recordings = tuple(recording_path(trace, name) for name in formats)
+    return Job(loaded, trace, results, own, way.limits_memory, replay, recordings, hash_seed)
+
+
+def _subfolder(scratch: Path, index: int) -> Path:
+    folder = scratch / str(index)
+    folder.mkdir()
+    return folder
+
+
+def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:
+    """Makes ready the engines that they run on, and what children write, once for all of them."""
+    Outcome.model_rebuild()
+    if replays:
+        from sim_action.recording.replay import making
+
+        making.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
+    with muted():
+        for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
+            BACKENDS.load(engine).warm_up()
+    for package in (package for name in formats if scenarios for package in EXPORTS.load(name).packages):
+        import_module(package)
+
+
+def _make_ready(scenarios: Iterable[LoadedScenario], meanwhile: Callable[[], object]) -> None:
+    """What outcomes say alike, looked up once for all, and what the caller needs."""
+    for backend in {loaded.scenario.backend for loaded in scenarios}:
+        made_with(backend)
+    meanwhile()
+
+
+class _Scheduler:
+    """One thread, a queue of jobs, and the children that run."""
+
+    def __init__(
+        self,
+        way: type[Child],
+        waiting: deque[tuple[int, Job]],
+        jobs: int,
+        listener: Listener,
+        interruption: Interruption,
+        *,
+        fail_fast: bool,
+    ) -> None:
+        self._way = way
+        self._fail_fast = fail_fast
+        self._interruption = interruption
+        self._waiting = waiting
+        self._jobs = jobs
+        self._listener = listener
+        self._running: dict[int, Child] = {}
+        self._outcomes: dict[int, Outcome] = {}
+
+    def run(self, meanwhile: Callable[[], object]) -> dict[int, Outcome]:
+        """Outcomes by index; what was not begun, or not ended, has none. `meanwhile`: called once, as children run."""
+        try:
+            self._start()
+            meanwhile()
+            while (self._waiting or self._running) and not self._interruption.happened:
+                self._start()
+                self._wait()
+                self._collect()
+        finally:
+            # Whatever happens here, no child outlives the call.
+            for child in self._running.values():
+                child.kill()
+                child.close()
+        return self._outcomes
+
+    def _start(self) -> None:
+        while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:
+            index, job = self._waiting.popleft()
+            deadline = time.monotonic() + job.loaded.scenario.wall_seconds
+            self._running[index] = self._way.start(replace(job, deadline=deadline))
+
+    def _wait(self) -> None:
+        nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
+        heard = [child.progress for child in self._running.values() if not child.silent]
+        ending = len(heard) < len(self._running)
+        select.select(
+            [*heard, self._interruption.awakened],
+            [],
+            [],
+            min(_ENDING_WAIT if ending else _LONGEST_WAIT, max(0.0, nearest)),
+        )
+
+    def _collect(self) -> None:
+        for index, child in list(self._running.items()):
+            child.listen()
+            ending: Ending | None = child.poll()
+            if ending is None:
+                ending = _exceeded(child)
+                if ending is not None:
+                    child.kill()
+            if ending is None:
+                elapsed = time.monotonic() - child.started
+                self._listener.progress(child.job.loaded.scenario.name, child.sim_time, child.sim_time / elapsed)
+                continue
+            child.close()
+            del self._running[index]
+            self._outcomes[index] = outcome = outcome_of(child, ending)
+            self._listener.finished(outcome)
+            if self._fail_fast and outcome.status != "passed":
+                self._waiting.clear()
+
+
+def _deadline(child: Child) -> float:
+    """What has its verdict gets as long again to be recorded."""
+    begun = child.started if child.judged is None else child.judged
+    return begun + child.job.loaded.scenario.wall_seconds
+
+
+def _exceeded(child: Child) -> Limit | None:
+    """The limit that a running child has come to."""
+    if time.monotonic() >= _deadline(child):
+        return "wall limit"
+    return "output limit" if child.job.printed > child.job.loaded.scenario.output_bytes else None

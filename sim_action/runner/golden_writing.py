@@ -1,0 +1,99 @@
+"""`run --update-golden`: which golden files runs write, and that no two write the same one."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from sim_action.assertions.matches import Matches
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.location import Problem
+from sim_action.core.workspace import PathError
+from sim_action.scenario.model import Expectation, LoadedScenario
+from sim_action.scenario.source import Refused
+from sim_action.state.golden import Golden
+from sim_action.state.golden_form import GoldenError
+from sim_action.state.trace import Trace
+from sim_action.world.scene import Scene
+
+Plan = tuple[LoadedScenario, ...] | Refused
+
+
+def with_own_goldens(plans: Iterable[Plan]) -> list[Plan]:
+    """Plans of which each writes golden files of its own, with all moments to write; others are refused.
+
+    Of the variations of a scenario, what is wrong is told once.
+    """
+    checked = [_with_places(plan) for plan in plans]
+    writers: dict[Path, list[str]] = defaultdict(list)
+    for plan in checked:
+        for run in () if isinstance(plan, Refused) else plan:
+            for path, _, _ in _goldens(run):
+                writers[path].append(run.scenario.name)
+    found = [_planned(plan, writers) for plan in checked]
+    refused = {(plan.file, plan.name): plan for plan in reversed(found) if isinstance(plan, Refused)}
+    return [plan for plan in found if not isinstance(plan, Refused) or refused[plan.file, plan.name] is plan]
+
+
+def write_goldens(loaded: LoadedScenario, scene: Scene, trace: Trace) -> tuple[str, ...]:
+    """Writes the golden files of a run; returns what to tell of each. Raises InvalidScenario.
+
+    `trace`: of every physics step.
+    """
+    return tuple(_written(scene, trace, expected, matches) for _, expected, matches in _goldens(loaded))
+
+
+def _goldens(loaded: LoadedScenario) -> Iterator[tuple[Path, Expectation, Matches]]:
+    """Each golden file of a scenario, with the expectation that matches it. Raises InvalidScenario."""
+    for expected in loaded.scenario.expect:
+        for leaf in expected.assertion.leaves():
+            if isinstance(leaf, Matches):
+                try:
+                    path = loaded.workspace.new_file(leaf.file_of(loaded.source.values_in_file_names))
+                except (GoldenError, PathError) as error:
+                    raise _refusal(expected, str(error)) from None
+                yield path, expected, leaf
+
+
+def _with_places(plan: Plan) -> Plan:
+    """The plan, if all it would write may be written."""
+    if isinstance(plan, Refused):
+        return plan
+    try:
+        _ = [golden for run in plan for golden in _goldens(run)]
+    except InvalidScenario as error:
+        return plan[0].source.refused(error)
+    return plan
+
+
+def _planned(plan: Plan, writers: Mapping[Path, list[str]]) -> Plan:
+    """The plan with all moments to write, if nobody else writes the same."""
+    if isinstance(plan, Refused):
+        return plan
+    goldens = [golden for run in plan for golden in _goldens(run)]
+    for path, expected, matches in goldens:
+        if len(runs := writers[path]) > 1:
+            others = f"{matches.trace} would be written {len(runs)} times, by '{runs[0]}' and '{runs[1]}'"
+            ways = "have $variation in its name, or choose one run with --only or --backend"
+            return plan[0].source.refused(_refusal(expected, f"{others}; {ways}"))
+    return tuple(run.traced_at_every_step() for run in plan) if goldens else plan
+
+
+def _written(scene: Scene, trace: Trace, expected: Expectation, matches: Matches) -> str:
+    name = matches.file_in(scene)
+    seen = trace.between(expected.after, expected.before)
+    try:
+        path = scene.workspace.new_file(name)
+        golden = Golden.of_trace(matches.form_in(scene), seen, matches.rate)
+        is_new = golden.write(path)
+    except OSError as error:
+        raise _refusal(expected, f"{name} cannot be written: {error.strerror}") from None
+    except (PathError, ValueError) as error:
+        raise _refusal(expected, str(error)) from None
+    rows = f"{len(golden.rows)} rows, to {golden.time[-1]:.2f} s"
+    return f"wrote {name}: {rows}" if is_new else f"{name} says the same as before: {rows}"
+
+
+def _refusal(expected: Expectation, message: str) -> InvalidScenario:
+    return InvalidScenario([Problem(expected.location, message)])

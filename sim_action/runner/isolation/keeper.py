@@ -1,0 +1,49 @@
+"""Runs a command line, and ends all its descendants when it ends.
+
+Usage: `python -m sim_action.runner.isolation.keeper WORDS`.
+
+SIGTERM, or the end of whoever has started it, ends everything at once. Its exit code is that of the command.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from typing import NoReturn
+
+from sim_action.runner.isolation import limits, reaper
+
+assert sys.platform == "linux"
+
+_NOT_STARTED = 127
+
+
+def main() -> NoReturn:
+    """The entry of a fresh interpreter."""
+    reaper.prepare()
+    command = os.fork()
+    if command == 0:
+        _become(sys.argv[1:])
+    status = reaper.wait_for(command)
+    reaper.end_all(command)
+    reaper.end_as(status)
+
+
+def _become(words: list[str]) -> NoReturn:
+    """Never returns into the keeper's code."""
+    try:
+        os.setpgid(0, 0)
+        limits.prctl(limits.PR_SET_PDEATHSIG, signal.SIGKILL)
+        # What the keeper does not hear, the command does.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, reaper.AWAITED)
+        os.execvp(words[0], words)  # noqa: S606 - as it was asked for
+    except OSError as error:
+        os.write(2, f"{words[0]}: {error.strerror}\n".encode())
+    finally:
+        os._exit(_NOT_STARTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""What a call is to run: which scenarios are its own, on which engines, and what cannot be run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from sim_action.core.errors import Fault, InvalidScenario, UsageError
+from sim_action.core.permissions import Permissions
+from sim_action.runner.engine_choice import runs_of
+from sim_action.scenario.loading import Libraries, load_all, scenarios_of
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.sharding import Shard
+from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.suite import Suite
+
+Plan = tuple[LoadedScenario, ...] | Refused
+"""A scenario once for each engine that it runs on, or why it runs on none."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """What the command line asks for; `shard`, `backend` and `seed`: as typed."""
+
+    suite: Suite
+    permissions: Permissions
+    shard: str | None
+    backend: str | None
+    seed: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """What the call runs or tells of, which part of all that is, and which empty patterns it tells of."""
+
+    plans: Sequence[Plan]
+    shard: Shard | None
+    empty: Sequence[str]
+
+
+def planned(request: PlanRequest) -> Planned:
+    """Reads all scenarios, deals them, and checks what is this call's. Raises UsageError.
+
+    Variations are checked on every shard, as what is wrong with one of them may stop them all: whoever has the first
+    one then tells of it, and nobody runs the others.
+    """
+    files = request.suite.read(request.permissions, request.seed)
+    # If there is no scenario at all, the exit code says so.
+    empty = request.suite.empty if files else ()
+    planner = _Planner(request)
+    scenarios = scenarios_of(each for several in files.values() for each in several)
+    dealt = [each for several in scenarios for each in planner.dealt(several)]
+    shard = Shard.parse(request.shard, len(dealt) + len(empty)) if request.shard is not None else None
+    plans = [plan for each in (shard.dealt(dealt) if shard else dealt) for plan in planner.finished(each)]
+    return Planned(plans, shard, empty if shard is None or shard.index == 1 else ())
+
+
+def source_of(plan: Plan) -> Source | Refused:
+    """The scenario that is to be run, or cannot be."""
+    return plan if isinstance(plan, Refused) else plan[0].source
+
+
+class _Planner:
+    """Makes plans of scenarios, which share what is read for them."""
+
+    def __init__(self, request: PlanRequest) -> None:
+        self._request = request
+        self._libraries = Libraries()
+
+    def dealt(self, several: Sequence[Source | Refused]) -> list[Source | Plan]:
+        """What is dealt one by one of the variations of a scenario, checked, or of one that has none."""
+        numbered = self._request.suite.numbered
+        mine = [each for each in several if numbered(each)]
+        if not (mine and isinstance(mine[0], Source) and mine[0].group is not None):
+            return list(mine)
+        return [plan for plan in self._plans(several) if numbered(source_of(plan))]
+
+    def finished(self, dealt: Source | Plan) -> Iterable[Plan]:
+        """The plan of what was dealt."""
+        return self._plans([dealt]) if isinstance(dealt, Source) else [dealt]
+
+    def _plans(self, sources: Iterable[Source | Refused]) -> Iterator[Plan]:
+        loaded = load_all(sources, self._request.permissions, self._libraries)
+        return _once(map(self._plan, loaded))
+
+    def _plan(self, scenario: LoadedScenario | Refused) -> Plan:
+        """The scenario once for each engine that it runs on."""
+        if isinstance(scenario, Refused):
+            return scenario
+        try:
+            return runs_of(_seeded(scenario, self._request.seed), self._request.backend)
+        except InvalidScenario as error:
+            return scenario.source.refused(error)
+        except UsageError:
+            raise
+        except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
+            return scenario.source.refused(Fault.of(error))
+
+
+def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
+    """What is wrong with a scenario once, not for each of its variations."""
+    told = set[tuple[str, str]]()
+    for plan in planned:
+        if isinstance(plan, Refused):
+            if (plan.file, plan.name) in told:
+                continue
+            told.add((plan.file, plan.name))
+        yield plan
+
+
+def _seeded(loaded: LoadedScenario, seed: int | None) -> LoadedScenario:
+    """The scenario with the seed that was typed; None: with its own, as one whose variations are of the seed."""
+    varies = any(varied.key == "seed" for varied in loaded.source.variation)
+    return (
+        loaded
+        if seed is None or varies
+        else replace(loaded, scenario=loaded.scenario.model_copy(update={"seed": seed}))
+    )

@@ -1,0 +1,162 @@
+"""`run --repeat N`: whether all runs of one scenario were the same, and if not, where they first differ.
+
+Runs are the same if the robot did the same, bit by bit, and was judged the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import ExitCode
+from sim_action.core.verdict import Verdict
+from sim_action.results.outcome import Failure, Outcome, Repeats
+from sim_action.results.trace_files import stored_file
+from sim_action.scenario.model import LoadedScenario
+from sim_action.state.divergence import Divergence, first_divergence
+from sim_action.state.trace import Trace
+from sim_action.state.trace_storage import TraceError, load_trace
+
+_CAUSES: Final = (
+    "look in its code for the wall clock, for random numbers of a generator of its own, for the order of a set or of "
+    "hashes and ids, for threads and processes that it does not wait for, and for files that an earlier run has left"
+)
+_NO_CODE: Final = (
+    "no code of yours runs in it, so that this is for us to mend: please report it, with the engine and CPU"
+)
+
+
+def repeated(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: Path) -> Outcome:
+    """One outcome for all runs of a scenario, in their order; what is flaky has no verdict.
+
+    `folder`: where the results are, from which traces are named; of runs that were the same, one trace stays.
+    """
+    if len(outcomes) == 1:
+        return outcomes[0]
+    # An end that was not the scenario's own says nothing of how often it would have been the same.
+    ours = next((one for one in outcomes if one.exit_code in (ExitCode.INTERRUPTED, ExitCode.INTERNAL)), None)
+    runs = [_Run(number, one) for number, one in enumerate(outcomes, start=1) if one.status != "skipped"]
+    if ours is not None or not runs:
+        told, kept = ours or outcomes[0], [ours or outcomes[0]]
+    else:
+        told, kept = _told(loaded, runs, folder)
+    _remove(folder, [one for one in outcomes if all(one is not other for other in kept)])
+    if len(runs) < len(outcomes) and told.status == "passed":
+        note = f"run {len(runs)} of {len(outcomes)} times, as another scenario had not passed (--fail-fast)"
+        return told.model_copy(update={"status": "skipped", "expectations": (), "notes": (note,)})
+    return told
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """One of them, counted from 1."""
+
+    number: int
+    outcome: Outcome
+
+    @property
+    def key(self) -> Hashable:
+        """Is equal for runs that were the same. What a failure says may have an address or a time of day in it."""
+        outcome = self.outcome
+        reasons = tuple((failure.kind, failure.title, failure.location) for failure in outcome.failures)
+        verdicts = tuple(expected.model_dump_json() for expected in outcome.expectations)
+        return (outcome.status, outcome.digest, reasons, verdicts)
+
+    @property
+    def ending(self) -> str:
+        """Such as "run 3 failed: travelled 1.2 m of 1.5 m"."""
+        reasons = [f"{failure.title}: {failure.message}" for failure in self.outcome.failures]
+        reasons += [expected.verdict.message for expected in self.outcome.causes_first if expected.failed]
+        how = "ended in an error" if self.outcome.status == "error" else self.outcome.status
+        return f"run {self.number} {how}{f' ({reasons[0]})' if reasons else ''}"
+
+
+def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[Outcome, list[Outcome]]:
+    """The outcome of all, and those of which the trace is kept."""
+    alike: dict[Hashable, list[_Run]] = {}
+    for run in runs:
+        alike.setdefault(run.key, []).append(run)
+    most, *others = sorted(alike.values(), key=lambda group: (-len(group), group[0].number))
+    digests = {run.outcome.digest for run in runs} - {None}
+    about = {
+        "repeats": Repeats(count=len(runs), agreed=len(most), digests=len(digests)) if len(runs) > 1 else None,
+        "wall_time": sum(run.outcome.wall_time for run in runs),
+    }
+    first = most[0]
+    if not others:
+        return first.outcome.model_copy(update=about), [first.outcome]
+    other = min((group[0] for group in others), key=lambda run: run.number)
+    parted = _parting(first, other, folder)
+    message = "; ".join(
+        (
+            f"{len(most) if len(most) > 1 else 'none'} of {len(runs)} runs agree",
+            *_differences(first, other, parted),
+            _CAUSES if loaded.scenario.runs_user_code else _NO_CODE,
+        )
+    )
+    failure = Failure(kind="flaky", title="flaky", message=message, time=parted.time if parted else None)
+    note = f"the trace of run {first.number} is here, that of run {other.number} in {other.outcome.trace}"
+    flaky = {"status": "flaky", "failures": (failure,), "expectations": (), "notes": (*first.outcome.notes, note)}
+    return first.outcome.model_copy(update=about | flaky), [first.outcome, other.outcome]
+
+
+def _parting(first: _Run, other: _Run, folder: Path) -> Divergence | None:
+    """Where they are no longer the same; None: their traces do not tell."""
+    ours, theirs = _trace(first.outcome, folder), _trace(other.outcome, folder)
+    with suppress(ValueError):
+        return None if ours is None or theirs is None else first_divergence(ours, theirs)
+    return None
+
+
+def _differences(first: _Run, other: _Run, parted: Divergence | None) -> Iterator[str]:
+    """What tells one run from another."""
+    if parted is not None:
+        yield f"run {other.number} left run {first.number} {_where(parted)}"
+    if first.outcome.digest == other.outcome.digest or first.outcome.status != other.outcome.status:
+        yield from _endings(first, other)
+
+
+def _endings(first: _Run, other: _Run) -> Iterator[str]:
+    if first.outcome.status != other.outcome.status or first.outcome.failures:
+        yield f"{first.ending}, {other.ending}"
+        return
+    for ours, theirs in zip(first.outcome.expectations, other.outcome.expectations, strict=True):
+        if ours != theirs:
+            yield (
+                f"the robot did the same, and '{ours.name}' judged it in two ways: run {first.number} "
+                f"{_judged(ours.verdict)}, run {other.number} {_judged(theirs.verdict)}"
+            )
+            return
+
+
+def _judged(verdict: Verdict) -> str:
+    """Such as "passed: tilted at most 3 deg (measured 0.0523 rad)"."""
+    measured = "" if verdict.measured is None else f" (measured {verdict.measured!r} {verdict.unit}".rstrip() + ")"
+    return f"{'passed' if verdict.passed else 'failed'}: {verdict.message}{measured}"
+
+
+def _where(found: Divergence) -> str:
+    """Such as "at 0.304 s, in x of base_position_xyz: 0.25 and not 0.26"."""
+    ours, theirs = found.values
+    if not found.column:
+        return f"at {found.time:.6g} s, where one was over: they ended at {theirs:.6g} s and {ours:.6g} s"
+    return f"at {found.time:.6g} s, in {found.column}: {theirs!r} and not {ours!r}"
+
+
+def _trace(outcome: Outcome, folder: Path) -> Trace | None:
+    path = stored_file(folder, outcome.trace) if outcome.trace else None
+    with suppress(TraceError):
+        return None if path is None else load_trace(path)
+    return None
+
+
+def _remove(folder: Path, outcomes: Iterable[Outcome]) -> None:
+    """Forgets what runs have stored: their only use was to be compared."""
+    stored = (name for outcome in outcomes for name in (outcome.trace, outcome.replay, *outcome.recordings))
+    for path in (stored_file(folder, name) for name in stored if name):
+        if path is not None:
+            with suppress(OSError):
+                path.unlink()

@@ -1,0 +1,300 @@
+"""What happens inside the child process of one scenario: simulate, write the outcome as data, exit."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import pickle
+import signal
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NoReturn
+
+from sim_action.commands import COMMANDS
+from sim_action.core.discovery import file_name
+from sim_action.core.errors import (
+    BadSource,
+    BadStart,
+    EngineError,
+    Fault,
+    InvalidScenario,
+    ModelError,
+    RefusedModel,
+    RunError,
+    ScriptError,
+    SimulationUnstable,
+)
+from sim_action.core.location import Location, Problem
+from sim_action.core.permissions import Permissions
+from sim_action.core.whole_files import whole_file
+from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
+from sim_action.runner.artifacts import store_evidence, to_record
+from sim_action.runner.job import JUDGED, Job, out_of_memory
+from sim_action.runner.native_output import redirect_output
+from sim_action.runner.stack_dump import note_before
+from sim_action.scenario.loading import build_scene, checked
+from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.recorder import Footage
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.recording.export.recorded_run import RecordedRun
+
+_PROGRESS_PERIOD: Final = 0.1
+_RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
+
+
+def received_job() -> Job:
+    """The job that comes on standard input, in an interpreter that has done nothing else."""
+    job: Job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
+    return job
+
+
+def turn_to(job: Job) -> None:
+    """Makes this process the scenario's own: what it prints is kept, and its end is for the parent to decide."""
+    redirect_output(job.output_file)
+    # Whoever is killed leaves nothing behind: the parent clears the folder away.
+    tempfile.tempdir = str(job.folder)
+    # Ctrl-C goes to the whole foreground.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def run_job(job: Job, progress_descriptor: int) -> None:
+    """Runs a scenario in this process, which is the scenario's own, and writes the outcome."""
+    # A script may go to another folder.
+    started, here = time.perf_counter(), Path.cwd()
+    _clear(job)
+    if job.deadline is not None and job.loaded.scenario.python_files:
+        note_before(job.deadline, job.hang_file)
+    progress = _Progress(progress_descriptor)
+    kept: list[RecordedRun] = []
+    outcome = _outcome(job, progress, here, kept)
+    outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
+    _write(outcome, job)
+    for run in kept:
+        # However long it takes from here, there is a verdict.
+        progress.say(JUDGED)
+        from sim_action.recording.export.writing import write_recordings
+
+        notes = tuple(write_recordings(run, job.recordings))
+        if notes:
+            _write(outcome.model_copy(update={"notes": (*outcome.notes, *notes)}), job)
+
+
+def _write(outcome: Outcome, job: Job) -> None:
+    with whole_file(job.outcome_file) as file:
+        file.write(outcome.model_dump_json().encode())
+
+
+def _clear(job: Job) -> None:
+    """What an earlier run has left in the same place is not this one's."""
+    for path in filter(None, (job.trace, job.replay, *job.recordings)):
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def leave() -> NoReturn:
+    """Ends the process: threads and exit handlers of the user's code must not hold up a verdict that is written."""
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(0)
+
+
+class _Progress:
+    """Writes sim times to the parent's pipe, now and then."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
+        self._next = 0.0
+
+    def __call__(self, sim_time: float) -> None:
+        if time.perf_counter() < self._next:
+            return
+        self._next = time.perf_counter() + _PROGRESS_PERIOD
+        self.say(f"{sim_time:.3f}".encode())
+
+    def say(self, line: bytes) -> None:
+        """Tells the parent a line."""
+        try:
+            os.write(self.descriptor, line + b"\n")
+        except OSError:
+            # A parent that does not listen is no reason to stop.
+            self._next = float("inf")
+
+
+def _outcome(job: Job, progress: _Progress, here: Path, kept: list[RecordedRun]) -> Outcome:
+    """`here`: the folder that outcomes name files from; `kept` gets what is to be recorded, if there is something."""
+    scenario = job.loaded.scenario
+    try:
+        run = _stored_run(job, progress, kept)
+    except InvalidScenario as error:
+        return _invalid(job, error)
+    except (RunError, ModelError) as error:
+        if isinstance(error, RunError):
+            error.location = _place_of(error, job.loaded, here)
+        if isinstance(error.__context__, MemoryError):
+            return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
+        return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
+    except MemoryError:
+        return _error(job, _OUT_OF_MEMORY, out_of_memory(job))
+    except Exception as error:  # noqa: BLE001 - a fault of ours is an outcome too
+        return _failed(job, Failure.of_fault(Fault.of(error)))
+    return _judged(job, scenario, run)
+
+
+def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> SimulationRun:
+    """The run, with its trace where it belongs. Raises what ends a run without a verdict."""
+    # To say that there was no memory takes some, when a script may have taken the last of it. Nothing is written there:
+    # addresses cost nothing, and to fill them with zeros would take 20 ms.
+    with _reserved():
+        loaded = _checked(job.loaded)
+        scene = build_scene(loaded)
+        footage = Footage(loaded.scenario, filmed=job.replay is not None, recorded=bool(job.recordings))
+        try:
+            run = _simulated(loaded, scene, footage, progress)
+        except RunError:
+            # What there is of it shows what went wrong.
+            with suppress(OSError, MemoryError):
+                store_evidence(job, scene, footage)
+            kept += to_record(job, scene, footage)
+            raise
+        notes = store_evidence(job, scene, footage)
+        if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
+            from sim_action.runner.golden_writing import write_goldens
+
+            notes += write_goldens(loaded, scene, trace)
+        kept += to_record(job, scene, footage)
+    return replace(run, notes=(*run.notes, *notes))
+
+
+def _reserved() -> mmap.mmap:
+    """Raises MemoryError."""
+    try:
+        return mmap.mmap(-1, _RESERVE)
+    except OSError as error:
+        raise MemoryError from error
+
+
+def _invalid(job: Job, error: InvalidScenario) -> Outcome:
+    """What nobody could see before it ran, of a scenario that has a name."""
+    return Outcome.of_invalid(job.loaded.file, error).model_copy(update={"name": job.loaded.scenario.name})
+
+
+def _checked(loaded: LoadedScenario) -> LoadedScenario:
+    """With what nobody could know before its model was read, which may be done here alone. Raises InvalidScenario."""
+    if loaded.model is not None:
+        return loaded
+    # What was read then is what is judged now, whatever has become of its file.
+    workspace = loaded.workspace
+    permissions = Permissions(outside=workspace.allow_outside, updates_golden=workspace.updates_golden)
+    again = checked(loaded.source, permissions, evaluate=True)
+    return replace(loaded, model=again.model)
+
+
+def _simulated(loaded: LoadedScenario, scene: Scene, footage: Footage, progress: _Progress) -> SimulationRun:
+    """The run; only in the process that began it. Raises RunError, ModelError, InvalidScenario."""
+    born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
+    try:
+        run = simulate(loaded.scenario, scene, progress, footage)
+    except BadStart as error:
+        raise InvalidScenario(loaded.document.problem(*problem) for problem in error.problems) from None
+    except BadSource as error:
+        raise InvalidScenario([_of_source(loaded.document, error)]) from None
+    finally:
+        if os.getpid() != born:
+            # A copy that came of os.fork() in the user's code, and went on: the verdict is for the original to give.
+            os._exit(0)
+    closed = [f"{number} ({what})" for number, what in own.items() if not _is_open(number)]
+    if closed:
+        raise ScriptError(
+            f"the controller has closed descriptors that are not its own: {', '.join(closed)}; "
+            "what was printed is lost, and may be in other files"
+        )
+    return run
+
+
+def _of_source(document: Document, error: BadSource) -> Problem:
+    return document.problem((*_path_of_source(document, error.index), error.key), str(error))
+
+
+def _path_of_source(document: Document, index: int) -> KeyPath:
+    """One source may stand below `commands:` without a list."""
+    listed = ("commands", index)
+    return listed if listed in document.marks else ("commands",)
+
+
+def _place_of(error: RunError, loaded: LoadedScenario, here: Path) -> Location | None:
+    """Where in the user's file it was, seen from a folder if it is below; else the line in the scenario to change."""
+    if (place := error.location) is not None:
+        file = Path(place.file)
+        return replace(place, file=file_name(file.relative_to(here))) if file.is_relative_to(here) else place
+    if error.keys is not None:
+        return loaded.document.location(error.keys)
+    if not isinstance(error, ScriptError) or error.source is None:
+        return None
+    key = next(key for key in COMMANDS if key in type(loaded.scenario.commands[error.source]).model_fields)
+    return loaded.document.location((*_path_of_source(loaded.document, error.source), key))
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
+
+
+_OUT_OF_MEMORY: Final[tuple[FailureKind, str]] = ("memory", "out of memory")
+_KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
+    EngineError: ("engine", "engine error"),
+    SimulationUnstable: ("unstable", "simulation unstable"),
+    ScriptError: ("script", "script error"),
+    ModelError: ("invalid", "invalid model"),
+    RefusedModel: ("invalid", "invalid model"),
+}
+
+
+def _error(job: Job, kind: tuple[FailureKind, str], message: str, error: Exception | None = None) -> Outcome:
+    location, details = getattr(error, "location", None), getattr(error, "details", "")
+    return _failed(job, Failure(kind=kind[0], title=kind[1], message=message, location=location, details=details))
+
+
+def _failed(job: Job, failure: Failure) -> Outcome:
+    return Outcome(name=job.loaded.scenario.name, file=job.loaded.file, status="error", failures=(failure,))
+
+
+def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
+    expectations = tuple(
+        ExpectationOutcome(
+            name=expected.name,
+            assertion=expected.assertion.key,
+            severity=expected.severity,
+            location=expected.location,
+            verdict=verdict,
+        )
+        for expected, verdict in zip(scenario.expect, run.verdicts, strict=True)
+    )
+    return Outcome(
+        name=scenario.name,
+        file=job.loaded.file,
+        status="failed" if any(expectation.failed for expectation in expectations) else "passed",
+        expectations=expectations,
+        end=run.end,
+        sim_time=run.sim_time,
+        real_time_factor=run.sim_time / run.wall_time,
+        travelled=run.travelled,
+        seed=scenario.seed,
+        digest=run.digest,
+        engine=run.engine,
+        notes=run.notes,
+        trace=job.trace_name,
+        replay=job.named(job.replay) if job.replay and job.replay.is_file() else None,
+    )

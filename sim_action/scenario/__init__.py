@@ -1,0 +1,1 @@
+"""The scenario file: from YAML text to a checked, frozen `Scenario`."""

@@ -1,0 +1,230 @@
+"""What a whole scenario must satisfy, beyond what each of its keys does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from sim_action.core import units
+from sim_action.core.geometry import Pose
+from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_document import KeyPath
+from sim_action.drives import recognise
+from sim_action.robot.findings import ALLOWABLE, RULES
+from sim_action.robot.joint_limits import beyond_limits
+from sim_action.robot.robot_model import WORLD, RobotModel
+from sim_action.scenario.model import Scenario, rate_divides
+from sim_action.sensors.mounting import MountedSensor
+from sim_action.world import GROUND
+from sim_action.world.scene import Scene
+
+_TIME_ROUNDING: Final = 1e-9
+# m: patches that share an edge do not lie on each other.
+_EDGE: Final = 1e-9
+# Bytes that sensors may add to a trace: they are held several times over until it is stored.
+_MOST_KEPT: Final = 500_000_000
+
+
+def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Times that exclude each other."""
+    limit = scenario.time_limit
+    if scenario.duration is not None and scenario.duration > limit:
+        yield ("duration",), f"must not be longer than time_limit ({limit:g} s)"
+    if limit * scenario.physics.rate < 1:
+        yield ("time_limit",), f"must not be shorter than a physics step (1 / {scenario.physics.rate:g} s)"
+    for path, expectation in zip(expect_paths, scenario.expect, strict=True):
+        if expectation.before != float("inf") and expectation.before > limit:
+            yield (*path, "before"), f"must not be later than time_limit ({limit:g} s)"
+        if expectation.after >= limit:
+            yield (*path, "after"), f"must be earlier than time_limit ({limit:g} s)"
+        first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
+        if expectation.after < expectation.before < first - _TIME_ROUNDING:
+            yield (*path, "before"), f"too early: the first physics step that counts is at {first:.4g} s"
+
+
+def rate_problems(
+    scenario: Scenario, command_paths: Sequence[KeyPath], sensor_paths: Sequence[KeyPath]
+) -> SpecProblems:
+    """Rates whose ticks would fall between physics steps."""
+    ticking = [source.rate for source in scenario.commands] + [sensor.rate for sensor in scenario.sensors]
+    rates: list[tuple[KeyPath, float]] = [
+        ((*path, "rate"), rate) for path, rate in zip((*command_paths, *sensor_paths), ticking, strict=True)
+    ]
+    if scenario.trace.rate is not None:
+        rates.append((("trace", "rate"), scenario.trace.rate))
+    for path, rate in rates:
+        if not rate_divides(scenario.physics.rate, rate):
+            near = " and ".join(f"{near:g} Hz" for near in _rates_near(scenario.physics.rate, rate))
+            yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; near: {near}"
+
+
+def trace_problems(scenario: Scenario, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Pictures that would not fit into a trace."""
+    kept = 0.0
+    for path, mounted in zip(sensor_paths, scenario.sensors, strict=True):
+        size = mounted.sensor.reading_bytes * mounted.rate * scenario.time_limit if mounted.trace else 0.0
+        kept += size
+        if size and kept > _MOST_KEPT:
+            what = f"until time_limit ({scenario.time_limit:g} s) its readings take {size / 1e6:.0f} MB"
+            yield (*path, "trace"), f"{what}; of all sensors a trace keeps {_MOST_KEPT / 1e6:.0f} MB: smaller or fewer"
+
+
+def reading_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Assertions about sensors that there are not, or about what these do not tell."""
+    kinds = {mounted.name: mounted.sensor.key for mounted in scenario.sensors}
+    for path, expectation in zip(expect_paths, scenario.expect, strict=True):
+        for below, message in expectation.assertion.sensor_problems(kinds):
+            yield (*path, expectation.assertion.key, *below), message
+
+
+def engine_problems(scenario: Scenario) -> SpecProblems:
+    """One engine that is named, and an agreement that takes all of them."""
+    if scenario.agreement is not None and scenario.backend != "auto":
+        yield ("backend",), "leave it out beside 'agreement', which runs the scenario on every engine"
+
+
+def name_problems(scenario: Scenario) -> SpecProblems:
+    """Bodies that could not be told apart."""
+    names = [GROUND, *(body.name for body in scenario.world.objects)]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            yield ("world", "objects", index - 1, "name"), f"a second body named '{name}'; names are unique"
+
+
+def patch_problems(scenario: Scenario) -> SpecProblems:
+    """Patches of the ground that lie on each other: nobody could say what the friction is there."""
+    patches = scenario.world.patches
+    for index, patch in enumerate(patches):
+        for other, before in enumerate(patches[:index]):
+            bounds = zip(patch.bounds, before.bounds, strict=True)
+            if all(low < end - _EDGE and start < high - _EDGE for (low, high), (start, end) in bounds):
+                yield ("world", "patches", index), f"lies on world.patches[{other}]; move one, or make it smaller"
+
+
+def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Sequence[KeyPath]) -> SpecProblems:
+    """Links that are not there, names that are taken, and what each sensor finds amiss."""
+    names: set[str] = set()
+    for path, mounted in zip(paths, sensors, strict=True):
+        if mounted.name in names:
+            yield path, f"a second sensor named '{mounted.name}'; give each a 'name' of its own"
+        names.add(mounted.name)
+        if mounted.link is not None and mounted.link not in scene.model.links_by_name:
+            hint = did_you_mean(mounted.link, scene.model.links_by_name)
+            yield (*path, "link"), f"the robot has no link '{mounted.link}'{hint}"
+        if mounted.sensor.reads_wheels and (mounted.link is not None or mounted.pose != Pose()):
+            where = "pose" if mounted.link is None else "link"
+            yield (*path, where), f"'{mounted.sensor.key}' is of the base link by its wheels; leave '{where}' out"
+        for below, message in mounted.sensor.problems(scene):
+            yield (*path, mounted.sensor.key, *below), message
+
+
+def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
+    """A base that would not move, joints that are not there or cannot begin there, a drive that does not fit."""
+    robot = scenario.robot
+    if robot.base != "fixed" and model.root != WORLD and model.links_by_name[model.root].mass == 0:
+        message = f"the base link '{model.root}' has no mass, so the engine would hold it still"
+        yield ("robot", "model"), f"{message}; say base: fixed, or give it a mass"
+    for name, written in robot.joints.items():
+        path: KeyPath = ("robot", "joints", name)
+        if (trouble := model.why_not_driven(name)) is not None:
+            yield path, trouble
+            continue
+        joint = model.joints_by_name[name]
+        try:
+            position = units.parse(written, joint.dimension("position"))
+        except units.UnitError as error:
+            yield path, str(error)
+        else:
+            if (beyond := beyond_limits(joint, position)) is not None:
+                yield path, beyond
+    if robot.drive is not None:
+        for below, message in robot.drive.problems(model):
+            yield ("robot", "drive", robot.drive.key, *below), message
+
+
+def follower_problems(scene: Scene) -> SpecProblems:
+    """Joints that follow others, and would begin where they cannot be: what begins there stays there."""
+    model, stated = scene.model, scene.robot.joints
+    try:
+        positions = scene.joint_positions
+    except units.UnitError:
+        return
+    for joint in model.moving_joints:
+        leader = joint
+        while leader.mimic is not None:
+            leader = model.joints_by_name[leader.mimic.joint]
+        message = beyond_limits(joint, positions[joint.name]) if leader is not joint else None
+        if message is not None:
+            path: KeyPath = ("robot", "joints", leader.name) if leader.name in stated else ("robot",)
+            about = f"joint '{joint.name}', which follows '{leader.name}', would begin beyond its own limits"
+            yield path, f"{about}: {message}"
+
+
+def rule_problems(scenario: Scenario) -> SpecProblems:
+    """Rules that there are not, and those that cannot be let go."""
+    hinted = FirstFew()
+    for index, name in enumerate(scenario.robot.allow):
+        if name not in ALLOWABLE:
+            path: KeyPath = ("robot", "allow", index)
+            hint = "; no engine could take such a model" if name in RULES else ""
+            if not hint and hinted.one_more():
+                hint = did_you_mean(name, ALLOWABLE)
+            yield path, f"'{name}' is no rule that can be let go{hint}"
+
+
+def wheel_problems(scenario: Scenario, scene: Scene, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Twists and wheel odometry for a robot without a drive, if its model does not tell which joints are wheels."""
+    drives = any(source.gives_twists(scene) for source in scenario.commands)
+    sensors = zip(sensor_paths, scenario.sensors, strict=True)
+    odometry = [(*path, mounted.sensor.key) for path, mounted in sensors if mounted.sensor.reads_wheels]
+    if (drives or odometry) and recognise(scene.model) is None:
+        yield from ((path, _no_wheels(scene.model)) for path in ([("robot",)] if drives else odometry))
+
+
+def _no_wheels(model: RobotModel) -> str:
+    moving = [joint.name for joint in model.moving_joints]
+    return (
+        f"it is not plain from '{model.name}' which joints are wheels; name them, such as "
+        f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}"
+    )
+
+
+def source_problems(scenario: Scenario, scene: Scene, command_paths: Sequence[KeyPath]) -> SpecProblems:
+    """Sources that would move the same joint at the same time, as far as is known before they run."""
+    wheels = _wheels(scenario, scene.model)
+    owners: dict[str, KeyPath] = {}
+    driver: KeyPath | None = None
+    for path, source in zip(command_paths, scenario.commands, strict=True):
+        if source.gives_twists(scene):
+            if driver is not None:
+                yield path, f"{_dotted(driver)} drives the base already; one source at a time does"
+                continue
+            driver = path
+        moved = source.joints(scene) | (wheels if source.gives_twists(scene) else frozenset())
+        for joint in sorted(moved):
+            if (owner := owners.setdefault(joint, path)) is not path:
+                message = f"joint '{joint}' is moved by {_dotted(owner)} already"
+                yield path, f"{message}; sources that act at the same time move different joints"
+                break
+
+
+def _dotted(path: KeyPath) -> str:
+    return ".".join(map(str, path))
+
+
+def _wheels(scenario: Scenario, model: RobotModel) -> frozenset[str]:
+    """The joints that twists turn; none where that is not plain, which is told elsewhere."""
+    drive = scenario.robot.drive or recognise(model)
+    if drive is None or any(drive.problems(model)):
+        return frozenset()
+    return drive.open(model, scenario.physics.rate).joints
+
+
+def _rates_near(physics_rate: float, rate: float) -> list[float]:
+    """The next lower and higher rate that fall on whole steps, whole hertz first."""
+    whole = [float(hertz) for hertz in range(1, int(physics_rate) + 1) if rate_divides(physics_rate, hertz)]
+    candidates = whole or [physics_rate / steps for steps in range(1, 1000)]
+    below = max((r for r in candidates if r < rate), default=None)
+    above = min((r for r in candidates if r > rate), default=None)
+    return [near for near in (below, above) if near is not None]

@@ -1,0 +1,259 @@
+"""YAML -> Scenario. Every error has file, line and column, and all of them are reported at once."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sim_action.core.errors import Fault, InvalidScenario, ModelError, RefusedModel, UsageError
+from sim_action.core.location import Problem
+from sim_action.core.permissions import Permissions
+from sim_action.core.problem_list import ProblemList, SpecProblems
+from sim_action.robot import check_text, load_model
+from sim_action.robot.library import ModelLibrary
+from sim_action.robot.robot_model import RobotModel
+from sim_action.scenario import checks as scenario_checks
+from sim_action.scenario import world_checks
+from sim_action.scenario.files import read_only_scenario
+from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
+from sim_action.scenario.parts import PartReader
+from sim_action.scenario.source import Refused, Source
+from sim_action.world.imports import ShapeLibrary, read_surroundings
+from sim_action.world.scene import Fitting, Scene
+
+if TYPE_CHECKING:
+    from sim_action.world.parts import Part
+
+_PERMISSIONS: Final = Permissions()
+
+
+@dataclass(frozen=True, slots=True)
+class Libraries:
+    """What scenarios of the same suite have read: models of robots, and shapes of bodies."""
+
+    models: ModelLibrary = field(default_factory=ModelLibrary)
+    shapes: ShapeLibrary = field(default_factory=ShapeLibrary)
+
+
+def load_scenario(
+    path: Path, permissions: Permissions = _PERMISSIONS, libraries: Libraries | None = None, *, evaluate: bool = False
+) -> LoadedScenario:
+    """Reads a file of one scenario, and checks everything that can be checked without running it.
+
+    `path`: of the file; problems name it so. The rest is as of `checked`. Raises InvalidScenario with all problems.
+    """
+    return checked(read_only_scenario(path, permissions), permissions, libraries, evaluate=evaluate)
+
+
+def checked(
+    source: Source, permissions: Permissions, libraries: Libraries | None = None, *, evaluate: bool = False
+) -> LoadedScenario:
+    """Checks everything that can be checked of a scenario without running it.
+
+    `evaluate`: whether models are read that may be read in a scenario's own process alone: xacro is code, and native
+    code reads MJCF. Raises InvalidScenario with all problems.
+    """
+    loader = _Loader(source, permissions, libraries or Libraries(), evaluate=evaluate)
+    scenario = loader.load()
+    if source.group is not None:
+        scenario = scenario.model_copy(update={"name": source.name})
+    return LoadedScenario(scenario, source, loader.model, loader.unchecked, loader.parts)
+
+
+def load_all(
+    sources: Iterable[Source | Refused],
+    permissions: Permissions,
+    libraries: Libraries | None = None,
+) -> list[LoadedScenario | Refused]:
+    """Each as it can be run, or with what is wrong with it; models and shapes that several name are read once.
+
+    Variations of one scenario are one that is not valid, with what is wrong with any of them, unless only values are
+    wrong that were drawn at random: then those variations alone are. A fault of ours is that scenario's alone.
+    `libraries`: what is read already. Raises UsageError.
+    """
+    libraries = libraries or Libraries()
+    found: list[LoadedScenario | Refused] = []
+    for several in scenarios_of(sources):
+        scenarios = [_loaded_or_refused(source, permissions, libraries) for source in several]
+        found += _together(several, scenarios)
+    return found
+
+
+def scenarios_of(sources: Iterable[Source | Refused]) -> Iterator[tuple[Source | Refused, ...]]:
+    """The variations of one scenario together, what has none alone."""
+    for _, several in groupby(enumerate(sources), lambda pair: _scenario_of(*pair)):
+        yield tuple(source for _, source in several)
+
+
+def _scenario_of(index: int, source: Source | Refused) -> Hashable:
+    """What is the same for variations of one scenario."""
+    return (source.path, source.group) if isinstance(source, Source) and source.group is not None else index
+
+
+def _together(
+    sources: Sequence[Source | Refused], scenarios: Sequence[LoadedScenario | Refused]
+) -> Sequence[LoadedScenario | Refused]:
+    """All variations of a scenario, in the light of what is wrong with any of them."""
+    refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
+    alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
+    pairs = list(zip(sources, scenarios, strict=True))
+    if alike or any(isinstance(scenario, Refused) and not _is_of_draws(source, scenario) for source, scenario in pairs):
+        return [_as_one(refused, sources[0].number)]
+    return [
+        source.refused_alone(scenario) if isinstance(source, Source) and isinstance(scenario, Refused) else scenario
+        for source, scenario in pairs
+    ]
+
+
+def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
+    return isinstance(source, Source) and source.is_of_draws(refused)
+
+
+def _as_one(refused: Sequence[Refused], number: int) -> Refused:
+    """What is wrong with any of them, each of it once, also what is wrong with several values alike, such as their key.
+
+    Of a fault of ours, that alone: it may hide anything.
+
+    `number`: of the first of all variations, which is where it is told.
+    """
+    if fault := next((each for each in refused if isinstance(each.error, Fault)), None):
+        return replace(fault, number=number)
+    told: list[Problem] = []
+    known: set[str] = set()
+    for each in refused:
+        told += [problem for problem in each.problems if problem.message not in known]
+        known.update(problem.message for problem in each.problems)
+    return replace(refused[0], error=InvalidScenario(told), number=number)
+
+
+def _loaded_or_refused(
+    source: Source | Refused, permissions: Permissions, libraries: Libraries
+) -> LoadedScenario | Refused:
+    if isinstance(source, Refused):
+        return source
+    try:
+        return checked(source, permissions, libraries)
+    except InvalidScenario as error:
+        return source.refused(error)
+    except UsageError:
+        raise
+    except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
+        return source.refused(Fault.of(error))
+
+
+def build_scene(loaded: LoadedScenario) -> Scene:
+    """The scene of a scenario; its model is read if that has not been done. Raises ModelError."""
+    model = loaded.model or load_model(loaded.scenario.robot, loaded.workspace)
+    return _scene(loaded.scenario, model, loaded.source, loaded.parts)
+
+
+def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping[str, tuple[Part, ...]]) -> Scene:
+    return Scene(
+        scenario.robot,
+        model,
+        scenario.world,
+        scenario.physics,
+        source.workspace,
+        scenario.seed,
+        parts=parts,
+        sensors=tuple(
+            Fitting(mounted.name, mounted.sensor.key, mounted.link or model.root, mounted.rate)
+            for mounted in scenario.sensors
+        ),
+        file=source.document.file,
+        variation=source.values_in_file_names,
+    )
+
+
+class _Loader:
+    """One document while it becomes a scenario."""
+
+    def __init__(self, source: Source, permissions: Permissions, libraries: Libraries, *, evaluate: bool) -> None:
+        self.model: RobotModel | None = None
+        self.unchecked: tuple[str, ...] = ()
+        self.parts: Mapping[str, tuple[Part, ...]] = {}
+        self._libraries = libraries
+        self._evaluate = evaluate
+        self._source = source
+        self._data = source.document.data
+        self._workspace = source.workspace
+        self._permissions = permissions
+        self._problems = ProblemList(source.document)
+        self._parts = PartReader(source.document, source.workspace, permissions, self._problems)
+
+    def load(self) -> Scenario:
+        assert isinstance(self._data, dict)  # whoever read the file has looked
+        scenario = self._parts.validated(Scenario, self._parts.with_families(self._data), ())
+        if scenario is not None:
+            self._check(scenario, states_drive="drive" in self._data["robot"])
+        if scenario is None or self._problems:
+            raise self._problems.error()
+        return scenario
+
+    def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
+        """What a whole scenario must satisfy."""
+        self._problems.note_all((), self._own_problems(scenario))
+        self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
+        surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes)
+        self.parts = surroundings.parts
+        self._problems.note_all((), iter(surroundings.problems))
+        self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
+        if scenario.world.objects:
+            from sim_action.scenario.clash_checks import clash_problems
+
+            self._problems.note_all((), clash_problems(scenario.world))
+        self.model = self._read_model(scenario.robot)
+        if self.model is not None:
+            scene = _scene(scenario, self.model, self._source, self.parts)
+            self._check_scene(scene, scenario, states_drive=states_drive)
+
+    def _own_problems(self, scenario: Scenario) -> SpecProblems:
+        """Those that are seen without a look at any file."""
+        parts = self._parts
+        yield from scenario_checks.time_problems(scenario, parts.expect_paths)
+        yield from scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths)
+        yield from scenario_checks.trace_problems(scenario, parts.sensor_paths)
+        yield from scenario_checks.reading_problems(scenario, parts.expect_paths)
+        yield from scenario_checks.rule_problems(scenario)
+        yield from scenario_checks.name_problems(scenario)
+        yield from scenario_checks.engine_problems(scenario)
+        yield from scenario_checks.patch_problems(scenario)
+
+    def _read_model(self, robot: DrivenRobot) -> RobotModel | None:
+        """None: something is wrong with it, which is noted, or it may be read in the scenario's own process alone."""
+        try:
+            if (robot.is_xacro or robot.is_mjcf) and not self._evaluate:
+                self._check_text(robot)
+                return None
+            return self._libraries.models.load(robot, self._workspace)
+        except RefusedModel as error:
+            # They are mended in the model's own file.
+            for problem in error.problems:
+                self._problems.note_elsewhere(problem)
+        except ModelError as error:
+            self._problems.note(("robot", "model"), str(error))
+        return None
+
+    def _check_text(self, robot: DrivenRobot) -> None:
+        """What can be said of a model that only the scenario's own process may read; the rest is checked there."""
+        if robot.is_xacro and self._permissions.scripts_refused:
+            self._problems.note(("robot", "model"), self._permissions.scripts_refused)
+        self.unchecked += check_text(robot, self._workspace)
+
+    def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
+        self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))
+        self._problems.note_all((), scenario_checks.follower_problems(scene))
+        self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
+        self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
+        self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
+        # A drive that was written and refused is missing from the scenario: that is not a second problem.
+        if not states_drive:
+            paths = self._parts.sensor_paths
+            self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene, paths))
+        for path, source in zip(self._parts.command_paths, scenario.commands, strict=True):
+            self._problems.note_all(path, source.model_problems(scene))
+        for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
+            self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))

@@ -1,0 +1,261 @@
+"""Parts whose class depends on a key (drive, commands, sensors, expectations): plain values -> specs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import count
+from typing import TYPE_CHECKING, Any, Final, TypeGuard, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.commands import COMMANDS, CommandSource
+from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.permissions import Permissions
+from sim_action.core.problem_list import ProblemList, SpecProblems
+from sim_action.core.registry import Table
+from sim_action.core.spec_errors import spec_errors
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.drives import DRIVES, Drive
+from sim_action.scenario.model import Expectation, ExpectationOptions
+from sim_action.sensors import SENSORS
+from sim_action.sensors.mounting import MountedSensor, Mounting
+
+if TYPE_CHECKING:
+    from sim_action.assertions.combined import Combined
+
+Model = TypeVar("Model", bound=BaseModel)
+Options = TypeVar("Options", bound=BaseModel)
+Entry = TypeVar("Entry")
+Reader = Callable[[type[Model], Any, KeyPath], Model | None]
+"""What makes a spec of a class out of plain values, and notes what is wrong."""
+
+# Each source may name a file that takes a second to be read, as assertions may, which are counted with their parts.
+_MOST_SOURCES: Final = 50
+_MOST_SENSORS: Final = 100
+_MOST_ASSERTIONS: Final = 1_000
+_MOST_FILES: Final = 50
+
+
+class PartReader:
+    """Reads the parts of one document, and notes what is wrong with them.
+
+    Attributes:
+        command_paths, sensor_paths, expect_paths: the keys that lead to each of those that were read.
+    """
+
+    def __init__(
+        self, document: Document, workspace: Workspace, permissions: Permissions, problems: ProblemList
+    ) -> None:
+        self.command_paths: list[KeyPath] = []
+        self.sensor_paths: list[KeyPath] = []
+        self.expect_paths: list[KeyPath] = []
+        self._document = document
+        self._workspace = workspace
+        self._permissions = permissions
+        self._problems = problems
+        self._assertions = 0
+        self._files = 0
+
+    def with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
+        """The document's data, with drive, commands, sensors and expectations made into objects."""
+        parts = dict(data)
+        if "commands" in data:
+            parts["commands"] = self._commands(data["commands"])
+        if isinstance(data.get("sensors"), tuple):
+            parts["sensors"] = self._sensors(data["sensors"])
+        if isinstance(data.get("expect"), tuple):
+            parts["expect"] = self._expectations(data["expect"])
+        robot = data.get("robot")
+        if isinstance(robot, dict) and "drive" in robot:
+            parts["robot"] = {**robot, "drive": self._drive(robot["drive"], ("robot", "drive"))}
+        return parts
+
+    def _commands(self, data: Any) -> tuple[CommandSource, ...]:
+        entries: Sequence[tuple[KeyPath, Any]]
+        entries = [(("commands", index), entry) for index, entry in enumerate(data)] if isinstance(data, tuple) else []
+        entries = self._few("commands", entries, _MOST_SOURCES, "sources")
+        found = [(path, self._command(entry, path)) for path, entry in entries or [(("commands",), data)]]
+        self.command_paths = [path for path, source in found if source is not None]
+        return tuple(source for _, source in found if source is not None)
+
+    def _few(self, key: str, entries: Sequence[Entry], most: int, what: str) -> Sequence[Entry]:
+        """The entries below a key; of more than there may be, the first."""
+        if len(entries) <= most:
+            return entries
+        self._problems.note((key,), f"{len(entries):,} {what}; no more than {most:,} are read")
+        return entries[:1]
+
+    def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
+        key = self._family_key(COMMANDS, data, path, beside=CommandSource)
+        if key is None:
+            return None
+        source = self.validated(COMMANDS.load(key), data, path)
+        if source is not None:
+            self._problems.note_all(path, source.problems(self._workspace))
+            if source.runs_user_code and self._permissions.scripts_refused:
+                self._problems.note((*path, key), self._permissions.scripts_refused)
+        return source
+
+    def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
+        few = self._few("expect", data, _MOST_ASSERTIONS, "expectations")
+        found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(few)]
+        self.expect_paths = [path for path, expectation in found if expectation is not None]
+        return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
+
+    def _sensors(self, data: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
+        few = self._few("sensors", data, _MOST_SENSORS, "sensors")
+        found = [(("sensors", index), self._sensor(entry, ("sensors", index))) for index, entry in enumerate(few)]
+        self.sensor_paths = [path for path, sensor in found if sensor is not None]
+        return tuple(sensor for _, sensor in found if sensor is not None)
+
+    def _sensor(self, data: Any, path: KeyPath) -> MountedSensor | None:
+        found = self._with_options(SENSORS, Mounting, data, path, self.validated)
+        if found is None:
+            return None
+        sensor, on = found
+        return MountedSensor(sensor, on.name or sensor.key, on.link, on.pose.pose, on.rate, on.trace)
+
+    def _with_options(
+        self, table: Table[type[Model]], beside: type[Options], data: Any, path: KeyPath, read: Reader[Model]
+    ) -> tuple[Model, Options] | None:
+        """A spec below its key, or the bare key where it needs none, and the options that stand beside it."""
+        data = {data: None} if isinstance(data, str) else data
+        key = self._family_key(table, data, path, beside=beside)
+        if key is None:
+            return None
+        spec = read(table.load(key), {} if data[key] is None else data[key], (*path, key))
+        options = self.validated(beside, {name: value for name, value in data.items() if name != key}, path)
+        return None if spec is None or options is None else (spec, options)
+
+    def _expectation(self, data: Any, path: KeyPath) -> Expectation | None:
+        found = self._with_options(ASSERTIONS, ExpectationOptions, data, path, self._assertion)
+        if found is None:
+            return None
+        assertion, options = found
+        if options.before is not None and options.before <= options.after:
+            self._problems.note((*path, "before"), f"must be later than 'after' ({options.after:g} s)")
+        return Expectation(
+            assertion=assertion,
+            location=self._document.location((*path, assertion.key)),
+            name=options.name or assertion.title,
+            after=options.after,
+            before=float("inf") if options.before is None else options.before,
+            severity=options.severity,
+        )
+
+    def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:
+        """The assertion that stands below its key, with those that it consists of."""
+        self._assertions += 1
+        if self._assertions > _MOST_ASSERTIONS:
+            few = f"more than {_MOST_ASSERTIONS:,} assertions, those inside of others counted; make several scenarios"
+            self._problems.note(("expect",), few)
+            return None
+        if _is_combined(kind):
+            return self._combined(kind, data, path)
+        spec = self.validated(kind, data, path)
+        if spec is not None:
+            self._problems.note_all(path, self._file_problems(spec))
+            if spec.runs_user_code and self._permissions.scripts_refused:
+                self._problems.note(path, self._permissions.scripts_refused)
+        return spec
+
+    def _file_problems(self, spec: Assertion) -> SpecProblems:
+        self._files += spec.reads_file
+        if self._files <= _MOST_FILES:
+            yield from spec.file_problems(self._workspace)
+        else:
+            few = f"more than {_MOST_FILES} assertions that are of a file of their own; make several scenarios"
+            self._problems.note(("expect",), few)
+
+    def _combined(self, kind: type[Combined], data: Any, path: KeyPath) -> Combined | None:
+        try:
+            entries = kind.entries(data)
+        except ValueError as error:
+            self._problems.note(path, str(error))
+            return None
+        parts = [self._part(kind, entry, (*path, *place)) for place, entry in entries]
+        found = tuple(part for part in parts if part is not None)
+        return kind.made_of(found) if len(found) == len(parts) else None
+
+    def _part(self, whole: type[Combined], data: Any, path: KeyPath) -> Assertion | None:
+        """An assertion inside of another one: its options are those of the outermost."""
+        data = {data: None} if isinstance(data, str) else data
+        for option in [key for key in data if key in ExpectationOptions.model_fields] if isinstance(data, dict) else []:
+            self._problems.note(
+                (*path, option), f"'{option}' stands beside the outermost assertion, not in '{whole.key}'"
+            )
+            return None
+        key = self._family_key(ASSERTIONS, data, path)
+        if key is None:
+            return None
+        return self._assertion(ASSERTIONS.load(key), {} if data[key] is None else data[key], (*path, key))
+
+    def _drive(self, data: Any, path: KeyPath) -> Drive | None:
+        key = self._family_key(DRIVES, data, path)
+        return None if key is None else self.validated(DRIVES.load(key), data[key], (*path, key))
+
+    def _family_key(
+        self, table: Table[Any], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
+    ) -> str | None:
+        """The one key of `data` that the table knows; `beside`: the class of the keys that may stand next to it."""
+        names = ", ".join(table)
+        if not isinstance(data, dict):
+            self._problems.note(path, f"expected a map with one {table.kind} ({names}), found {shown(data)}")
+            return None
+        known = [key for key in data if key in table]
+        if len(known) == 1 and (beside or len(data) == 1):
+            return str(known[0])
+        others = [key for key in data if key not in table and key not in (beside.model_fields if beside else ())]
+        if len(known) > 1:
+            self._note_two(path, *known[:2])
+        elif others:
+            self._problems.note(
+                (*path, others[0]), f"unknown {table.kind} '{others[0]}'{did_you_mean(others[0], table)}"
+            )
+        else:
+            self._problems.note(path, f"names no {table.kind}; give one of {names}")
+        return None
+
+    def _note_two(self, path: KeyPath, *keys: str) -> None:
+        """Two keys where one is to choose from; a file that extends another may not have meant the first to stay."""
+        first, second = sorted(keys, key=lambda key: self._document.location((*path, key)).file == self._document.file)
+        base = self._document.location((*path, first)).file
+        if base == self._document.location((*path, second)).file:
+            self._problems.note((*path, second), f"'{first}' and '{second}' in one entry; begin each with '- '")
+        else:
+            message = f"'{first}' of {base} stands beside it; take that out with '{first}: null'"
+            self._problems.note((*path, second), message)
+
+    def validated(self, model: type[Model], data: Any, path: KeyPath) -> Model | None:
+        """A spec of what a part of the document says; None if something is wrong with it, which is noted."""
+        try:
+            return model.model_validate(data)
+        except ValidationError as error:
+            for location, message in spec_errors(model, data, error):
+                # A part that was refused is missing from the whole: that is not a second problem.
+                if not self._problems.has_below((*path, *location)):
+                    self._problems.note((*path, *location), message)
+            return None
+
+
+def _is_combined(kind: type[Assertion]) -> TypeGuard[type[Combined]]:
+    """Whether it consists of others: its class says so, and need not be imported for those that do not."""
+    return hasattr(kind, "made_of")
+
+
+def _with_unique_names(expectations: tuple[Expectation, ...]) -> tuple[Expectation, ...]:
+    """Reports tell assertions apart by name: the second of a name becomes "name (2)"."""
+    taken = {expectation.name for expectation in expectations}
+    seen: set[str] = set()
+    unique = []
+    for expectation in expectations:
+        name = expectation.name
+        if name in seen:
+            name = next(free for n in count(2) if (free := f"{name} ({n})") not in taken)
+        seen.add(name)
+        taken.add(name)
+        unique.append(replace(expectation, name=name))
+    return tuple(unique)

@@ -1,0 +1,181 @@
+"""What a key takes in its variations: a list of values, or samples that are drawn at random."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from random import Random
+from statistics import NormalDist
+from typing import Annotated, Any, ClassVar, Final, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from sim_action.core import units
+from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.quantities import FrozenModel
+from sim_action.core.spec_errors import spec_errors
+from sim_action.core.yaml_document import KeyPath
+
+_QUANTITY: Final = re.compile(
+    r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*((?:[A-Za-z][A-Za-z0-9/^ ]{0,19})?)\s*"
+)
+
+_STANDARD: Final = NormalDist()
+
+# Below all but one of the numbers that are drawn: 0, at which a normal distribution has no value.
+_LEAST: Final = 2.0**-53
+
+Bounds = tuple[float | str, float | str]
+
+
+@dataclass(frozen=True, slots=True)
+class ValueList:
+    """The values of one key, as a scenario would have them; `draw`: if drawn at random, what to say of a wrong one."""
+
+    values: tuple[Any, ...]
+    draw: str = ""
+
+    @property
+    def drawn(self) -> bool:
+        """Whether at random."""
+        return bool(self.draw)
+
+
+class ValuesError(Exception):
+    """Values that cannot be; `path` leads to what is wrong."""
+
+    def __init__(self, message: str, path: KeyPath = ()) -> None:
+        self.path = path
+        super().__init__(message)
+
+
+class Draw(FrozenModel):
+    """Values that are drawn at random, by the seed and the key's name alone: other keys change none of them."""
+
+    key: ClassVar[str]
+    bounding: ClassVar[str]
+    """What to do where a sample is beyond what its key allows."""
+
+    samples: Annotated[int, Field(ge=1, le=10_000, description="how many; keys that are drawn have equally many")]
+
+    def drawn(self, generator: Random) -> tuple[float | str, ...]:
+        """The samples, in the unit of the bounds."""
+        first, second, unit = self.numbers
+        numbers = (self._one(generator, first, second) for _ in range(self.samples))
+        return tuple(f"{number!r} {unit}" if unit else number for number in numbers)
+
+    @property
+    def numbers(self) -> tuple[float, float, str]:
+        """Both figures in one unit: the second's, or the first's beside a bare 0. Raises ValueError."""
+        stated, bound = getattr(self, self.key)
+        (first, unit), (second, other) = _number(stated), _number(bound)
+        if unit == other or (unit and not other and second == 0):
+            return first, second, unit
+        if first == 0 and not unit:
+            return first, second, other
+        factor = units.conversion(unit, other) if unit and other else None
+        if factor is None or not math.isfinite(first * factor):
+            raise ValueError(
+                f"both figures have units of one dimension, or none; found {shown(stated)} and {shown(bound)}"
+            )
+        return first * factor, second, other
+
+    def __str__(self) -> str:
+        return f"{self.key}: [{', '.join(map(str, getattr(self, self.key)))}]"
+
+    def _one(self, generator: Random, first: float, second: float) -> float:
+        raise NotImplementedError
+
+
+class Uniform(Draw):
+    """Anything between two bounds, equally likely."""
+
+    key = "uniform"
+    bounding = "choose bounds that it allows"
+
+    uniform: Annotated[
+        Bounds, Field(description="least and greatest; both numbers, or with units of one dimension; 0 needs none")
+    ]
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        low, high, _ = self.numbers
+        if not low < high or not math.isfinite(high - low):
+            raise ValueError("the first bound must be below the second")
+        return self
+
+    def _one(self, generator: Random, first: float, second: float) -> float:
+        return float(first + (second - first) * generator.random())
+
+
+class Normal(Draw):
+    """Around a mean."""
+
+    key = "normal"
+    bounding = "'uniform' has bounds, 'normal' has none; a smaller deviation seldom goes as far"
+
+    normal: Annotated[
+        Bounds,
+        Field(description="mean and standard deviation; both numbers, or with units of one dimension; 0 needs none"),
+    ]
+
+    @model_validator(mode="after")
+    def _spreads(self) -> Self:
+        if self.numbers[1] <= 0:
+            raise ValueError("the standard deviation must be above 0")
+        return self
+
+    def _one(self, generator: Random, first: float, second: float) -> float:
+        return float(first + second * _STANDARD.inv_cdf(generator.random() or _LEAST))
+
+
+DRAWS: Final[dict[str, type[Draw]]] = {draw.key: draw for draw in (Uniform, Normal)}
+"""The key that tells one way to draw from the others."""
+
+_EXPECTED: Final = "expected a list of values, or a draw such as {uniform: [0, 1], samples: 10}"
+
+
+def value_list(key: str, stated: object, seed: int) -> ValueList:
+    """What a key takes; `key` and `seed` decide what is drawn. Raises ValuesError."""
+    if isinstance(stated, tuple) and stated:
+        _refuse_twins(stated)
+        return ValueList(stated)
+    if not isinstance(stated, dict):
+        raise ValuesError(f"{_EXPECTED}, found {shown(stated)}")
+    ways = [way for way in DRAWS if way in stated]
+    if len(ways) != 1:
+        others = [name for name in stated if name not in DRAWS and name != "samples"]
+        hint = did_you_mean(others[0], (*DRAWS, "samples")) if others else ""
+        raise ValuesError(f"{_EXPECTED}{hint}")
+    draw = _draw(DRAWS[ways[0]], stated)
+    return ValueList(draw.drawn(_generator(key, seed)), f"drawn from {draw}; {draw.bounding}")
+
+
+def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
+    try:
+        return model.model_validate(stated)
+    except ValidationError as error:
+        path, message = next(spec_errors(model, stated, error))
+        raise ValuesError(message, path[:2]) from None
+
+
+def _generator(key: str, seed: int) -> Random:
+    """Python promises the same numbers for good, and what deals scenarios has no numpy."""
+    return Random(f"variations {key} {seed}")
+
+
+def _refuse_twins(values: tuple[object, ...]) -> None:
+    seen: set[str] = set()
+    for index, value in enumerate(values):
+        if (written := repr(value)) in seen:
+            raise ValuesError(f"{shown(value)} is there twice", (index,))
+        seen.add(written)
+
+
+def _number(value: float | str) -> tuple[float, str]:
+    found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    number = float(found[1]) if found else math.nan if isinstance(value, str) else float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"expected a finite number, maybe with a unit, found {shown(value)}")
+    return number, found[2] if found else ""

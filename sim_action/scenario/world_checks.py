@@ -1,0 +1,135 @@
+"""Whether what moves in a world, and what disturbs it, can: times, speeds, and names of what is there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from sim_action.core import units
+from sim_action.core.messages import did_you_mean
+from sim_action.core.placement import Placement
+from sim_action.core.problem_list import SpecProblems
+from sim_action.scenario.model import Scenario
+from sim_action.world import Body, Disturbance, Physics, placed
+from sim_action.world.scene import Scene
+from sim_action.world.timed_path import placements
+
+if TYPE_CHECKING:
+    from sim_action.world.parts import Part
+
+# Times that are advised are rounded up to it, in s.
+_ADVISED: Final = 0.001
+
+
+def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> SpecProblems:
+    """Bodies that would move in no time, faster than engines can follow, or after the end.
+
+    `parts`: name of a body -> what it is made of, for those that are read.
+    """
+    for index, body in enumerate(scenario.world.objects):
+        limit = scenario.time_limit
+        if body.appears is not None and body.appears >= limit:
+            yield ("world", "objects", index, "appears"), f"must be earlier than time_limit ({limit:g} s)"
+        start = _start(body, parts.get(body.name))
+        for below, message in _path_problems(body, start, scenario.physics, limit):
+            yield ("world", "objects", index, "path", *below), message
+
+
+def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
+    """Disturbances after the end, of what is not there, or of what nothing moves."""
+    for index, disturbance in enumerate(scene.world.disturbances):
+        found = (
+            *_time_problems(disturbance, time_limit),
+            *_target_problems(disturbance, scene),
+            *_speed_problems(disturbance, scene.physics),
+        )
+        for below, message in found:
+            yield ("world", "disturbances", index, *below), message
+
+
+def _start(body: Body, read: Sequence[Part] | None) -> Placement:
+    """Where a path goes on from; what leaves z out stays as high as it stands on the ground."""
+    parts = body.parts() if not body.is_read else read
+    # What could not be read is told elsewhere.
+    return body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]}) if body.path and parts else body.pose
+
+
+def _path_problems(body: Body, pose: Placement, physics: Physics, limit: float) -> SpecProblems:
+    places = placements(pose, body.path)
+    if body.path and body.path[0].at >= limit:
+        yield (0, "at"), f"must be earlier than time_limit ({limit:g} s), or the body never moves"
+    for index, ((before, start), (point, end)) in enumerate(pairwise(zip(body.path, places, strict=True)), start=1):
+        if point.at <= before.at:
+            earlier = f"must be later than the point before it, at {before.at:g} s"
+            yield (index, "at"), f"{earlier}; nothing is at two places at once"
+            continue
+        if before.at >= limit > body.path[0].at:
+            yield (index, "at"), f"the run is over before it goes there: time_limit is {limit:g} s"
+        for way, unit, bound, key in (
+            (_way(start, end), "m", physics.max_speed, "max_speed"),
+            (_turn(start, end), "rad", physics.max_turn_rate, "max_turn_rate"),
+        ):
+            speed = way / (point.at - before.at)
+            if speed > bound:
+                found = f"{units.display(way, unit)} from {before.at:g} s on is {units.display(speed, f'{unit}/s')}"
+                most = f"more than physics.{key}, {units.display(bound, f'{unit}/s')}"
+                least = math.ceil(way / bound / _ADVISED) * _ADVISED
+                yield (index,), f"{found}, {most}; it takes {least:.4g} s at the least"
+
+
+def _way(start: Placement, end: Placement) -> float:
+    return math.dist((start.x, start.y, start.z or 0.0), (end.x, end.y, end.z or 0.0))
+
+
+def _turn(start: Placement, end: Placement) -> float:
+    """Bound in rad on how far a body turns."""
+    return abs(end.roll - start.roll) + abs(end.pitch - start.pitch) + abs(end.yaw - start.yaw)
+
+
+def _time_problems(disturbance: Disturbance, limit: float) -> SpecProblems:
+    if disturbance.at >= limit:
+        yield ("at",), f"must be earlier than time_limit ({limit:g} s)"
+    elif disturbance.end > limit:
+        yield ("for",), f"it acts until {disturbance.end:g} s, and the run is over at time_limit ({limit:g} s)"
+
+
+def _speed_problems(disturbance: Disturbance, physics: Physics) -> SpecProblems:
+    """A push after which the robot would be told to be unstable; of bodies, nobody is."""
+    speed = math.hypot(*disturbance.velocity or ())
+    if disturbance.body is None and speed > physics.max_speed:
+        found, bound = (units.display(value, "m/s") for value in (speed, physics.max_speed))
+        yield ("velocity",), f"a push of {found} is more than physics.max_speed, {bound}"
+
+
+def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:
+    if disturbance.body is not None:
+        yield from _body_problems(disturbance, disturbance.body, scene)
+        return
+    link = disturbance.link or scene.model.root
+    where = ("link",) if disturbance.link else ()
+    if link not in scene.model.links_by_name:
+        bodies = {body.name for body in scene.world.objects}
+        hint = f"; say body: {link}" if link in bodies else did_you_mean(link, scene.model.links_by_name)
+        yield where, f"the robot has no link '{link}'{hint}"
+    elif link in scene.bolted_links:
+        yield where, f"link '{link}' is fixed to the world, so nothing moves it"
+    elif disturbance.velocity is not None and (link != scene.model.root or scene.bolted):
+        base = scene.model.root
+        way = "give the link a 'force' for a short time" if scene.bolted else f"name its base link '{base}', or give"
+        way = way if scene.bolted else f"{way} this one a 'force' for a short time"
+        yield where, f"a push of 'velocity' moves the robot as a whole; {way}"
+
+
+def _body_problems(disturbance: Disturbance, name: str, scene: Scene) -> SpecProblems:
+    bodies = {body.name: body for body in scene.world.objects}
+    body = bodies.get(name)
+    if body is None:
+        hint = f"; say link: {name}" if name in scene.model.links_by_name else did_you_mean(name, bodies)
+        yield ("body",), f"there is no body '{name}'{hint}"
+    elif body.mass is None:
+        why = "goes its way" if body.path else "is fixed"
+        yield ("body",), f"body '{name}' {why} whatever acts on it; only one with a 'mass' can be disturbed"
+    elif body.appears is not None and disturbance.at < body.appears:
+        yield ("at",), f"body '{name}' is not there before it appears, at {body.appears:g} s"

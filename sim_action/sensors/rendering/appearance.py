@@ -1,0 +1,88 @@
+"""What a scene looks like: every collision shape as a solid, with a colour, in the frame of what it is part of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.robot.robot_model import RobotModel, Shape
+from sim_action.sensors.rendering.colours import PALETTE, ROBOT, Colour
+from sim_action.sensors.rendering.hulls import hull_about_its_middle, read_hulls
+from sim_action.sensors.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron, Solid
+from sim_action.sensors.rendering.triangles import Triangle
+from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, SpherePart, grid_surface
+from sim_action.world.parts import Part as BodyPart
+from sim_action.world.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A solid of a link or a body.
+
+    Attributes:
+        owner: name of the link or the body.
+        pose: of the solid, in the frame of its owner.
+    """
+
+    owner: str
+    solid: Solid
+    pose: Pose
+    colour: Colour
+
+
+def robot_parts(model: RobotModel) -> Iterator[Part]:
+    """The collision shapes of a robot's links. Raises OSError."""
+    for link in model.links:
+        for shape in link.collisions:
+            for solid, pose in _solids(shape):
+                yield Part(link.name, solid, pose, ROBOT)
+
+
+def world_parts(scene: Scene) -> Iterator[Part]:
+    """The bodies of the world, without the ground."""
+    for number, body in enumerate(scene.world.objects):
+        colour = body.color or PALETTE[number % len(PALETTE)]
+        for part in scene.parts_of(body):
+            for solid, pose in _of_part(part):
+                yield Part(body.name, solid, pose, colour)
+
+
+def _of_part(part: BodyPart) -> Iterator[tuple[Solid, Pose]]:
+    if isinstance(part, BoxPart):
+        x, y, z = part.size_xyz
+        yield Polyhedron.box((x / 2, y / 2, z / 2)), part.pose
+    elif isinstance(part, CylinderPart):
+        yield Cylinder(part.radius, part.height / 2), Pose()
+    elif isinstance(part, SpherePart):
+        yield Ellipsoid((part.radius,) * 3), Pose()
+    elif isinstance(part, HullPart):
+        hull, at_xyz = hull_about_its_middle(np.array(part.points_xyz))
+        yield hull, Pose(at_xyz)
+    else:
+        surface = grid_surface(part) if isinstance(part, GridPart) else part
+        for corners in surface.points_xyz[surface.triangles]:
+            triangle, at_xyz = Triangle.about_its_middle(corners)
+            yield triangle, Pose(at_xyz)
+
+
+def _solids(shape: Shape) -> Iterator[tuple[Solid, Pose]]:
+    """What is neither plain nor a mesh that was rewritten is seen as the box around it; a plane is not seen."""
+    (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
+    middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))
+    half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
+    if shape.hulls:
+        for hull, at_xyz in read_hulls(Path(shape.hulls)):
+            yield hull, geometry.compose(shape.pose, Pose(at_xyz))
+    elif shape.kind in {"sphere", "ellipsoid"}:
+        yield Ellipsoid(half), middle
+    elif shape.kind == "cylinder":
+        yield Cylinder(half[0], half[2]), middle
+    elif shape.kind == "capsule":
+        yield Capsule(half[0], half[2] - half[0]), middle
+    elif shape.kind != "plane":
+        yield Polyhedron.box(half), middle

@@ -1,0 +1,101 @@
+"""Draws solids over a ground, nearest first to come: depth and colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.sensors.rendering.colours import GROUND, SKY, Colour
+from sim_action.sensors.rendering.rays import Components, FloatArray, Patch, Pinhole
+from sim_action.sensors.rendering.solids import Solid
+
+SQUARE: Final = 0.5
+"""m, a side of these squares."""
+
+# Where the light comes from, a unit vector in the world frame; it reaches everything, as nothing has a shadow.
+_LIGHT: Final[Vector3] = (-0.36, 0.48, 0.8)
+# Brightness where a surface faces the light, and where it faces away.
+_BRIGHTEST: Final = 1.0
+_DIMMEST: Final = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A solid at a pose in the world frame."""
+
+    solid: Solid
+    pose: Pose
+    colour: Colour
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What a camera sees: (H, W, 3) red, green, blue, 0 to 255; (H, W) depth in m, inf where nothing is."""
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+
+
+def draw(pinhole: Pinhole, camera: Pose, solids: Iterable[Placed]) -> Picture:
+    """What a camera at a pose in the world sees of the ground, z = 0, and of solids."""
+    canvas = _Canvas(pinhole, camera)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        canvas.add_ground()
+        for placed in solids:
+            canvas.add(placed)
+    return canvas.picture()
+
+
+class _Canvas:
+    def __init__(self, pinhole: Pinhole, camera: Pose) -> None:
+        self._pinhole, self._camera = pinhole, camera
+        self._to_camera = geometry.inverse(camera)
+        self._depth: FloatArray = np.full((pinhole.height, pinhole.width), np.inf)
+        self._colours: FloatArray = np.broadcast_to(np.array(SKY), (*self._depth.shape, 3)).copy()
+
+    def add_ground(self) -> None:
+        everything = slice(None), slice(None)
+        rays = self._pinhole.rays(self._camera, everything)
+        start, way = rays.start_xyz[2], rays.ways[2]
+        # From below, it is not there.
+        depth = np.where((way < 0) & (start > 0), -start / way, np.inf)
+        x, y, _ = rays.points(depth)
+        odd = (np.floor(x / SQUARE) + np.floor(y / SQUARE)) % 2 == 1
+        colours = np.where(odd[..., None], GROUND[1], GROUND[0]) * _brightness((0.0, 0.0, 1.0), Pose())
+        self._put(everything, depth, colours)
+
+    def add(self, placed: Placed) -> None:
+        middle = geometry.compose(self._to_camera, placed.pose).position_xyz
+        patch = self._pinhole.patch_around(middle, placed.solid.radius)
+        if patch is None:
+            return
+        rays = self._pinhole.rays(geometry.compose(geometry.inverse(placed.pose), self._camera), patch)
+        depth, normals = placed.solid.enter(rays)
+        self._put(patch, depth, _brightness(normals, placed.pose)[..., None] * np.array(placed.colour))
+
+    def _put(self, patch: Patch, depth: FloatArray, colours: FloatArray) -> None:
+        """Where it is the nearest so far. What begins before the picture does, as around a camera, is not in it."""
+        seen = (depth >= self._pinhole.near) & (depth <= self._pinhole.far) & (depth < self._depth[patch])
+        np.copyto(self._depth[patch], depth, where=seen)
+        np.copyto(self._colours[patch], colours, where=seen[..., None])
+
+    def picture(self) -> Picture:
+        rgb = (self._colours * 255).round().astype(np.uint8)
+        depth = self._depth.astype(np.float32)
+        for array in (rgb, depth):
+            array.flags.writeable = False
+        return Picture(rgb, depth)
+
+
+def _brightness(normals: Components | Vector3, pose: Pose) -> FloatArray:
+    lx, ly, lz = geometry.rotate(geometry.conjugate(pose.orientation_xyzw), _LIGHT)
+    x, y, z = normals
+    towards = np.asarray(lx * x + ly * y + lz * z)
+    brightness: FloatArray = (_BRIGHTEST + _DIMMEST) / 2 + (_BRIGHTEST - _DIMMEST) / 2 * towards
+    return brightness

@@ -1,0 +1,109 @@
+"""The rays of a pinhole camera, as seen from any frame, and which of them may meet a ball."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Vector3
+
+FloatArray = NDArray[np.float64]
+Components = tuple[FloatArray, FloatArray, FloatArray]
+"""x, y and z of many vectors, each (H, W), or what broadcasts to it."""
+
+Patch = tuple[slice, slice]
+"""Rows and columns of a picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """Rays of a patch of a picture, in the frame of a solid.
+
+    Attributes:
+        start_xyz: where all of them begin, in m.
+        ways: how far they get, in m, for each metre along the view.
+    """
+
+    start_xyz: Vector3
+    ways: Components
+
+    def points(self, depth: FloatArray) -> Components:
+        """Where the rays are at a depth in m."""
+        (ax, ay, az), (x, y, z) = self.start_xyz, self.ways
+        return ax + depth * x, ay + depth * y, az + depth * z
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A camera that looks along its x axis, with y to the left and z up; its pixels are square.
+
+    Attributes:
+        width, height: pixels.
+        field_of_view: rad, from the left edge to the right one.
+        near, far: m along the view; what is nearer or further is not in the picture.
+    """
+
+    width: int
+    height: int
+    field_of_view: float
+    near: float
+    far: float
+
+    @property
+    def focal_length(self) -> float:
+        """In pixels."""
+        return self.width / 2 / math.tan(self.field_of_view / 2)
+
+    @cached_property
+    def left(self) -> FloatArray:
+        """(1, W): how far the ray through the middle of each column gets to the left on 1 m."""
+        return _across(self.width, self.focal_length)[None, :]
+
+    @cached_property
+    def up(self) -> FloatArray:
+        """(H, 1): how far the ray through the middle of each row gets up on 1 m."""
+        return _across(self.height, self.focal_length)[:, None]
+
+    def rays(self, camera: Pose, patch: Patch) -> Rays:
+        """Those of a patch, for a camera at a pose in the frame that is asked for."""
+        rows, columns = patch
+        left, up = self.left[:, columns], self.up[rows]
+        axes = (geometry.rotate(camera.orientation_xyzw, unit) for unit in _UNITS)
+        # Sums of products, not a product of matrices: the same on every machine.
+        x, y, z = (ahead + to_left * left + upwards * up for ahead, to_left, upwards in zip(*axes, strict=True))
+        return Rays(camera.position_xyz, (x, y, z))
+
+    def patch_around(self, middle_xyz: Vector3, radius: float) -> Patch | None:
+        """The patch that holds all of a ball, given in the frame of the camera; None if there is nothing to be seen."""
+        x, y, z = middle_xyz
+        # Said so that what is nowhere, as in a simulation that explodes, is not seen.
+        if not (x + radius >= self.near and x - radius <= self.far):
+            return None
+        if x - radius <= self.near:
+            return slice(0, self.height), slice(0, self.width)
+        columns = _span(y, x, radius, self.focal_length, self.width)
+        rows = _span(z, x, radius, self.focal_length, self.height)
+        return None if columns.start >= columns.stop or rows.start >= rows.stop else (rows, columns)
+
+
+_UNITS: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def _across(count: int, focal_length: float) -> FloatArray:
+    across: FloatArray = (count / 2 - 0.5 - np.arange(count, dtype=np.float64)) / focal_length
+    return across
+
+
+def _span(across: float, ahead: float, radius: float, focal_length: float, count: int) -> slice:
+    """The pixels that a ball may cover one way: those of the box around it, which is all before the camera."""
+    near, far = ahead - radius, ahead + radius
+    low, high = across - radius, across + radius
+    most = high / (near if high > 0 else far)
+    least = low / (far if low > 0 else near)
+    first, last = (min(max(count / 2 - 0.5 - way * focal_length, -1.0), float(count)) for way in (most, least))
+    return slice(max(0, math.floor(first)), min(count, math.ceil(last) + 1))

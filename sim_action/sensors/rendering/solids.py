@@ -1,0 +1,186 @@
+"""Where rays enter solids, and which way the surface faces there."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_action.core.geometry import Vector3
+from sim_action.sensors.rendering.rays import Components, FloatArray, Rays
+
+Entry = tuple[FloatArray, Components]
+"""The depth in m at which each ray enters, inf where it does not, and the unit vector out of the surface there."""
+
+
+class Solid(ABC):
+    """A convex solid. Divisions by zero are its daily bread: whoever calls `enter` lets them pass."""
+
+    @property
+    @abstractmethod
+    def radius(self) -> float:
+        """Of a ball around the origin that holds it, in m."""
+
+    @abstractmethod
+    def enter(self, rays: Rays) -> Entry:
+        """Where rays come in from outside; negative depths are behind their start."""
+
+
+@dataclass(frozen=True)
+class Ellipsoid(Solid):
+    """A ball, or one that is stretched along its axes; `half_xyz`: its half axes in m."""
+
+    half_xyz: Vector3
+
+    @property
+    def radius(self) -> float:
+        """See Solid.radius."""
+        return max(self.half_xyz)
+
+    def enter(self, rays: Rays) -> Entry:
+        """See Solid.enter."""
+        start, ways = _scaled(rays, self.half_xyz)
+        depth, _ = _through(_dot(ways, ways), _dot(start, ways), sum(part * part for part in start) - 1)
+        x, y, z = rays.points(depth)
+        a, b, c = self.half_xyz
+        return depth, _unit((x / a**2, y / b**2, z / c**2))
+
+
+@dataclass(frozen=True)
+class Cylinder(Solid):
+    """About the z axis."""
+
+    across: float
+    half_length: float
+
+    @property
+    def radius(self) -> float:
+        """See Solid.radius."""
+        return math.hypot(self.across, self.half_length)
+
+    def enter(self, rays: Rays) -> Entry:
+        """See Solid.enter."""
+        side, side_end = _side(rays, self.across)
+        cap, cap_end = _slab(rays.start_xyz[2], rays.ways[2], self.half_length)
+        depth = np.maximum(side, cap)
+        depth = np.where(depth <= np.minimum(side_end, cap_end), depth, np.inf)
+        x, y, _ = rays.points(depth)
+        on_cap = cap >= side
+        nx, ny = (np.where(on_cap, 0.0, across / self.across) for across in (x, y))
+        return depth, (nx, ny, np.where(on_cap, -np.sign(rays.ways[2]), 0.0))
+
+
+@dataclass(frozen=True)
+class Capsule(Solid):
+    """A cylinder about the z axis with half a ball on either end; `half_length`: of the cylinder alone."""
+
+    across: float
+    half_length: float
+
+    @property
+    def radius(self) -> float:
+        """See Solid.radius."""
+        return self.across + self.half_length
+
+    def enter(self, rays: Rays) -> Entry:
+        """See Solid.enter."""
+        ball = Ellipsoid((self.across,) * 3)
+        side, _ = _side(rays, self.across)
+        _, _, z = rays.points(side)
+        ax, ay, az = rays.start_xyz
+        balls = (Rays((ax, ay, az - end), rays.ways) for end in (self.half_length, -self.half_length))
+        depths = [np.where(np.abs(z) <= self.half_length, side, np.inf), *(ball.enter(seen)[0] for seen in balls)]
+        depth = np.minimum.reduce(depths)
+        x, y, z = rays.points(depth)
+        return depth, _unit((x, y, z - np.clip(z, -self.half_length, self.half_length)))
+
+
+@dataclass(frozen=True)
+class Polyhedron(Solid):
+    """What is below all of its planes: `normals` out of it, (P, 3), at `offsets` in m from the origin, (P,)."""
+
+    normals: FloatArray
+    offsets: FloatArray
+    reach: float
+
+    @classmethod
+    def box(cls, half_xyz: Vector3) -> Polyhedron:
+        """A box about the origin."""
+        normals = np.concatenate((np.eye(3), -np.eye(3)))
+        return cls(normals, np.array([*half_xyz, *half_xyz]), math.hypot(*half_xyz))
+
+    @property
+    def radius(self) -> float:
+        """See Solid.radius."""
+        return self.reach
+
+    def enter(self, rays: Rays) -> Entry:
+        """See Solid.enter."""
+        shape = np.broadcast_shapes(*(way.shape for way in rays.ways))
+        entry, leaving = np.full(shape, -np.inf), np.full(shape, np.inf)
+        face = np.zeros(shape, dtype=np.intp)
+        for number, (normal, offset) in enumerate(zip(self.normals.tolist(), self.offsets.tolist(), strict=True)):
+            towards, above = _dot(normal, rays.ways), _above(normal, offset, rays.start_xyz)
+            depth = -above / towards
+            if above > 0:
+                # Rays come in through this plane, if at all.
+                depth[towards >= 0] = np.inf
+                face[depth > entry] = number
+                np.maximum(entry, depth, out=entry)
+            else:
+                depth[towards <= 0] = np.inf
+                np.minimum(leaving, depth, out=leaving)
+        x, y, z = self.normals.T
+        return np.where(entry <= leaving, entry, np.inf), (x[face], y[face], z[face])
+
+
+def _side(rays: Rays, radius: float) -> tuple[FloatArray, FloatArray]:
+    """Where rays enter and leave a cylinder about the z axis that has no ends."""
+    (ax, ay, _), (x, y, _) = rays.start_xyz, rays.ways
+    distance = ax * ax + ay * ay - radius * radius
+    entry, leaving = _through(x * x + y * y, ax * x + ay * y, distance)
+    if distance > 0:
+        return entry, leaving
+    # Rays along the axis are inside for ever; others of them have come in at some time.
+    along = (x == 0) & (y == 0)
+    return np.where(along, -np.inf, entry), np.where(along, np.inf, leaving)
+
+
+def _slab(start: float, way: FloatArray, half: float) -> tuple[FloatArray, FloatArray]:
+    one, other = (-half - start) / way, (half - start) / way
+    along, outside = way == 0, abs(start) > half
+    entry = np.where(along, np.inf if outside else -np.inf, np.minimum(one, other))
+    return entry, np.where(along, np.inf, np.maximum(one, other))
+
+
+def _through(a: FloatArray, b: FloatArray, c: float) -> tuple[FloatArray, FloatArray]:
+    """The two t of a t^2 + 2 b t + c = 0, both inf where there are none."""
+    root = np.sqrt(b * b - a * c)
+    first, second = (-b - root) / a, (-b + root) / a
+    missed = np.isnan(first)
+    return np.where(missed, np.inf, first), np.where(missed, np.inf, second)
+
+
+def _scaled(rays: Rays, half_xyz: Vector3) -> tuple[Vector3, Components]:
+    (ax, ay, az), (x, y, z), (a, b, c) = rays.start_xyz, rays.ways, half_xyz
+    return (ax / a, ay / b, az / c), (x / a, y / b, z / c)
+
+
+def _dot(one: Sequence[float] | Components, other: Components) -> FloatArray:
+    (ax, ay, az), (bx, by, bz) = one, other
+    product: FloatArray = ax * bx + ay * by + az * bz
+    return product
+
+
+def _above(normal: Sequence[float], offset: float, point_xyz: Vector3) -> float:
+    """How far a point is above a plane."""
+    return sum(one * other for one, other in zip(normal, point_xyz, strict=True)) - offset
+
+
+def _unit(vector: Components) -> Components:
+    x, y, z = vector
+    length = np.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length

@@ -1,0 +1,1 @@
+"""One run: the loop, controllers, sensors, monitors, watchdog and the checks before the start."""

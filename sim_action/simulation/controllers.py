@@ -1,0 +1,218 @@
+"""Who drives: the controllers of all command sources, each asked at its ticks, each for joints that no other moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Final
+
+from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
+from sim_action.core.errors import BadSource, ScriptError, SourceProblem
+from sim_action.core.geometry import Twist
+from sim_action.drives import DriveMotion
+from sim_action.scenario.model import Scenario
+from sim_action.sensors.mounting import MountedSensor
+from sim_action.state.command import Command, JointTargets, commands_of
+from sim_action.state.observation import Observation
+from sim_action.world.scene import Scene
+
+Look = Callable[[int], Observation]
+"""What the robot is like at a step, which is the present; looked at only if somebody asks."""
+
+Told = Callable[[float, Twist], None]
+"""Hears of every twist that the base is given, with the sim time in s."""
+
+NO_WHEELS: Final = "a controller gave a twist, but which joints are wheels is not known; name them: robot.drive"
+TWO_WAYS: Final = "a controller gave a twist at the same tick as a target for joint"
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """One source of commands while it runs.
+
+    Attributes:
+        index: its place below `commands:`.
+        period: physics steps from one tick to the next.
+        moved: the joints that it has moved so far.
+    """
+
+    index: int
+    controller: Controller
+    period: int
+    moved: set[str] = field(default_factory=set)
+
+
+class Controls:
+    """The live half of `Scenario.commands` and of the drive that turns their twists into joint targets."""
+
+    def __init__(
+        self, scenario: Scenario, scene: Scene, motion: DriveMotion | None, told: Told = lambda _time, _twist: None
+    ) -> None:
+        """Opens the sources. Raises ScriptError; those that are open are closed then."""
+        self._rate = scenario.physics.rate
+        self._told = told
+        self._motion = motion
+        self._twist: Twist | None = None
+        # The numbers of the twist that the wheels have come to, and turn on as they were told.
+        self._reached: tuple[float, ...] = ()
+        self._owners: dict[str, _Source] = {}
+        self._driver: _Source | None = None
+        scenes = _seen_by(scenario.commands, scene)
+        with ExitStack() as closing:
+            self._sources = [
+                _Source(index, _opened(index, source, seen, closing), scenario.steps_between_ticks(source.rate))
+                for index, (source, seen) in enumerate(zip(scenario.commands, scenes, strict=True))
+            ]
+            self._closing = closing.pop_all()
+        looking = [source for source in self._sources if isinstance(source.controller, ClosedLoop)]
+        self._look_together = len(looking) > 1
+
+    @property
+    def are_watching(self) -> bool:
+        """Whether any of them looks at sensors."""
+        controllers = [source.controller for source in self._sources]
+        return any(isinstance(controller, ClosedLoop) and controller.senses for controller in controllers)
+
+    @property
+    def sensors(self) -> tuple[MountedSensor, ...]:
+        """What they look at beside the sensors of the scenario."""
+        controllers = [source.controller for source in self._sources]
+        return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.sensors)
+
+    @property
+    def at_rest(self) -> JointTargets:
+        """What holds the robot while it comes to rest before t = 0: its wheels are braked, its joints held."""
+        targets = self._motion.targets(Twist(), 1)[0] if self._motion else JointTargets()
+        for source in self._sources:
+            if isinstance(source.controller, OpenLoop):
+                targets = targets.updated_by(source.controller.holding)
+        return targets
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What they have to tell people after the run."""
+        return tuple(note for source in self._sources for note in source.controller.notes)
+
+    def close(self) -> None:
+        """After the run: ends what sources have started."""
+        self._closing.close()
+
+    def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
+        """Targets for the steps from here to the next tick, or to step `end`; None: as before. Raises ScriptError."""
+        asked = self._ask(step, look)
+        steps = min([end - step, *(source.period - step % source.period for source in self._sources)])
+        planned = self._driven(steps)
+        if asked is not None:
+            planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
+        return padded(planned, steps)
+
+    def _driven(self, steps: int) -> list[JointTargets]:
+        """What the drive tells the wheels for the present twist; nothing once they were told all of it."""
+        if self._motion is None or self._twist is None:
+            return []
+        # Copied: a script may change the vectors of a twist that it has given.
+        twist = (*self._twist.linear_xyz, *self._twist.angular_xyz)
+        if twist == self._reached:
+            return []
+        planned = self._motion.targets(self._twist, steps)
+        self._reached = twist if len(planned) < steps else ()
+        return planned
+
+    def _ask(self, step: int, look: Look) -> JointTargets | None:
+        """Takes the commands of this tick; returns the joint targets among them."""
+        targets: JointTargets | None = None
+        look_once = lru_cache(maxsize=1)(look) if self._look_together else look
+        for source in self._sources:
+            if step % source.period:
+                continue
+            try:
+                for command in self._commands(source, step, look_once):
+                    targets = self._taken(source, command, targets)
+                    if isinstance(command, Twist):
+                        self._told(step / self._rate, command)
+            except ScriptError as error:
+                error.source, error.time = source.index, step / self._rate
+                raise
+        return targets
+
+    def _taken(self, source: _Source, command: Command, targets: JointTargets | None) -> JointTargets | None:
+        """Makes a command of a source the present one; returns the joint targets of this tick."""
+        if not isinstance(command, JointTargets):
+            self._drive(source)
+            self._twist = command
+            return targets
+        self._claim(source, set(command.names()))
+        targets = targets.updated_by(command) if targets else command
+        if self._motion and not self._motion.joints.isdisjoint(command.names()):
+            # A source that turns the wheels by hand takes them over from the drive.
+            targets, self._twist, self._reached = self._motion.released.updated_by(targets), None, ()
+        return targets
+
+    def _commands(self, source: _Source, step: int, look: Look) -> tuple[Command, ...]:
+        """What a source says at its tick."""
+        if isinstance(source.controller, OpenLoop):
+            answer = source.controller.command(step / self._rate)
+        else:
+            answer = source.controller.command(look(step))
+        commands = commands_of(answer)
+        self._refuse_two_ways(commands)
+        return commands
+
+    def _refuse_two_ways(self, commands: tuple[Command, ...]) -> None:
+        """Raises ScriptError for a twist beside targets for the wheels that it turns."""
+        # One command is one way, which saves most ticks the search.
+        if self._motion is None or len(commands) < 2 or not any(isinstance(command, Twist) for command in commands):
+            return
+        named = {name for command in commands if isinstance(command, JointTargets) for name in command.names()}
+        if wheels := self._motion.joints & named:
+            raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive turns for a twist; leave out one of them")
+
+    def _drive(self, source: _Source) -> None:
+        """Makes the base the source's own, and its wheels. Raises ScriptError."""
+        if self._motion is None:
+            raise ScriptError(NO_WHEELS)
+        driver = self._driver = self._driver or source
+        if driver is not source:
+            first, second = sorted((driver.index, source.index))
+            raise ScriptError(f"commands.{first} and commands.{second} both drive the base; one source at a time does")
+        self._claim(source, self._motion.joints)
+
+    def _claim(self, source: _Source, joints: set[str] | frozenset[str]) -> None:
+        """Makes the joints the source's own. Raises ScriptError if another moves one of them."""
+        if source.moved.issuperset(joints):
+            return
+        for joint in sorted(joints):
+            owner = self._owners.setdefault(joint, source)
+            if owner is not source:
+                first, second = sorted((owner.index, source.index))
+                raise ScriptError(
+                    f"commands.{first} and commands.{second} both move joint '{joint}'; "
+                    "sources that act at the same time move different joints"
+                )
+        source.moved.update(joints)
+
+
+def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
+    """The scene as each is to see it."""
+    codes = [source.code for source in sources]
+    return [replace(scene, namesake=codes[:index].count(code)) for index, code in enumerate(codes)]
+
+
+def _opened(index: int, source: CommandSource, scene: Scene, closing: ExitStack) -> Controller:
+    try:
+        controller = source.open(scene)
+    except SourceProblem as error:
+        raise BadSource(index, error.key, str(error)) from None
+    except ScriptError as error:
+        error.source = index
+        raise
+    if isinstance(controller, ClosedLoop):
+        closing.callback(controller.close)
+    return controller
+
+
+def padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:
+    """One entry a step: the last target holds."""
+    return [*targets, *[None] * (steps - len(targets))]

@@ -1,0 +1,95 @@
+"""Whether a robot can begin where a scenario puts it: what begins inside something else is thrown out of it.
+
+An engine takes two bodies apart that are in each other, the faster the deeper they are: 2 cm throw a TurtleBot3 back by
+4 cm, 12 cm at 5 m/s, and what is measured after that says nothing about the robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+from sim_action.core import geometry, units
+from sim_action.core.errors import BadStart
+from sim_action.core.geometry import Pose
+from sim_action.core.problem_list import SpecProblems
+from sim_action.scenario.clash_checks import DEPTH, clash_problem
+from sim_action.state.observation import Clash, Overlap
+from sim_action.world import GROUND, placed
+from sim_action.world.parts import GridPart, height_at
+from sim_action.world.scene import Scene
+
+# In rad and m: what gives way by less has come to rest.
+_TILTED: Final = math.radians(2)
+_SUNK: Final = 0.02
+
+
+def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashes: Iterable[Clash]) -> None:
+    """Raises BadStart if the robot, which has just been put in its place, or a body that moves is inside something.
+
+    `at`: the pose of the base link, world frame.
+    """
+    problems = (*_problems(scene, overlaps), *_buried(scene, at), *_clash_problems(scene, clashes))
+    if problems:
+        raise BadStart(problems)
+
+
+def moved_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
+    """What to say of a base that is not as it was put, in the world frame, when the run begins; None: nothing."""
+    tilted = _tilt(after) - _tilt(before)
+    sunk = before.position_xyz[2] - after.position_xyz[2]
+    stood = scene.robot.pose.z is None  # else it was to fall
+    if scene.bolted or (tilted < _TILTED and (sunk < _SUNK or not stood)):
+        return None
+    ways = [f"tilted by {units.display(tilted, 'rad')}"] if tilted >= _TILTED else []
+    ways += [f"came {units.display(sunk, 'm')} down"] if sunk >= _SUNK else []
+    return f"while it settled, before t = 0, the base link '{scene.model.root}' {' and '.join(ways)}"
+
+
+def _tilt(pose: Pose) -> float:
+    """In rad, between the z axis of a frame and the world's."""
+    return math.acos(max(-1.0, min(1.0, geometry.rotate(pose.orientation_xyzw, (0.0, 0.0, 1.0))[2])))
+
+
+def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
+    """One for each body, about the link that is deepest in it."""
+    indices = {body.name: index for index, body in enumerate(scene.world.objects)}
+    fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
+    # The engine leaves it where it is, as the author of a robot's foot in a table wants it.
+    bolted = scene.bolted_links
+    told = set[str]()
+    for link, body, depth in sorted(overlaps, key=lambda overlap: -overlap.depth):
+        if depth <= DEPTH or body in told or (link in bolted and body in fixed):
+            continue
+        told.add(body)
+        where = f"the robot's link '{link}' begins {units.display(depth, 'm')} deep in "
+        if body == GROUND:
+            or_not = "" if scene.robot.pose.z is None else ", or leave z out: then it stands on the ground"
+            yield ("robot", "pose"), f"{where}the ground; raise its z{or_not}"
+        else:
+            yield ("robot", "pose"), f"{where}'{body}'; move it, or world.objects[{indices[body]}].pose"
+
+
+def _buried(scene: Scene, at: Pose) -> SpecProblems:
+    """Below a heightfield, where nothing need touch it: an engine's surface has no inside."""
+    x, y, z = at.position_xyz
+    for body in scene.world.objects:
+        for part in scene.parts_of(body) if body.heightfield is not None else ():
+            assert isinstance(part, GridPart)
+            frame = placed(body, scene.parts_of(body))
+            ahead, left, up = geometry.compose(geometry.inverse(frame), Pose((x, y, z))).position_xyz
+            height = height_at(part, ahead, left)
+            if height is not None and up < height:
+                deep = units.display(height - up, "m")
+                yield ("robot", "pose"), f"the robot begins {deep} below the surface of '{body.name}'; raise its z"
+
+
+def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
+    """One for each body that begins deep in another."""
+    indices = {body.name: index for index, body in enumerate(scene.world.objects)}
+    told = set[str]()
+    for body, other, depth in sorted(clashes, key=lambda clash: -clash.depth):
+        if depth > DEPTH and body not in told:
+            told.add(body)
+            yield clash_problem(indices[body], body, other, depth)

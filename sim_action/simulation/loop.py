@@ -1,0 +1,223 @@
+"""The loop: what the controls plan, physics steps that carry it out, and a panel of monitors that sees every step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from sim_action.core.errors import RunError, SourceOver
+from sim_action.core.verdict import Verdict
+from sim_action.drives import Drive, recognise
+from sim_action.engines import BACKENDS, Backend, chosen
+from sim_action.scenario.model import Scenario
+from sim_action.simulation.controllers import Controls, padded
+from sim_action.simulation.initial_overlap import moved_while_settling, refuse_bad_start
+from sim_action.simulation.monitors import End, Panel
+from sim_action.simulation.recorder import Footage
+from sim_action.simulation.sensors import Sensing
+from sim_action.simulation.spawn_checks import Arrivals
+from sim_action.simulation.unreached_events import missed
+from sim_action.simulation.watchdog import Watchdog
+from sim_action.state.channels import Channels
+from sim_action.state.digest import Digest
+from sim_action.state.trace import Trace
+from sim_action.world.scene import Scene
+
+BOLTED: Final = "the base is fixed: twists turn the wheels, and the robot stays where it is"
+
+Progress = Callable[[float], None]
+"""Told the sim time in s as the run goes on."""
+
+# At rest: nothing moves faster than this, in m/s and rad/s, at the end of a period of settling.
+_REST_SPEED: Final = 5e-3
+_SETTLE_PERIOD: Final = 0.1
+# How long the panel waits for its next look, in s: it looks at every step then, but looking costs. What was stepped
+# beyond the end of the run is for nothing: goals are there to be met before the end, invariants not to be broken.
+_PERIOD: Final = 0.5
+_PERIOD_WITHOUT_GOALS: Final = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationRun:
+    """What came of one scenario.
+
+    Attributes:
+        trace: decimated to `Scenario.trace_rate`, from t = 0 to the end.
+        verdicts: one for each expectation, in their order.
+        digest: SHA-256 over the full-rate state.
+        travelled: m between the base's first and last place, on the ground plane.
+        wall_time: s of the loop, without loading and settling.
+        notes: what was assumed or noticed, for people.
+    """
+
+    trace: Trace
+    verdicts: tuple[Verdict, ...]
+    end: End
+    digest: str
+    travelled: float
+    wall_time: float
+    engine: str
+    notes: tuple[str, ...]
+
+    @property
+    def sim_time(self) -> float:
+        """When the run was over, in s."""
+        return float(self.trace.time[-1])
+
+
+def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: Footage | None = None) -> SimulationRun:
+    """Runs a scenario to its end. Raises RunError where there can be no verdict.
+
+    `footage`: what is kept, also of a run that fails; left out: the trace alone.
+    """
+    footage = footage or Footage(scenario)
+    drive = _drive_of(scenario, scene)
+    scene = drive.prepared(scene) if drive else scene
+    channels = Channels.all_of(expected.channels for expected in scenario.expect)
+    watched = channels | footage.channels(scene.world)
+    backend = BACKENDS.load(chosen(scenario.backend))(scene, watched)
+    try:
+        at = backend.observe(0, contacts=False).pose
+        refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
+        return _Loop(scenario, scene, drive, backend, channels, footage=footage).run(progress)
+    finally:
+        backend.close()
+
+
+def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
+    return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
+
+
+def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
+    """Which wheels commands turn by the drive, or else sensors read."""
+    stated = scenario.robot.drive
+    if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
+        drive = stated or recognise(scene.model)
+    if drive is not None:
+        yield ("" if stated else "recognised: ") + drive.describe(scene.model, scene.world.weight)
+        if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
+            yield BOLTED
+
+
+class _Loop:
+    """One run; the step count is its clock."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        scene: Scene,
+        drive: Drive | None,
+        backend: Backend,
+        channels: Channels,
+        *,
+        footage: Footage,
+    ) -> None:
+        self._footage = footage
+        self._scenario = scenario
+        self._scene = scene
+        self._backend = backend
+        self._placed = backend.observe(0, contacts=False)
+        self._watchdog = Watchdog.of(scene, self._placed)
+        self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
+        self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
+        self._arrivals = Arrivals.of(scenario)
+        self._last_step = scenario.steps(scenario.time_limit)
+        self._step = 0
+        with ExitStack() as opened:
+            self._controls = opened.enter_context(closing(Controls(scenario, scene, self._motion, footage.command)))
+            heard = self._controls.are_watching
+            more, judged = self._controls.sensors, channels.sensors
+            self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=judged, more=more)
+            self._opened = opened.pop_all()
+
+    def run(self, progress: Progress) -> SimulationRun:
+        with self._opened:
+            run = self._run(progress)
+        return replace(run, notes=(*self._all_notes(), *run.notes))
+
+    def _run(self, progress: Progress) -> SimulationRun:
+        footage = self._footage
+        self._settle()
+        start = self._backend.observe(0, contacts=False)
+        if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
+            self._notes.append(moved)
+        panel = Panel.open(self._scenario, self._scene, start)
+        digest = Digest()
+        footage.begin(start)
+        started = time.perf_counter()
+        while panel.end is None:
+            trace, failure = self._advance(_PERIOD if panel.is_pending else _PERIOD_WITHOUT_GOALS, progress)
+            if len(trace):
+                panel, seen = panel.observe_until_end(trace)
+                digest.add(seen)
+                is_last = panel.end is not None or failure is not None
+                footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
+            if isinstance(failure, SourceOver):
+                break
+            if failure is not None and panel.end is None:
+                raise failure
+        wall_time = time.perf_counter() - started
+        kept = footage.trace()
+        assert kept is not None
+        x, y, _ = start.pose.position_xyz
+        return SimulationRun(
+            trace=kept,
+            verdicts=panel.verdicts(),
+            end=panel.end or "nobody left",
+            digest=digest.hexdigest(),
+            travelled=float(kept.planar_distance_to(x, y)[-1]),
+            wall_time=wall_time,
+            engine=self._backend.version,
+            notes=tuple(missed(self._scene.world, panel.time)),
+        )
+
+    def _all_notes(self) -> tuple[str, ...]:
+        return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes)
+
+    def _settle(self) -> None:
+        """Lets the robot come to rest before t = 0, with its wheels braked and its joints held."""
+        limit = self._scenario.physics.settle
+        remaining, period = self._scenario.steps(limit), self._scenario.steps(_SETTLE_PERIOD)
+        brake = [self._controls.at_rest]
+        speed = 0.0
+        while remaining > 0:
+            steps = min(period, remaining)
+            self._backend.advance(-remaining, padded(brake, steps))
+            remaining -= steps
+            trace, failure = self._watchdog.watch(self._backend.collect())
+            if failure is not None:
+                raise failure
+            speed = _fastest(trace)
+            if speed < _REST_SPEED:
+                return
+        if limit:
+            self._notes.append(f"not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0")
+
+    def _advance(self, period: float, progress: Progress) -> tuple[Trace, RunError | None]:
+        """The moments of the next period in s, and what ended it early; the run may have been over before that."""
+        end, rate = min(self._last_step, self._step + max(1, self._scenario.steps(period))), self._scenario.physics.rate
+        failure: RunError | None = None
+        try:
+            while self._step < end:
+                self._sensing.read(self._step)
+                until = self._arrivals.next(self._step, self._sensing.next_tick(self._step, end))
+                planned = self._controls.plan(self._step, until, self._sensing.look)
+                self._backend.advance(self._step, planned)
+                self._step += len(planned)
+                self._arrivals.refuse_blocked(self._step, rate, self._backend)
+                progress(self._step / rate)
+        except RunError as error:
+            failure = error
+        told = replace(self._backend.collect(), sensors=self._sensing.collect())
+        trace, unstable = self._watchdog.watch(told)
+        return trace, unstable or failure
+
+
+def _fastest(trace: Trace) -> float:
+    last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
+    return float(np.concatenate(last).max())

@@ -1,0 +1,115 @@
+"""The panel: the monitors of all expectations, and the one question that the loop asks them: is it over?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, Self
+
+from sim_action.assertions import Monitor, State
+from sim_action.assertions.window import Window
+from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.verdict import Verdict
+from sim_action.scenario.model import Scenario
+from sim_action.state.observation import Observation
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import Trace
+
+End = Literal["goals met", "broken", "duration", "time limit", "nobody left"]
+"""Why a run was over; nobody left: those have gone who commanded the robot."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A fold over all monitors.
+
+    Attributes:
+        scenario: whose expectations the monitors are of, in this order.
+        goals: of each, whether it was pending at the start.
+        time: s of sim time, the last moment seen.
+    """
+
+    scenario: Scenario
+    monitors: tuple[Window, ...]
+    goals: tuple[bool, ...]
+    time: float = 0.0
+
+    @classmethod
+    def open(cls, scenario: Scenario, scene: Scene, start: Observation) -> Self:
+        """The panel before the first step."""
+        monitors = tuple(
+            Window(expected.assertion.monitor(scene, start), expected.after, expected.before)
+            for expected in scenario.expect
+        )
+        return cls(scenario, monitors, tuple(monitor.state is State.PENDING for monitor in monitors))
+
+    @cached_property
+    def has_goals(self) -> bool:
+        """Whether anything was pending at the start that a run can fail by."""
+        pairs = zip(self.goals, self.scenario.expect, strict=True)
+        return any(goal and expected.severity == "error" for goal, expected in pairs)
+
+    def observe(self, trace: Trace) -> Self:
+        """The panel after the moments that follow."""
+        monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
+        return replace(self, monitors=monitors, time=float(trace.time[-1]))
+
+    @cached_property
+    def end(self) -> End | None:
+        """Why the run is over at the last moment seen; None if it goes on."""
+        if any(m.state is State.BROKEN for m in self._decisive()):
+            return "broken"
+        duration = self.scenario.duration
+        if self.has_goals and not self.is_pending and self._reached(duration or 0.0) and self._all_opened():
+            return "goals met"
+        if not self.has_goals and duration is not None and self._reached(duration) and self._all_opened():
+            return "duration"
+        return "time limit" if self._reached(self.scenario.time_limit) else None
+
+    def observe_until_end(self, trace: Trace) -> tuple[Self, Trace]:
+        """The panel after these moments, or after the first of them that ends the run; and the moments seen."""
+        later = self.observe(trace)
+        if later.end is None:
+            return later, trace
+        # What ended a run does not un-end it: the first such moment is found by halving.
+        before, ended = 0, len(trace)
+        while ended - before > 1:
+            middle = (before + ended) // 2
+            before, ended = (before, middle) if self.observe(trace.first(middle)).end else (middle, ended)
+        seen = trace.first(ended)
+        return self.observe(seen), seen
+
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """One for each expectation, if nothing more came."""
+        pairs = zip(self.monitors, self.goals, strict=True)
+        verdicts = (replace(monitor.verdict(), goal=goal) for monitor, goal in pairs)
+        if self.end != "broken":
+            return tuple(verdicts)
+        return tuple(map(_undecided, self.monitors, verdicts))
+
+    def _decisive(self) -> list[Monitor]:
+        pairs = zip(self.monitors, self.scenario.expect, strict=True)
+        return [monitor for monitor, expected in pairs if expected.severity == "error"]
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether there is still something that must come true."""
+        return any(monitor.state is State.PENDING for monitor in self.monitors)
+
+    def _all_opened(self) -> bool:
+        """Whether no expectation is still waiting for its `after`: it would be green without having seen anything."""
+        return all(self._reached(expected.after) for expected in self.scenario.expect)
+
+    def _reached(self, time: float) -> bool:
+        """Whether the first physics step at or after a sim time has been seen."""
+        return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON
+
+
+def _undecided(monitor: Window, verdict: Verdict) -> Verdict:
+    """Of a run that an expectation ended, the verdict on any: what this cut off is not the reason to look for."""
+    if verdict.passed or monitor.over or monitor.state is State.BROKEN:
+        return verdict
+    told = ", when the run was over" if monitor.state is State.PENDING else ""
+    return replace(verdict, message=f"{verdict.message}{told}", cut_off=True)

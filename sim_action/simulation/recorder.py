@@ -1,0 +1,103 @@
+"""What is kept of a run while it lasts: the trace that is stored, and, to be shown, 30 moments of each second."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core.geometry import Twist
+from sim_action.scenario.model import Scenario
+from sim_action.state.body_record import FRAME_RATE, frame_stride
+from sim_action.state.channels import Channels
+from sim_action.state.commanded_twists import CommandedTwists
+from sim_action.state.observation import Contact, Observation
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace import Trace
+from sim_action.world import World
+
+# Of a run that lasts for hours: what is kept is still to fit into memory.
+_MOST_FRAMES: Final = 200_000
+
+
+class Footage:
+    """Grows with the run; what there is of one that fails is there for whoever began it."""
+
+    def __init__(self, scenario: Scenario, *, filmed: bool = False, recorded: bool = False) -> None:
+        """`filmed`: whether a replay is asked for; `recorded`: whether recordings are."""
+        self._judges_contacts = any(expected.channels.contacts for expected in scenario.expect)
+        self._contacts: list[Contact] = []
+        self._rate = scenario.physics.rate
+        self._stride = _stride(self._rate, scenario.trace_rate)
+        often = math.ceil(scenario.time_limit * FRAME_RATE / _MOST_FRAMES)
+        self._film_stride = often * frame_stride(self._rate)
+        self._filmed = filmed or recorded
+        self._twists: list[tuple[float, Twist]] | None = [] if recorded else None
+        self._kept: list[Trace] = []
+        self._film: list[Trace] = []
+        self.start: Observation | None = None
+
+    def channels(self, world: World) -> Channels:
+        """What is to be computed of the run for a replay alone."""
+        if not self._filmed:
+            return Channels()
+        moving = (body.name for body in world.objects if body.mass is not None or body.path)
+        return Channels(contacts=True, bodies=frozenset(moving))
+
+    def begin(self, start: Observation) -> None:
+        """The moment at t = 0."""
+        self.start = start
+        self._kept.append(Trace.of_observation(start))
+        if self._filmed:
+            self._film.append(self._kept[0])
+
+    def add(self, seen: Trace, *, judged: Mapping[str, SensorRecord], is_last: bool) -> None:
+        """The moments since the last ones, all that there were; of the last ones, the very last is kept.
+
+        `judged`: what sensors told that assertions read, whether or not the trace keeps them.
+        """
+        wanted = self._rows(seen, self._stride, is_last=is_last)
+        # What is looked at for the replay alone makes no trace larger.
+        contacts = seen.contacts if self._judges_contacts else ()
+        self._kept.append(replace(seen, state=seen.state[wanted], contacts=contacts))
+        if self._filmed:
+            self._contacts += seen.contacts
+            wanted = self._rows(seen, self._film_stride, is_last=is_last)
+            # Pictures are too large to be kept for a curve of them.
+            sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}
+            film = Trace(seen.joint_names, seen.state[wanted], bodies=seen.bodies, sensors=sensors)
+            self._film.append(replace(film, clearances=seen.clearances))
+
+    def command(self, time: float, twist: Twist) -> None:
+        """What the base is told at a time in s."""
+        if self._twists is not None:
+            self._twists.append((time, twist))
+
+    def twists(self) -> CommandedTwists:
+        """What the base was told, if recordings are asked for."""
+        return CommandedTwists.of(self._twists or ())
+
+    def trace(self) -> Trace | None:
+        """At the rate that the scenario asks for; None: it has not begun."""
+        return Trace.concatenate(self._kept) if self._kept else None
+
+    def film(self) -> Trace | None:
+        """The same at 30 Hz, with all that was looked at; None: nobody asks for it, or it has not begun."""
+        if not self._film:
+            return None
+        return replace(Trace.concatenate(self._film), contacts=tuple(self._contacts))
+
+    def _rows(self, seen: Trace, stride: int, *, is_last: bool) -> NDArray[np.intp]:
+        """Those of every stride-th step, counted from t = 0."""
+        first_step, last = round(seen.time[0] * self._rate), len(seen) - 1
+        rows = np.arange(-first_step % stride, len(seen), stride)
+        # numpy's own union imports masked arrays, which takes longer than most replays.
+        return np.append(rows, last) if is_last and last not in rows[-1:] else rows
+
+
+def _stride(rate: float, wanted: float) -> int:
+    return max(1, round(rate / wanted))

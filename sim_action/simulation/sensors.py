@@ -1,0 +1,117 @@
+"""What is seen of a run: sensors, each read at its own ticks, for controllers and for the trace."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from sim_action.drives import recognise
+from sim_action.engines import Backend
+from sim_action.scenario.model import Scenario
+from sim_action.sensors import Measure, Mount, Sight
+from sim_action.sensors.mounting import MountedSensor
+from sim_action.state.observation import ByName, Observation
+from sim_action.state.readings import Reading
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace import Trace
+from sim_action.state.wheel_motion import WheelMotion
+from sim_action.world.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    """A sensor while the run lasts.
+
+    Attributes:
+        period: physics steps from one reading to the next.
+        kept: readings that the trace still has to get.
+    """
+
+    mounted: MountedSensor
+    measure: Measure
+    period: int
+    kept: list[Reading] = field(default_factory=list)
+
+
+class Sensing:
+    """The live half of `Scenario.sensors`, and the eyes of controllers."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        scene: Scene,
+        backend: Backend,
+        *,
+        heard: bool,
+        judged: Collection[str] = (),
+        more: Iterable[MountedSensor] = (),
+    ) -> None:
+        """What nobody listens to is not read.
+
+        `heard`: whether a controller listens; `judged`: names of the sensors that assertions read; `more`: what
+        controllers look at beside the scenario's own.
+        """
+        self._backend, self._rate = backend, scenario.physics.rate
+        self._judged = judged
+        self._readings: dict[str, Reading] = {}
+        self._sensors = [
+            _open(mounted, scenario, scene) for mounted in (*scenario.sensors, *more) if heard or self._keeps(mounted)
+        ]
+        self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
+
+    def look(self, step: int) -> Observation:
+        """The present, with the latest reading of each sensor."""
+        observation = self._backend.observe(step, contacts=self._contacts)
+        return replace(observation, sensors=ByName(self._readings)) if self._readings else observation
+
+    def next_tick(self, step: int, end: int) -> int:
+        """The first step after this one at which a sensor is read, or `end` if that is earlier."""
+        return min([end, *(step - step % running.period + running.period for running in self._sensors)])
+
+    def read(self, step: int) -> None:
+        """Takes the readings of this step, if any sensor has its tick."""
+        due = [running for running in self._sensors if step % running.period == 0]
+        if not due:
+            return
+        sight = Sight(step / self._rate, self._backend, lambda: self.look(step))
+        for running in due:
+            reading = running.measure(sight)
+            self._readings[running.mounted.name] = reading
+            if self._keeps(running.mounted):
+                running.kept.append(reading)
+
+    def _keeps(self, mounted: MountedSensor) -> bool:
+        return mounted.trace or mounted.name in self._judged
+
+    def stored(self, trace: Trace) -> Trace:
+        """A trace without the readings that only assertions were to see."""
+        unwanted = {running.mounted.name for running in self._sensors if not running.mounted.trace}
+        sensors = {name: record for name, record in trace.sensors.items() if name not in unwanted}
+        return trace if len(sensors) == len(trace.sensors) else replace(trace, sensors=sensors)
+
+    def collect(self) -> Mapping[str, SensorRecord]:
+        """What was read since the last call, and is judged or to be kept, by the sensors' names."""
+        records = {
+            running.mounted.name: SensorRecord.of_readings(running.mounted.sensor.key, running.kept)
+            for running in self._sensors
+            if running.kept
+        }
+        for running in self._sensors:
+            running.kept.clear()
+        return records
+
+
+def _open(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> _Running:
+    measure = mounted.sensor.open(_mount(mounted, scenario, scene))
+    return _Running(mounted, measure, scenario.steps_between_ticks(mounted.rate))
+
+
+def _mount(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> Mount:
+    link = scene.model.root if mounted.link is None else mounted.link
+    wheels = _wheels(scenario, scene) if mounted.sensor.reads_wheels else None
+    return Mount(scene, link, mounted.pose, mounted.rate, scene.generator(f"sensor {mounted.name}"), wheels)
+
+
+def _wheels(scenario: Scenario, scene: Scene) -> WheelMotion | None:
+    drive = scenario.robot.drive or recognise(scene.model)
+    return drive.wheel_motion(scene.model) if drive else None

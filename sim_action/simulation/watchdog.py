@@ -1,0 +1,184 @@
+"""The watchdog: whether the robot's state is still physics, at every step. What is not leaves a run without a verdict.
+
+Beside values that are no numbers, it watches what explodes, which in an engine often stays finite (see
+`world.FASTEST`), and what falls: a robot that nothing carries is upright for ever.
+
+The ground fills all that is below z = 0. A base link's origin is no farther from the nearest collision shape than the
+joints and offsets on the way there are long, however they are turned. So if it is deeper than that, the shape is in the
+ground; another metre is left for how far a robot that falls fast comes in within a step, and for meshes that lie
+beside their own origin. What sinks by less is not seen. A base that is bolted to the world cannot sink.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from sim_action.core.errors import SimulationUnstable
+from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.state.observation import Observation
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.world import FASTEST, Physics
+from sim_action.world.scene import Scene
+
+_SINKING: Final = 1.0
+# At most this in each of three directions is less than 1 in any.
+_IN_EACH_DIRECTION: Final = 1 / math.sqrt(3) - 1e-9
+_ANY_NUMBER: Final = float(np.finfo(np.float64).max)
+
+_EXPLODES: Final = (
+    "usual causes: an inertia too small for the forces on it, time steps too long (raise physics.rate), "
+    "the gains of a controller"
+)
+_SINKS: Final = (
+    "usual causes: no collision shape that carries it, a start below the ground (robot.pose.z), "
+    "an inertia far from that of its mass and size, time steps too long (raise physics.rate)"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Watch:
+    """One quantity over the moments of a trace.
+
+    Attributes:
+        where: the part of the robot.
+        values: (T,) magnitudes; NaN where anything in the state of this part is no number.
+        key: of the scenario, that sets the bound, to `most` at most.
+    """
+
+    where: str
+    values: FloatArray
+    bound: float
+    unit: str
+    key: str
+    most: float = math.inf
+    causes: str = _EXPLODES
+
+    @property
+    def excess(self) -> FloatArray:
+        """(T,) values over the bound: 1 and above is no physics."""
+        return np.nan_to_num(self.values / self.bound, nan=np.inf)
+
+    def fault(self, moment: int) -> str:
+        """What is wrong at a moment, and what to do."""
+        value = float(self.values[moment])
+        if not math.isfinite(value):
+            return f"first in {self.where}: its state is not a number; {self.causes}"
+        measured = f"{value:.4g} {self.unit}, and the bound is {self.bound:.4g} {self.unit.split()[0]}"
+        remedy = f"if it is meant to be so, set {self.key}" if self.bound < self.most else "no engine here goes faster"
+        return f"first in {self.where}: {measured}; {self.causes}; {remedy}"
+
+
+@dataclass(frozen=True, eq=False)
+class Watchdog:
+    """What it takes to tell physics from what is none.
+
+    Attributes:
+        depth: m that the base link's origin may come below the ground.
+        centre: (14 + 3 J,) a row of `Trace.state`: where the robot began, and zeros.
+        safe: (14 + 3 J,) a state that is nowhere farther than this from `centre` is physics, if it has not sunk.
+    """
+
+    physics: Physics
+    model: RobotModel
+    depth: float
+    centre: FloatArray
+    safe: FloatArray
+
+    @classmethod
+    def of(cls, scene: Scene, start: Observation) -> Self:
+        """The watchdog of a robot that has just been put in its place."""
+        physics, model, position = scene.physics, scene.model, start.pose.position_xyz
+        centre = np.zeros(14 + 3 * len(model.moving_joints))
+        centre[1:4] = position
+        return cls(physics, model, _depth(scene, position[2]), centre, _safe(physics, model.moving_joints))
+
+    def watch(self, trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
+        """The moments that are physics, and what is wrong with the next."""
+        # A NaN is not less than anything.
+        plainly = (np.abs(trace.state - self.centre) <= self.safe).all()
+        if plainly and (trace.base_position_xyz[:, 2] > -self.depth).all():
+            return trace, None
+        with np.errstate(all="ignore"):
+            return self._judge(trace)
+
+    def _judge(self, trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
+        # What happens to joints and base in one step began in a joint: they move the base, it does not move them.
+        groups = list(self._joints(trace)), list(self._base(trace))
+        over = np.array([watch.excess >= 1 for group in groups for watch in group]).any(axis=0)
+        if not over.any():
+            return trace, None
+        first = int(np.argmax(over))
+        worst = (max(group, key=lambda watch: float(watch.excess[first])) for group in groups if group)
+        fault = next(watch.fault(first) for watch in worst if watch.excess[first] >= 1)
+        message = f"simulation unstable {self._when(float(trace.time[first]))}, {fault}"
+        unstable = SimulationUnstable(message, keys=("robot", "model"))
+        return trace.first(first) if first else trace.rows(slice(0)), unstable
+
+    def _joints(self, trace: Trace) -> Iterator[_Watch]:
+        physics, readings = self.physics, (trace.joint_position, trace.joint_velocity, trace.joint_effort)
+        for index, joint in enumerate(self.model.moving_joints):
+            where, (position, velocity, effort) = f"joint {joint.name}", (reading[:, index] for reading in readings)
+            velocity = np.where(np.isfinite(position) & np.isfinite(effort), np.abs(velocity), np.nan)
+            if joint.type != "prismatic":
+                yield _Watch(where, velocity, physics.max_turn_rate, "rad/s", "physics.max_turn_rate", FASTEST)
+                continue
+            yield _Watch(where, velocity, physics.max_speed, "m/s", "physics.max_speed", FASTEST)
+            yield _Watch(where, np.abs(position), physics.max_distance, "m", "physics.max_distance")
+
+    def _base(self, trace: Trace) -> Iterator[_Watch]:
+        physics, where = self.physics, f"the base link {self.model.root}"
+        finite = np.isfinite(trace.state[:, 1:14]).all(axis=1)
+        turning, speed = (np.where(finite, values, np.nan) for values in (trace.turn_rate, trace.speed))
+        x, y, z = self.centre[1:4].tolist()
+        yield _Watch(where, turning, physics.max_turn_rate, "rad/s", "physics.max_turn_rate", FASTEST)
+        yield _Watch(where, speed, physics.max_speed, "m/s", "physics.max_speed", FASTEST)
+        away, below = trace.distance_to((x, y, z)), -trace.base_position_xyz[:, 2]
+        yield _Watch(where, away, physics.max_distance, "m from where it began", "physics.max_distance")
+        yield _Watch(where, below, self.depth, "m below the ground", "physics.max_depth", causes=_SINKS)
+
+    def _when(self, time: float) -> str:
+        if time > 0:
+            return f"at t = {time:.3f} s (step {round(time * self.physics.rate)})"
+        return f"while it settled, {self.physics.settle + time:.3f} s after it was let go"
+
+
+def _safe(physics: Physics, joints: tuple[Joint, ...]) -> FloatArray:
+    slides = np.array([joint.type == "prismatic" for joint in joints], dtype=np.bool_)
+    distance, speed, turning = (
+        [bound * _IN_EACH_DIRECTION] * 3 for bound in (physics.max_distance, physics.max_speed, physics.max_turn_rate)
+    )
+    position = np.where(slides, physics.max_distance, _ANY_NUMBER)
+    velocity = np.nextafter(np.where(slides, physics.max_speed, physics.max_turn_rate), 0.0)
+    base = [_ANY_NUMBER, *distance, *[_ANY_NUMBER] * 4, *speed, *turning]
+    return np.concatenate((base, position, velocity, [_ANY_NUMBER] * len(joints)))
+
+
+def _depth(scene: Scene, start: float) -> float:
+    """How deep in m the base link's origin may come, if it was put at the height `start`."""
+    if scene.bolted:
+        return math.inf
+    # A robot that was stood on the ground is above it, wherever its author has drawn the origin.
+    drawn_below = -start if scene.placement.z is None else 0.0
+    return scene.physics.max_depth or _SINKING + max(_way_to_shape(scene.model), drawn_below)
+
+
+def _way_to_shape(model: RobotModel) -> float:
+    """Bound in m on how far the base link's origin is from a collision shape of the robot; 0 if there is none."""
+    ways = {model.root: 0.0}
+    waiting = [model.root]
+    while waiting:
+        parent = waiting.pop()
+        for joint in (joint for joint in model.joints if joint.parent == parent):
+            ways[joint.child] = ways[parent] + math.hypot(*joint.origin.position_xyz) + _stroke(joint)
+            waiting.append(joint.child)
+    shapes = ((link.name, shape) for link in model.links for shape in link.collisions if link.name in ways)
+    return min((ways[name] + math.hypot(*shape.pose.position_xyz) for name, shape in shapes), default=0.0)
+
+
+def _stroke(joint: Joint) -> float:
+    return max(abs(joint.lower or 0.0), abs(joint.upper or 0.0)) if joint.type == "prismatic" else 0.0

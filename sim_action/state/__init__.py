@@ -1,0 +1,1 @@
+"""Plain data of a run: commands, observations, readings, traces and golden trajectories."""

@@ -1,0 +1,169 @@
+"""Golden trajectories: where a robot was over sim time, in a small file of text that people read, commit and compare.
+
+Its first line is a remark with the format's version and the robot, its second names the columns with their units.
+Values are rounded, so that a run that differs in what nobody can see gives the same file.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NoReturn, Self
+
+import numpy as np
+
+from sim_action.core.messages import escaped_line, shown
+from sim_action.core.regular_files import read_at_most
+from sim_action.core.whole_files import whole_file
+from sim_action.state.golden_form import RESOLUTION, TITLE, VERSION, GoldenError, GoldenForm
+from sim_action.state.trace import FloatArray, Trace
+
+_DECIMALS: Final = 4
+_TIME_DECIMALS: Final = 3
+_MOST_BYTES: Final = 20_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Golden:
+    """A trajectory.
+
+    Attributes:
+        rows: (T, 5 + J) time in s, rising; x, y, z in m and yaw in rad of the base link, in the world frame; positions
+            of joints in rad, or m.
+    """
+
+    form: GoldenForm
+    rows: FloatArray
+
+    @property
+    def time(self) -> FloatArray:
+        """(T,) s."""
+        return self.rows[:, 0]
+
+    @classmethod
+    def of_trace(cls, form: GoldenForm, trace: Trace, rate: float) -> Self:
+        """The trajectory of a run, from its first to its last moment; `rate`: rows in a second, in Hz."""
+        rows = rows_of(trace, form.joint_names)
+        resolution = 10.0**-_TIME_DECIMALS
+        first = math.ceil(rows[0, 0] / resolution - resolution) * resolution
+        last = max(first, math.floor(rows[-1, 0] / resolution + resolution) * resolution)
+        ticks = np.arange(math.ceil(first * rate), math.floor(last * rate) + 1) / rate
+        times: FloatArray = np.unique(np.concatenate(([first], ticks, [last])).round(_TIME_DECIMALS))
+        sampled = interpolated(rows, times)
+        sampled[:, 4] = _continuous(sampled[:, 4])
+        # Rounding leaves zeros below zero, and adding one takes their sign.
+        return cls(form, np.column_stack((times, np.round(sampled[:, 1:], _DECIMALS) + 0.0)))
+
+    @classmethod
+    def read(cls, path: Path, form: GoldenForm) -> Self:
+        """Reads a file. Raises OSError, and GoldenError for one that is damaged or of something else."""
+        data = read_at_most(path, _MOST_BYTES)
+        if data is None:
+            raise GoldenError(f"1: more than {_MOST_BYTES // 1_000_000} MB are not read")
+        lines = data.decode("utf-8-sig", errors="replace").splitlines()
+        _check_title(lines[0] if lines else "", form)
+        return cls(form, np.array(list(_read_rows(lines, form)), dtype=np.float64))
+
+    def text(self) -> str:
+        """The whole file."""
+        written = io.StringIO()
+        written.write(f"{self.form.title}\n")
+        writer = csv.writer(written, lineterminator="\n")
+        writer.writerow(self.form.columns)
+        for time, *values in self.rows.tolist():
+            writer.writerow((f"{time:.{_TIME_DECIMALS}f}", *(f"{value:.{_DECIMALS}f}" for value in values)))
+        return written.getvalue()
+
+    def write(self, path: Path) -> bool:
+        """Writes the file, and folders above it; returns whether it says something new. Raises OSError, ValueError."""
+        data = self.text().encode()
+        if len(data) > _MOST_BYTES:
+            raise ValueError(f"more than {_MOST_BYTES // 1_000_000} MB are not written; give a lower 'rate'")
+        if path.is_file() and path.read_bytes() == data:
+            return False
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as file:
+            file.write(data)
+        return True
+
+
+def rows_of(trace: Trace, joints: Sequence[str]) -> FloatArray:
+    """(T, 5 + J) what a golden trajectory holds, of each moment of a trace; yaw in (-pi, pi]."""
+    columns = [trace.joint_position[:, trace.joint_names.index(name)] for name in joints]
+    return np.column_stack((trace.time, trace.base_position_xyz, trace.yaw, *columns))
+
+
+def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
+    """(N, 5 + J) rows at N times: straight between the two rows around each, and a yaw the short way round.
+
+    What is before the first row or after the last is as that one. The rows farther away change no digit of it.
+    """
+    after = np.clip(np.searchsorted(rows[:, 0], times), 0, len(rows) - 1)
+    before = np.maximum(after - 1, 0)
+    step = rows[after] - rows[before]
+    step[:, 4] = wrapped(step[:, 4])
+    # What is exactly at a row is that row, whatever came before it.
+    lead = np.divide(times - rows[after, 0], step[:, 0], out=np.zeros(len(times)), where=step[:, 0] > 0)
+    found = rows[after] + np.minimum(lead, 0.0)[:, None] * step
+    found[:, 0] = times
+    return np.asarray(found, dtype=np.float64)
+
+
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Angles in rad, in [-pi, pi)."""
+    return np.asarray(np.remainder(angle + np.pi, 2 * np.pi) - np.pi, dtype=np.float64)
+
+
+def _continuous(yaw: FloatArray) -> FloatArray:
+    """Without jumps from pi to -pi; what begins there begins at pi, on which side of it that may be."""
+    turned = np.unwrap(yaw)
+    return turned + 2 * np.pi if turned[0] < -np.pi + 10 * RESOLUTION else turned
+
+
+def _check_title(line: str, form: GoldenForm) -> None:
+    if not line.startswith(TITLE):
+        _refuse(1, f"expected '{form.title}', found {shown(line)}")
+    version, _, robot = line.removeprefix(TITLE).partition(": ")
+    if version != VERSION:
+        _refuse(1, f"it is of version {shown(version)} of the format; this sim-action knows {VERSION}")
+    if robot != escaped_line(form.robot):
+        _refuse(1, f"it is of the robot {shown(robot)}; this scenario's is {shown(form.robot)}")
+
+
+def _read_rows(lines: Sequence[str], form: GoldenForm) -> Iterator[tuple[float, ...]]:
+    table = csv.reader(lines[1:])
+    try:
+        columns = tuple(next(table, ()))
+        if columns != form.columns:
+            _refuse(2, f"expected the columns {','.join(form.columns)}, found {shown(','.join(columns))}")
+        earlier = -math.inf
+        for row in table:
+            numbers = _numbers(row, len(columns), table.line_num + 1)
+            if not numbers[0] > earlier:
+                _refuse(table.line_num + 1, f"its time {row[0]} s does not come after that of the line before")
+            earlier = numbers[0]
+            yield numbers
+    except csv.Error as error:
+        _refuse(table.line_num + 1, str(error))
+    if earlier == -math.inf:
+        _refuse(3, "expected a row of numbers, found the end of the file")
+
+
+def _numbers(row: Sequence[str], count: int, line: int) -> tuple[float, ...]:
+    if len(row) != count:
+        _refuse(line, f"expected {count} numbers, found {len(row)}")
+    try:
+        numbers = tuple(map(float, row))
+    except ValueError:
+        numbers = (math.nan,)
+    if not all(map(math.isfinite, numbers)):
+        _refuse(line, f"expected {count} numbers, found {shown(','.join(row))}")
+    return numbers
+
+
+def _refuse(line: int, message: str) -> NoReturn:
+    raise GoldenError(f"{line}: {message}")

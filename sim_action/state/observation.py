@@ -1,0 +1,130 @@
+"""What a controller sees at a control step: sim time, ground truth of the base, joints, contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, NoReturn, TypeVar, overload
+
+from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.messages import did_you_mean
+from sim_action.state.readings import Reading
+
+_Thing = TypeVar("_Thing")
+
+
+class JointState(NamedTuple):
+    """One joint: position in rad (m if prismatic), velocity in rad/s (m/s), motor effort in N m (N)."""
+
+    position: float
+    velocity: float
+    effort: float
+
+
+class ByName(dict[str, _Thing]):
+    """Things of one kind; asked for a name that there is not, it says which there are."""
+
+    __slots__ = ()
+
+    def __missing__(self, name: object) -> NoReturn:
+        raise KeyError(f"there is no {name!r}{did_you_mean(str(name), self)}")
+
+
+class Contact(NamedTuple):
+    """A link of the robot touching a body of the world.
+
+    Attributes:
+        time: sim time in s.
+        link: name of the robot's link.
+        body: name of the other body; the ground is "ground".
+        position_xyz: where, in m, world frame.
+        force: normal force in N.
+    """
+
+    time: float
+    link: str
+    body: str
+    position_xyz: Vector3
+    force: float
+
+
+class Overlap(NamedTuple):
+    """A link of the robot inside a body of the world: how deep in m, where it is deepest."""
+
+    link: str
+    body: str
+    depth: float
+
+
+class PresentContacts(Sequence[Contact]):
+    """The contacts of one moment, which are read from the engine only if somebody looks at them.
+
+    The engine knows the present alone: before it goes on, it lets those that are still held be read (`settle`).
+    """
+
+    __slots__ = ("__weakref__", "_found", "_read")
+
+    def __init__(self, read: Callable[[], Iterable[Contact]]) -> None:
+        self._read = read
+        self._found: tuple[Contact, ...] | None = None
+
+    def settle(self) -> tuple[Contact, ...]:
+        """What they are, also when the engine has gone on."""
+        if self._found is None:
+            self._found = tuple(self._read())
+        return self._found
+
+    def __len__(self) -> int:
+        return len(self.settle())
+
+    @overload
+    def __getitem__(self, index: int) -> Contact: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Contact, ...]: ...
+    def __getitem__(self, index: int | slice) -> Contact | tuple[Contact, ...]:
+        return self.settle()[index]
+
+    def __iter__(self) -> Iterator[Contact]:
+        return iter(self.settle())
+
+    def __eq__(self, other: object) -> bool:
+        return self.settle() == (other.settle() if isinstance(other, PresentContacts) else other)
+
+    def __hash__(self) -> int:
+        return hash(self.settle())
+
+    def __repr__(self) -> str:
+        return repr(self.settle())
+
+    def __reduce__(self) -> tuple[type[tuple[Contact, ...]], tuple[tuple[Contact, ...]]]:
+        # A copy is not known to the engine, which would go on without letting it be read.
+        return tuple, (self.settle(),)
+
+
+class Clash(NamedTuple):
+    """A body of the world that moves, inside another one or the ground: how deep in m, where it is deepest."""
+
+    body: str
+    other: str
+    depth: float
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """The robot at one moment.
+
+    Attributes:
+        time: sim time in s since the first command.
+        pose: base link in the world frame (its link frame, not its centre of mass).
+        twist: velocity of the base link's origin, world frame.
+        joints: joint name -> state, for every joint that moves.
+        contacts: what touches the robot now, the ground included.
+        sensors: name -> its latest reading, for every sensor of the scenario.
+    """
+
+    time: float
+    pose: Pose
+    twist: Twist
+    joints: Mapping[str, JointState]
+    contacts: Sequence[Contact] = ()
+    sensors: Mapping[str, Reading] = field(default_factory=ByName)

@@ -1,0 +1,156 @@
+"""Stored traces: a .npz file with one array a field; contacts as `contact_*`, the rest numbered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sim_action.core.regular_files import open_regular
+from sim_action.core.whole_files import whole_file
+from sim_action.state.body_record import BodyRecord
+from sim_action.state.channels import ClearanceWatch
+from sim_action.state.clearance_record import ClearanceRecord
+from sim_action.state.observation import Contact
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace import COLUMNS, Trace
+
+_BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
+_CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
+_MOST_BYTES: Final = 2_000_000_000
+
+
+class TraceError(ValueError):
+    """A file that is no trace."""
+
+
+def save_trace(trace: Trace, path: Path) -> None:
+    """Writes a trace as .npz."""
+    columns = {name: getattr(trace, name) for name in COLUMNS}
+    told = {
+        **_contact_arrays(trace),
+        **_sensor_arrays(trace.sensors),
+        **_clearance_arrays(trace.clearances),
+        **_body_arrays(trace.bodies),
+    }
+    arrays: dict[str, Any] = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
+    with whole_file(path) as file:
+        np.savez(file, **arrays)
+
+
+def load_trace(path: Path) -> Trace:
+    """Reads what `save_trace` wrote. Raises TraceError; never unpickles."""
+    try:
+        with open_regular(path, follow_link=True) as file, np.load(file, allow_pickle=False) as stored:
+            _refuse_too_large(stored)
+            names = tuple(stored["joint_names"].tolist())
+            columns = {name: stored[name] for name in COLUMNS}
+            contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
+            trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
+            sensors, clearances = _sensor_records(stored), _clearance_records(stored)
+            return replace(trace, sensors=sensors, clearances=clearances, bodies=_body_records(stored))
+    except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
+        raise TraceError(f"{path}: not a trace: {error}") from None
+
+
+def _refuse_too_large(stored: Any) -> None:
+    """A stranger's file may be small and hold much."""
+    size = sum(member.file_size for member in stored.zip.infolist())
+    if size > _MOST_BYTES:
+        raise ValueError(f"it holds {size // 1_000_000} MB, more than a trace has")
+
+
+def _contact_arrays(trace: Trace) -> dict[str, Any]:
+    contacts = trace.contacts
+    return {
+        "contact_time": np.array([c.time for c in contacts], dtype=np.float64),
+        "contact_link": np.array([c.link for c in contacts], dtype=np.str_),
+        "contact_body": np.array([c.body for c in contacts], dtype=np.str_),
+        "contact_position_xyz": np.array([c.position_xyz for c in contacts], dtype=np.float64).reshape(-1, 3),
+        "contact_force": np.array([c.force for c in contacts], dtype=np.float64),
+    }
+
+
+def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:
+    x, y, z = position_xyz
+    return Contact(time, link, body, (x, y, z), force)
+
+
+def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:
+    """What a trace's file holds of its sensors: numbered, as what people call them is no name for a file."""
+    if not sensors:
+        return {}
+    arrays: dict[str, Any] = {
+        "sensor_names": np.array(list(sensors), dtype=np.str_),
+        "sensor_kinds": np.array([record.kind for record in sensors.values()], dtype=np.str_),
+    }
+    for index, record in enumerate(sensors.values()):
+        columns = {"time": record.time, **record.columns}
+        arrays |= {f"sensor_{index}_{name}": column for name, column in columns.items()}
+    return arrays
+
+
+def _sensor_records(stored: Mapping[str, Any]) -> dict[str, SensorRecord]:
+    """What `_sensor_arrays` has made into arrays."""
+    if "sensor_names" not in stored:
+        return {}
+    records = {}
+    for index, (name, kind) in enumerate(zip(stored["sensor_names"], stored["sensor_kinds"], strict=True)):
+        start = f"sensor_{index}_"
+        columns = {array.removeprefix(start): stored[array] for array in stored if array.startswith(start)}
+        records[str(name)] = SensorRecord(str(kind), columns.pop("time"), columns)
+    return records
+
+
+def _clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> dict[str, Any]:
+    """What a trace's file holds of clearances, numbered."""
+    arrays: dict[str, Any] = {}
+    for index, (watch, record) in enumerate(clearances.items()):
+        start = f"clearance_{index}_"
+        arrays |= {f"{start}{name}": getattr(record, name) for name in _CLEARANCE_COLUMNS}
+        arrays[f"{start}pairs"] = np.array(record.pairs, dtype=np.str_).reshape(-1, 2)
+        arrays[f"{start}range"] = np.array((watch.within, watch.always), dtype=np.float64)
+        named = {"links": watch.links, "bodies": watch.bodies}
+        arrays |= {f"{start}{kind}": np.array(names, np.str_) for kind, names in named.items() if names is not None}
+    return arrays
+
+
+def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, ClearanceRecord]:
+    """What `_clearance_arrays` has made into arrays."""
+    records = {}
+    index = 0
+    while (start := f"clearance_{index}_") + "range" in stored:
+        links, bodies = (
+            tuple(stored[f"{start}{kind}"].tolist()) if f"{start}{kind}" in stored else None
+            for kind in ("links", "bodies")
+        )
+        within, always = stored[f"{start}range"].tolist()
+        pairs = tuple((link, body) for link, body in stored[f"{start}pairs"].tolist())
+        record = ClearanceRecord(pairs, *(stored[f"{start}{name}"] for name in _CLEARANCE_COLUMNS))
+        if not record.is_whole:
+            raise ValueError(f"the columns of '{start}' do not fit each other")
+        records[ClearanceWatch(links, bodies, within, bool(always))] = record
+        index += 1
+    return records
+
+
+def _body_arrays(bodies: Mapping[str, BodyRecord]) -> dict[str, Any]:
+    """What a trace's file holds of bodies, numbered."""
+    arrays: dict[str, Any] = {"body_names": np.array(list(bodies), dtype=np.str_)} if bodies else {}
+    for index, record in enumerate(bodies.values()):
+        arrays |= {f"body_{index}_{name}": getattr(record, name) for name in _BODY_COLUMNS}
+    return arrays
+
+
+def _body_records(stored: Mapping[str, Any]) -> dict[str, BodyRecord]:
+    """What `_body_arrays` has made into arrays."""
+    records = {}
+    for index, name in enumerate(stored["body_names"].tolist() if "body_names" in stored else ()):
+        record = BodyRecord(*(stored[f"body_{index}_{column}"] for column in _BODY_COLUMNS))
+        if not record.is_whole:
+            raise ValueError(f"the columns of 'body_{index}' do not fit each other")
+        records[str(name)] = record
+    return records

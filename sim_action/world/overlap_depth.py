@@ -1,0 +1,116 @@
+"""How deep simple solids are in each other, without an engine: boxes and balls, and what has such inside.
+
+What is deep in the inner solids of a body is at least as deep in the body itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart
+
+_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+# Of two edges that are parallel, the cross product is no direction.
+_PARALLEL: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Ball:
+    """In the world frame, in m."""
+
+    centre: Vector3
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """In the world frame, in m.
+
+    Attributes:
+        axes: its own x, y and z.
+        halves: half of its size along each.
+    """
+
+    centre: Vector3
+    axes: tuple[Vector3, ...]
+    halves: Vector3
+
+    @property
+    def radius(self) -> float:
+        """Of the ball around it."""
+        return math.hypot(*self.halves)
+
+
+Solid = Ball | Box
+
+
+def inner_solids(parts: Iterable[Part], at: Pose) -> Iterator[Solid]:
+    """What is inside a body of these parts at a pose: all of a box or a sphere, most of a cylinder."""
+    for part in parts:
+        if isinstance(part, SpherePart):
+            yield Ball(at.position_xyz, part.radius)
+        elif isinstance(part, BoxPart):
+            x, y, z = part.size_xyz
+            yield _box(geometry.compose(at, part.pose), (x / 2, y / 2, z / 2))
+        elif isinstance(part, CylinderPart):
+            side = part.radius / math.sqrt(2)
+            yield _box(at, (side, side, part.height / 2))
+            yield Ball(at.position_xyz, min(part.radius, part.height / 2))
+
+
+def _box(at: Pose, halves: Vector3) -> Box:
+    return Box(at.position_xyz, tuple(geometry.rotate(at.orientation_xyzw, axis) for axis in _AXES), halves)
+
+
+def depth(one: Sequence[Solid], other: Sequence[Solid]) -> float:
+    """In m, of the pair that is deepest in each other; 0 if none is."""
+    return max((_depth(a, b) for a in one for b in other), default=0.0)
+
+
+def _depth(one: Solid, other: Solid) -> float:
+    if math.dist(one.centre, other.centre) >= one.radius + other.radius:
+        return 0.0
+    if isinstance(one, Ball):
+        if isinstance(other, Ball):
+            return one.radius + other.radius - math.dist(one.centre, other.centre)
+        return max(0.0, _in_box(one, other))
+    return max(0.0, _in_box(other, one) if isinstance(other, Ball) else _of_boxes(one, other))
+
+
+def _in_box(ball: Ball, box: Box) -> float:
+    """Negative: they are apart."""
+    away = _minus(ball.centre, box.centre)
+    along = [_dot(away, axis) for axis in box.axes]
+    beyond = [max(0.0, abs(way) - half) for way, half in zip(along, box.halves, strict=True)]
+    if any(beyond):
+        return ball.radius - math.hypot(*beyond)
+    return ball.radius + min(half - abs(way) for way, half in zip(along, box.halves, strict=True))
+
+
+def _of_boxes(one: Box, other: Box) -> float:
+    """The least overlap of their shadows on the axes that can tell them apart (Gottschalk 1996); negative: apart."""
+    away = _minus(other.centre, one.centre)
+    crosses = (geometry.cross(a, b) for a in one.axes for b in other.axes)
+    least = math.inf
+    for axis in (*one.axes, *other.axes, *crosses):
+        length = math.hypot(*axis)
+        if length > _PARALLEL:
+            least = min(least, (_reach(one, axis) + _reach(other, axis) - abs(_dot(away, axis))) / length)
+    return least
+
+
+def _reach(box: Box, axis: Vector3) -> float:
+    return sum(half * abs(_dot(own, axis)) for half, own in zip(box.halves, box.axes, strict=True))
+
+
+def _minus(one: Vector3, other: Vector3) -> Vector3:
+    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
+
+
+def _dot(one: Vector3, other: Vector3) -> float:
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]

@@ -1,0 +1,99 @@
+"""From two results on disk to reports and an exit code."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from sim_action.app.compare import CompareRequest, compare
+from sim_action.core.errors import ExitCode, UsageError
+from tests.outcomes import outcome, results, stored
+
+
+@pytest.fixture(autouse=True)
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The results of two runs, of which the second fails."""
+    monkeypatch.chdir(tmp_path)
+    for name in os.environ:
+        if name.startswith("GITHUB_"):
+            monkeypatch.delenv(name)
+    stored(Path("old"), results(outcome("a.sim.yml"), outcome("b.sim.yml")))
+    stored(Path("new"), results(outcome("a.sim.yml"), outcome("b.sim.yml", holds=False)))
+
+
+def test_files_and_folders_are_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    assert compare(CompareRequest("old", "new")) is ExitCode.FAILED
+    first = capsys.readouterr().out
+    assert compare(CompareRequest("old/results.json", "new/results.json")) is ExitCode.FAILED
+    assert capsys.readouterr().out == first
+    assert first.splitlines()[-1] == "1 newly fails, 1 still passes"
+
+
+def test_nothing_newly_fails_the_other_way_round() -> None:
+    assert compare(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
+
+
+def test_shards_are_one_run() -> None:
+    for index, name in ((1, "a.sim.yml"), (2, "b.sim.yml")):
+        stored(Path("shards", str(index)), results(outcome(name), shard=(index, 2, 2)))
+    assert compare(CompareRequest("old", "shards", strict=True)) is ExitCode.PASSED
+
+
+def test_a_shard_that_is_lost_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    stored(Path("shards/1"), results(outcome("a.sim.yml"), shard=(1, 2, 2)))
+    assert compare(CompareRequest("old", "shards")) is ExitCode.FAILED
+    assert "shard 2 of 2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("nowhere", "new", "no results.json in or at 'nowhere'"),
+        ("old", "empty", "no results.json in or at 'empty'"),
+        ("old", "*.none", "no results.json in or at '*.none'"),
+        ("text", "new", "text is no results file"),
+    ],
+)
+def test_what_cannot_be_compared(old: str, new: str, complaint: str) -> None:
+    Path("empty").mkdir()
+    Path("text").write_text("{}")
+    with pytest.raises(UsageError) as error:
+        compare(CompareRequest(old, new))
+    assert complaint in str(error.value)
+    assert error.value.exit_code is ExitCode.INVALID
+
+
+def test_markdown_goes_to_a_file_beside_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    compare(CompareRequest("old", "new", markdown="comment.md"))
+    assert Path("comment.md").read_text(encoding="utf-8").startswith("## ❌ 1 scenario newly fails\n")
+    assert "##" not in capsys.readouterr().out
+
+
+def test_markdown_takes_the_place_of_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert compare(CompareRequest("old", "new", markdown="-")) is ExitCode.FAILED
+    assert capsys.readouterr().out.startswith("## ❌ 1 scenario newly fails\n")
+    assert not Path("-").exists()
+
+
+def test_a_place_that_cannot_be_written_to_is_told() -> None:
+    with pytest.raises(UsageError, match=r"--markdown no/such\.md cannot be written: No such file or directory"):
+        compare(CompareRequest("old", "new", markdown="no/such.md"))
+
+
+def test_github_gets_a_summary_and_outputs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
+    monkeypatch.setenv("GITHUB_OUTPUT", "output")
+    Path("summary.md").write_text("before\n")
+    compare(CompareRequest("old", "new"))
+    assert Path("summary.md").read_text(encoding="utf-8").startswith("before\n## ❌ 1 scenario newly fails\n")
+    lines = Path("output").read_text().splitlines()
+    assert [lines[0].partition("<<")[0], lines[1]] == ["newly-failing", "1"]
+    assert [lines[3].partition("<<")[0], lines[4]] == ["warnings", "0"]
+
+
+def test_no_summary_where_none_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
+    compare(CompareRequest("old", "new", summary=False))
+    assert not Path("summary.md").exists()

@@ -1,0 +1,225 @@
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from sim_action.app import inspect as inspection
+from sim_action.app.inspect import Inspection
+from sim_action.app.inspect_text import inspection_text
+from sim_action.core.errors import RefusedModel
+from sim_action.core.workspace import Workspace
+from sim_action.robot.spec import Robot
+from tests.robot.bad_models import GOOD
+
+
+def inspect_model(name: str, workspace: Workspace) -> Inspection:
+    return inspection.inspect_model(Robot(model=name), workspace)
+
+
+MESH = '<mesh filename="part.obj" scale="0.5 0.25 -2"/>'
+
+
+def workspace(folder: Path, text: str = GOOD) -> Workspace:
+    (folder / "robot.urdf").write_text(text, encoding="utf-8")
+    return Workspace(folder, folder)
+
+
+def test_the_burger_is_what_is_published(tmp_path: Path) -> None:
+    found = inspect_model("turtlebot3_burger", workspace(tmp_path))
+    assert found.mass == pytest.approx(1.002)
+    assert found.height == pytest.approx(0.0, abs=1e-9)
+    assert found.lower_xyz is not None
+    assert found.upper_xyz is not None
+    # ROBOTIS's e-Manual: 138 x 178 x 192 mm; wheels alone are 16 mm narrower than its mounted width.
+    assert found.upper_xyz[0] - found.lower_xyz[0] == pytest.approx(0.138, abs=0.01)
+    assert found.upper_xyz[2] - found.lower_xyz[2] == pytest.approx(0.192, abs=0.01)
+    assert found.drive is not None
+    assert "radius 0.033 m, separation 0.16 m" in found.drive
+    assert found.robot == (
+        "robot:\n  model: turtlebot3_burger\n  drive: {diff: {left: [wheel_left_joint], right: [wheel_right_joint]}}\n"
+    )
+
+
+def test_joints_are_a_tree_for_people_and_a_list_for_programs(tmp_path: Path) -> None:
+    found = inspect_model("robot.urdf", workspace(tmp_path))
+    assert "base (2 kg)\n`- shoulder [revolute about z, -57.3 to 114.6 deg] -> upper (1 kg)" in (inspection_text(found))
+    (joint,) = json.loads(found.model_dump_json())["joints"]
+    assert (joint["name"], joint["lower"], joint["upper"], joint["axis_xyz"]) == ("shoulder", -1, 2, [0, 0, 1])
+
+
+def test_the_box_is_around_the_shapes_where_the_joints_put_them(tmp_path: Path) -> None:
+    found = inspect_model("robot.urdf", workspace(tmp_path))
+    assert (found.lower_xyz, found.upper_xyz) == ((0.5, 1.5, 2.5), (1.5, 2.5, 3.5))
+    assert found.height == -2.5
+
+
+def test_a_joint_says_whom_it_follows(tmp_path: Path) -> None:
+    finger = (
+        '<link name="finger"/><joint name="bend" type="continuous"><parent link="upper"/><child link="finger"/>'
+        '<mimic joint="shoulder"/></joint></robot>'
+    )
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", finger)))
+    assert [joint.mimics for joint in found.joints] == [None, "shoulder"]
+    assert "bend [continuous about x, follows shoulder]" in inspection_text(found)
+
+
+def test_the_block_holds_what_gazebos_plugin_says(tmp_path: Path) -> None:
+    plugin = (
+        '<gazebo><plugin filename="libgazebo_ros_diff_drive.so"><leftJoint>l</leftJoint><rightJoint>r</rightJoint>'
+        "<legacyMode>false</legacyMode><wheelSeparation>0.25</wheelSeparation><wheelDiameter>0.1</wheelDiameter></plugin></gazebo></robot>"
+    )
+    wheels = "".join(
+        f'<link name="{side}w"/>'
+        f'<joint name="{side}" type="continuous"><parent link="base"/><child link="{side}w"/>'
+        '<axis xyz="0 1 0"/></joint>'
+        for side in "lr"
+    )
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{wheels}{plugin}")))
+    assert "drive: {diff: {left: [l], right: [r], radius: 0.05, separation: 0.25}}" in found.robot
+
+
+def test_meshes_are_as_large_as_they_are_scaled(tmp_path: Path) -> None:
+    (tmp_path / "part.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('<sphere radius="0.5"/>', MESH)))
+    assert (found.lower_xyz, found.upper_xyz, found.height) == ((1, 2, 1), (1.5, 2.25, 3), -1)
+    assert "fill 0.5 x 0.25 x 2 m" in inspection_text(found)
+
+
+def test_a_base_whose_shapes_are_all_above_it_is_below_the_ground(tmp_path: Path) -> None:
+    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path)))
+    assert "standing, its base link 'base' is 2.5 m below the ground" in text
+
+
+def test_a_base_that_is_the_world_is_at_its_origin(tmp_path: Path) -> None:
+    bolted = GOOD.replace('"base"', '"world"')
+    found = inspect_model("robot.urdf", workspace(tmp_path, bolted))
+    assert found.height == 0
+    said = "bolted to the world, its base link 'world' is at the origin; its lowest shape is 2.5 m above the ground"
+    assert said in " ".join(inspection_text(found).split())
+    below = inspect_model("robot.urdf", workspace(tmp_path, bolted.replace("1 2 3", "0 0 0.25")))
+    assert "its lowest shape is 0.25 m below the ground" in " ".join(inspection_text(below).split())
+    assert "standing" not in inspection_text(below)
+
+
+def test_a_long_name_is_cut(tmp_path: Path) -> None:
+    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', f'"{"a" * 5000}"'))))
+    assert text.startswith(f"{'a' * 60}...: 2 links")
+
+
+def test_nothing_is_said_of_the_size_of_what_has_none(tmp_path: Path) -> None:
+    found = inspect_model("robot.urdf", workspace(tmp_path, re.sub("(?s)<collision>.*</collision>", "", GOOD)))
+    assert (found.lower_xyz, found.upper_xyz, found.height, found.wheels) == (None, None, None, ())
+    assert "standing" not in inspection_text(found)
+
+
+def test_where_joints_begin_is_where_they_are_looked_at(tmp_path: Path) -> None:
+    bent = GOOD.replace('lower="-1" upper="2"', 'lower="1" upper="2"')
+    found = inspect_model("robot.urdf", workspace(tmp_path, bent))
+    assert found.joints[0].start == 1.5
+    assert "57.3 to 114.6 deg, begins at 85.94 deg]" in inspection_text(found)
+
+
+def cart(folder: Path, *wheels: str) -> Inspection:
+    base = re.sub("(?s)<collision>.*</collision>", "", GOOD)
+    return inspect_model("robot.urdf", workspace(folder, base.replace("</robot>", f"{''.join(wheels)}</robot>")))
+
+
+def wheel(name: str, xyz: str, *, parent: str = "base", kind: str = "continuous", axis: str = "0 0 1") -> str:
+    return f"""
+<link name="{name}"><collision><geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>
+<joint name="{name}_joint" type="{kind}"><parent link="{parent}"/><child link="{name}"/>
+  <origin xyz="{xyz}" rpy="-1.5707963 0 0"/><axis xyz="{axis}"/>
+  <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+"""
+
+
+FOUR = (wheel("a", "0.2 0.3 0"), wheel("b", "-0.2 0.3 0"), wheel("c", "0.2 -0.3 0"), wheel("d", "-0.2 -0.3 0"))
+
+
+def test_wheels_are_listed_with_what_a_drive_has_to_say(tmp_path: Path) -> None:
+    found = cart(tmp_path, *FOUR)
+    assert [(entry.joint, entry.radius) for entry in found.wheels] == [(f"{name}_joint", 0.1) for name in "abcd"]
+    assert found.wheels[0].position_xyz == pytest.approx((0.2, 0.3, 0))
+    assert found.wheels[0].axis_xyz == pytest.approx((0, 1, 0), abs=1e-6)
+    assert "wheel: c_joint, radius 0.1 m, at x = 0.2 m, y = -0.3 m\n" in inspection_text(found)
+    assert "\n  drive: {skid: {left: [a_joint, b_joint], right: [c_joint, d_joint]}}\n" in found.robot
+    assert "recognised: skid steer: left a_joint, b_joint; right c_joint, d_joint;" in inspection_text(found)
+
+
+def test_a_drive_that_is_likely_is_offered_and_left_to_the_reader(tmp_path: Path) -> None:
+    found = cart(tmp_path, FOUR[0], FOUR[2])
+    assert found.drive is None
+    assert "\n  # drive: {diff: {left: [a_joint], right: [c_joint]}}\n" in found.robot
+    assert "robot.drive has to say it" in inspection_text(found)
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        wheel("e", "0.5 0 -1", parent="upper"),
+        wheel("e", "0.5 0 0"),
+    ],
+    ids=["steered", "in the middle"],
+)
+def test_no_drive_is_offered_that_may_be_wrong(odd: str, tmp_path: Path) -> None:
+    found = cart(tmp_path, *FOUR, odd)
+    assert len(found.wheels) == 5
+    assert "drive" not in found.robot
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        wheel("e", "0.5 0.3 0.02"),
+        wheel("e", "0.5 0.3 0", kind="revolute"),
+        wheel("e", "0.5 0.3 0", kind="fixed"),
+        wheel("e", "0.5 0.3 0", axis="0 1 0"),
+    ],
+    ids=["in the air", "limited", "fixed", "upright"],
+)
+def test_not_all_that_is_round_is_a_wheel(other: str, tmp_path: Path) -> None:
+    assert [entry.joint for entry in cart(tmp_path, *FOUR, other).wheels] == [f"{name}_joint" for name in "abcd"]
+
+
+@pytest.mark.parametrize(
+    ("root", "mass", "written"), [("base", 0, "base: fixed\n"), ("base", 2, "# base: fixed"), ("world", 0, "")]
+)
+def test_the_block_says_what_an_engine_would_hold_still(root: str, mass: float, written: str, tmp_path: Path) -> None:
+    text = GOOD.replace('"base"', f'"{root}"').replace('mass value="2"', f'mass value="{mass}"')
+    block = inspect_model("robot.urdf", workspace(tmp_path, text)).robot
+    assert written in block
+    assert ("fixed" in block) is bool(written)
+
+
+def test_the_same_finding_is_told_once_with_all_its_lines_and_lines_are_short(tmp_path: Path) -> None:
+    zero = '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'
+    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, re.sub("<inertia .*?/>", zero, GOOD))))
+    assert text.count("principal moments") == 1
+    assert "(also on line 13)" in " ".join(text.split())
+    findings = text.split("the audit found:")[1].split("to paste")[0].splitlines()
+    assert max(len(line) for line in findings if str(tmp_path) not in line) <= 80
+
+
+def test_what_a_scenario_has_to_allow_stands_in_the_block(tmp_path: Path) -> None:
+    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('lower="-1" upper="2" ', "")))
+    assert found.needs == ("missing-limits",)
+    assert "  allow: [missing-limits]\n" in found.robot
+    assert "\nerror missing-limits, to be let go by robot.allow\n  " in inspection_text(found)
+
+
+def test_what_no_engine_could_take_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RefusedModel, match=r"two-parents|one-root|loop"):
+        inspect_model(
+            "robot.urdf", workspace(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="upper"/>'))
+        )
+
+
+def test_names_of_a_model_act_nowhere(tmp_path: Path) -> None:
+    text = inspection_text(
+        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', '"::error::x ##[a]"')))
+    )
+    assert not any(line.startswith("::") for line in text.splitlines())
+    assert "##[" not in text

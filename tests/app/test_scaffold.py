@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.app.scaffold import write_scaffold
+from sim_action.core.errors import UsageError
+from sim_action.scenario.loading import load_scenario
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_scenario_is_valid_and_the_schema_is_where_it_says(tmp_path: Path) -> None:
+    scenario, schema, workflow = write_scaffold(tmp_path, "{}", force=False)
+    load_scenario(scenario)
+    assert scenario.read_text().splitlines()[0].endswith(f"$schema={schema.name}")
+    assert workflow == tmp_path / ".github/workflows/simulation.yml"
+
+
+def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
+    scenario, *_ = write_scaffold(tmp_path, "{}", force=False)
+    scenario.write_text("mine")
+    with pytest.raises(UsageError, match="--force"):
+        write_scaffold(tmp_path, "{}", force=False)
+    assert scenario.read_text() == "mine"
+    write_scaffold(tmp_path, "{}", force=True)
+    assert scenario.read_text() != "mine"
+
+
+def test_nothing_is_written_if_one_file_is_there(tmp_path: Path) -> None:
+    (tmp_path / "simulation").mkdir()
+    (tmp_path / "simulation/scenario.schema.json").touch()
+    with pytest.raises(UsageError):
+        write_scaffold(tmp_path, "{}", force=False)
+    assert not (tmp_path / ".github").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_a_usage_error(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="cannot write"):
+        write_scaffold(tmp_path / "file", "{}", force=True)

@@ -1,0 +1,204 @@
+"""Text to formulas."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_action.assertions.temporal_logic.formula import (
+    Absolute,
+    Always,
+    And,
+    Comparison,
+    Eventually,
+    Formula,
+    Implies,
+    Interval,
+    Negative,
+    Not,
+    Number,
+    Or,
+    Product,
+    Signal,
+    Sum,
+    Until,
+)
+from sim_action.assertions.temporal_logic.parser import MAX_DEPTH, parse
+from sim_action.assertions.temporal_logic.tokens import MAX_CHARACTERS, FormulaError
+from tests.assertions.temporal_logic.formulas import formulas
+
+X, Y = Signal("x"), Signal("y")
+A = Comparison(X, "<", Number(1.0))
+B = Comparison(Y, ">", Number(2.0))
+C = Comparison(Signal("speed"), "<=", Number(0.5, "m/s"))
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(FormulaError) as raised:
+        parse(text)
+    return str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "formula"),
+    [
+        ("x < 1", A),
+        ("  x<1  ", A),
+        ("speed <= 50 cm/s", C),
+        ("not x < 1", Not(A)),
+        ("x < 1 and y > 2 and speed <= 0.5 m/s", And((A, B, C))),
+        ("x < 1 or y > 2 and speed <= 0.5 m/s", Or((A, And((B, C))))),
+        ("(x < 1 or y > 2) and speed <= 0.5 m/s", And((Or((A, B)), C))),
+        ("x < 1 implies y > 2 implies x < 1", Implies(A, Implies(B, A))),
+        ("x < 1 and y > 2 implies x < 1", Implies(And((A, B)), A)),
+        ("always x < 1", Always(A)),
+        ("always (x < 1 and y > 2)", Always(And((A, B)))),
+        ("always (x < 1) and y > 2", And((Always(A), B))),
+        ("y > 2 and always x < 1", And((B, Always(A)))),
+        ("always eventually[1 s, 200 ms * 0] x < 1", None),
+        ("eventually[500 ms, 2] x < 1", Eventually(A, Interval(0.5, 2.0))),
+        ("eventually [1 s, end] x < 1", Eventually(A, Interval(1.0, math.inf))),
+        ("always[0 s, end] x < 1", Always(A)),
+        ("x < 1 until y > 2", Until(A, B)),
+        ("x < 1 until[0 s, 3 s] (y > 2)", Until(A, B, Interval(0.0, 3.0))),
+        ("not not x < 1", Not(Not(A))),
+        ("x + 1 < 2 * y - x", Comparison(Sum((X, Number(1.0))), "<", Sum((Product((Number(2.0), Y)), Negative(X))))),
+        ("abs(x - 1) >= -y", Comparison(Absolute(Sum((X, Negative(Number(1.0))))), ">=", Negative(Y))),
+        ("(x + y) * 2 < 1", Comparison(Product((Sum((X, Y)), Number(2.0))), "<", Number(1.0))),
+        ("position( arm/elbow-1 ) > 20 N m", Comparison(Signal("position", "arm/elbow-1"), ">", Number(20.0, "N m"))),
+        ("time > 1 min", Comparison(Signal("time"), ">", Number(60.0, "s"))),
+        ("x<1e1", Comparison(X, "<", Number(10.0))),
+    ],
+)
+def test_what_texts_mean(text: str, formula: Formula | None) -> None:
+    if formula is None:
+        refusal(text)
+    else:
+        assert parse(text) == formula
+
+
+@settings(max_examples=300)
+@given(formulas)
+def test_what_is_printed_is_parsed_to_the_same_formula(formula: Formula) -> None:
+    text = str(formula)
+    try:
+        found = parse(text)
+    except FormulaError as error:
+        assert "inside each other" in str(error) or "characters" in str(error), error  # noqa: PT017 - a bound of the parser
+    else:
+        assert found == formula
+        assert str(found) == text
+
+
+pieces = st.sampled_from(
+    [*"()[],xy12s<>+-*", "not", "and", "until", "always", "abs", "<=", "m/s", "end", "position(x)", "implies", "or"]
+)
+
+
+@settings(max_examples=300)
+@given(st.text(max_size=60) | st.lists(pieces).map(" ".join))
+def test_any_text_is_a_formula_or_refused(text: str) -> None:
+    try:
+        formula = parse(text)
+    except FormulaError as error:
+        assert 0 <= error.at <= len(text)  # noqa: PT017 - a text may as well be a formula
+    else:
+        assert parse(str(formula)) == formula
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected a signal, a number or a formula, found the end of the formula; at character 1, the arrow: ->"),
+        ("always (sped < 1)", "unknown signal 'sped'; did you mean 'speed'?"),
+        ("always (sped < 1)", "at character 9, the arrow: always (-> sped < 1)"),
+        ("speed < 0.5 mps", "found 'mps', which is no unit (allowed: s, ms,"),
+        ("(x < 1", "expected ')' to close the parenthesis, found the end of the formula"),
+        ("x < 1)", "expected an operator or the end, found ')'"),
+        ("always[3 s, 1 s] x < 1", "[3 s, 1 s] ends before it begins; exchange the two?; at character 7"),
+        ("always[1 m, 2 s] x < 1", "expected a time such as 2 s, counted from the moment itself, found '1 m'"),
+        ("always[-1 s, 2 s] x < 1", "expected a time such as 2 s"),
+        ("always[1 s 2 s] x < 1", "expected ',' between the two times"),
+        ("always[1 s, 2 s x < 1", "expected ']' after the two times"),
+        ("x == 1", "say how near they are: abs(x - 1 m) < 1 cm"),
+        ("x = 1", "compare by <, <=, > or >="),
+        ("x / 2 < 1", "nothing is divided"),
+        ("0 < x < 1", "one comparison at a time: join two by 'and'; at character 7"),
+        ("1 < 2", "'1 < 2' names no signal"),
+        ("x", "'x' is not compared with anything; say, for example, x < 1"),
+        ("(x < 1) < 2", "expected a signal or a number, found the formula 'x < 1'"),
+        ("position < 1", "name the joint: position(NAME)"),
+        ("position() < 1", "name the joint: position(NAME)"),
+        ("x & y", "'&' has no meaning in a formula"),
+        ("abs x < 1", "expected '(' after 'abs'"),
+        # Other notations, and words that are nearly right.
+        ("x < 1 && y > 2", "'&&' has no meaning in a formula; write 'and'; at character 7"),
+        ("x < 1 & y > 2", "'&' has no meaning in a formula; write 'and'"),
+        ("x < 1 || y > 2", "'||' has no meaning in a formula; write 'or'"),
+        ("!(x < 1)", "'!' has no meaning in a formula; write 'not'"),
+        ("x != 1", "say how far apart they are"),
+        ("x < 1 -> y > 2", "'->' has no meaning in a formula; write 'implies'"),
+        ("x < 1 => y > 2", "'=>' has no meaning in a formula; write 'implies'"),
+        ("x ≤ 1", "'≤' has no meaning in a formula; write '<='"),
+        ("alway (x < 1)", "unknown word 'alway'; did you mean 'always'?; at character 1"),
+        ("Always (x < 1)", "unknown word 'Always'; did you mean 'always'?"),
+        ("G (x < 1)", "unknown word 'G'; did you mean 'always'?"),
+        ("F[0, 3 s] x < 1", "unknown word 'F'; did you mean 'eventually'?"),
+        ("not evently (x < 1)", "did you mean 'eventually'?"),
+        ("x < 1 untill y > 2", "expected an operator or the end, found 'untill'; did you mean 'until'?"),
+        ("(x < 1 AND y > 2)", "found 'AND'; did you mean 'and'?"),
+        ("x < y implys y > 2", "found 'implys'; did you mean 'implies'?"),
+        ("x < 1e999", "a number that is too large"),
+        # Read in two ways by people.
+        ("always x < 1 and y > 2", "say how far 'always' reaches: always (... and ...), or (always ...) and ..."),
+        ("eventually[0, 1] x < 1 implies y > 2", "say how far 'eventually' reaches"),
+        ("not always x < 1 or y > 2", "say how far 'always' reaches"),
+        ("always eventually x < 1 and y > 2", "say how far 'eventually' reaches"),
+        ("always x < 1 until y > 2", "say how far 'always' reaches"),
+        ("x < 1 and x < 1 until y > 2", "put parentheses around 'until' beside 'and'"),
+        ("x < 1 until y > 2 or x < 1", "put parentheses around 'until' beside 'or'"),
+        ("x < 1 until y > 2 until x < 1", "put parentheses around 'until' beside 'until'"),
+    ],
+)
+def test_what_is_refused_and_where(text: str, message: str) -> None:
+    assert message in refusal(text)
+
+
+def test_what_ends_with_its_parenthesis_needs_no_more() -> None:
+    assert parse("always eventually (x < 1) and y > 2") == And((Always(Eventually(A)), B))
+    assert parse("not always (x < 1) or y > 2") == Or((Not(Always(A)), B))
+    assert parse("y > 2 and (x < 1 until y > 2)") == And((B, Until(A, B)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(" * 900 + "x < 1" + ")" * 900,
+        "not " * 400 + "x < 1",
+        "x < " + "-" * 900 + "1",
+        "x < 1 implies " * 100 + "x < 1",
+    ],
+)
+def test_what_is_nested_too_deep_is_refused(text: str) -> None:
+    assert f"more than {MAX_DEPTH} operators and parentheses inside each other" in refusal(text)
+
+
+def test_what_is_too_long_is_refused_without_reading_it() -> None:
+    assert f"at most {MAX_CHARACTERS} are read" in refusal("(" * 100_000)
+
+
+def test_as_much_as_is_read_is_read_and_printed() -> None:
+    text = " and ".join(["x<1"] * 250)
+    assert len(text) < MAX_CHARACTERS
+    formula = parse(text)
+    assert isinstance(formula, And)
+    assert len(formula.formulas) == 250
+
+
+@pytest.mark.parametrize("piece", ["(", "1", "x", " ", "1e", "position(", "[", "x<", "not ", "((x)", "x<1 until ", "-"])
+def test_a_text_of_one_piece_over_and_over_ends_soon(piece: str) -> None:
+    """As long as may be: an exponential search for what it could mean would never come back."""
+    refusal(piece * (MAX_CHARACTERS // len(piece)))

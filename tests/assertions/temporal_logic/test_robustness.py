@@ -1,0 +1,83 @@
+"""Robustness: against its definition, against rtamt, and what decides it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_action.assertions.temporal_logic.formula import Formula, Signal
+from sim_action.assertions.temporal_logic.parser import parse
+from sim_action.assertions.temporal_logic.robustness import cause, robustness
+from sim_action.assertions.temporal_logic.samples import Samples
+from tests.assertions.temporal_logic.formulas import X, Y, meaning, plain_formulas, samples_of, walks
+
+# Values of rtamt 0.4.10, StlDiscreteTimeOfflineSpecification, for "out = " and the formula as rtamt writes it, with x
+# and y as "float" at 0, 1, 2, ...: its default unit and period are a second.
+RTAMT: dict[str, Any] = json.loads((Path(__file__).parent / "rtamt.json").read_text())
+
+
+@settings(max_examples=400, deadline=None)
+@given(plain_formulas, walks)
+def test_it_is_what_the_definition_says_at_every_moment(formula: Formula, walk: list[tuple[int, int]]) -> None:
+    expected = [meaning(formula, walk, at) for at in range(len(walk))]
+    assert robustness(formula, samples_of(walk)).tolist() == expected
+
+
+@pytest.mark.parametrize("case", RTAMT["cases"], ids=lambda case: str(case["formula"]))
+def test_it_is_what_rtamt_says_at_every_moment(case: dict[str, Any]) -> None:
+    seen = Samples((X, Y), np.column_stack([np.arange(len(RTAMT["x"]), dtype=np.float64), RTAMT["x"], RTAMT["y"]]))
+    found = robustness(parse(case["formula"]), seen).tolist()
+    assert found == [float(value) for value in case["robustness"]]
+
+
+@settings(max_examples=200, deadline=None)
+@given(plain_formulas, walks)
+def test_the_comparison_that_decides_has_the_robustness_of_the_whole(
+    formula: Formula, walk: list[tuple[int, int]]
+) -> None:
+    whole = meaning(formula, walk, 0)
+    found = cause(formula, samples_of(walk))
+    if found is None:
+        assert math.isinf(whole)
+    else:
+        assert found.margin == whole
+        moment = walk[int(found.time)]
+        assert found.left == moment[0 if found.comparison.left == X else 1]
+
+
+def test_an_example_by_hand() -> None:
+    """Speeds at 0, 1, 2, 3 s: the margin to 0.5 is least at 2 s."""
+    seen = Samples((Signal("speed"),), np.array([(0, 0.1), (1, 0.4), (2, 0.7), (3, 0.2)], dtype=np.float64))
+    assert robustness(parse("always speed < 0.5 m/s"), seen).tolist() == pytest.approx([-0.2, -0.2, -0.2, 0.3])
+    assert robustness(parse("eventually[1 s, 2 s] speed > 0.5 m/s"), seen).tolist() == pytest.approx(
+        [0.2, 0.2, -0.3, -math.inf]
+    )
+    found = cause(parse("always speed < 0.5 m/s"), seen)
+    assert found is not None
+    assert (found.time, found.left, found.right) == (2.0, 0.7, 0.5)
+
+
+def test_arithmetic() -> None:
+    seen = Samples((X, Y), np.array([(0.0, 1.0, -2.0), (1.0, 3.0, 0.5)]))
+    assert robustness(parse("2 * x - abs(y) - 1 < -(x + y) * 0.5"), seen).tolist() == pytest.approx([1.5, -6.25])
+
+
+@given(st.integers(1, 500), st.integers(0, 40), st.integers(0, 40))
+@settings(max_examples=50, deadline=None)
+def test_steps_of_240_hz_are_neither_lost_nor_doubled_by_rounding(steps: int, start: int, length: int) -> None:
+    """Bounds that are whole steps apart take in the steps at both ends."""
+    time = np.arange(1, steps + 1) / 240
+    seen = Samples((Signal("time"),), np.column_stack([time, time]))
+    last = robustness(parse(f"eventually[{start / 240!r} s, {(start + length) / 240!r} s] time > 0"), seen)
+    for at, value in enumerate(last.tolist()):
+        if at + start >= steps:
+            assert value == -math.inf
+        else:
+            assert value == time[min(at + start + length, steps - 1)]

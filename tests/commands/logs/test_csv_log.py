@@ -1,0 +1,150 @@
+"""CSV logs: what a file says, and what is said of a file that cannot be replayed."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.commands.logs import Moment, csv_log
+from sim_action.commands.logs.csv_log import MOST_BYTES, read_header, read_moments
+from sim_action.core.errors import RecordingError
+from sim_action.core.geometry import Twist
+from sim_action.state.command import JointTargets
+
+
+def log(folder: Path, text: str | bytes) -> Path:
+    path = folder / "monday.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def moments(folder: Path, text: str | bytes) -> list[Moment]:
+    return list(read_moments(log(folder, text), "logs/monday.csv"))
+
+
+def told(folder: Path, text: str | bytes) -> str:
+    with pytest.raises(RecordingError) as raised:
+        moments(folder, text)
+    return str(raised.value)
+
+
+def test_rows_become_twists_at_times_since_the_first(tmp_path: Path) -> None:
+    assert moments(tmp_path, "time,linear,lateral,angular\n10,1,2,3\n10.5,-.5,+0,1e-1\n") == [
+        (0.0, Twist.planar(1.0, 3.0, lateral=2.0)),
+        (0.5, Twist.planar(-0.5, 0.1)),
+    ]
+
+
+def test_rows_become_targets_of_joints_each_by_the_first_kind_that_it_has(tmp_path: Path) -> None:
+    text = "time,effort.elbow,velocity.wheel,position.elbow\n0,9,2,1\n"
+    assert moments(tmp_path, text) == [(0.0, JointTargets(position={"elbow": 1.0}, velocity={"wheel": 2.0}))]
+
+
+def test_what_editors_and_spreadsheets_add_is_no_matter(tmp_path: Path) -> None:
+    text = b'\xef\xbb\xbf time , linear \r\n\r\n "0" , "1.5"\r\n'.replace(b' "', b'"').replace(b'" ', b'"')
+    assert moments(tmp_path, text) == [(0.0, Twist.planar(1.5))]
+
+
+def test_the_largest_of_numbers_are_numbers(tmp_path: Path) -> None:
+    text = "time,linear,angular\n0,1.7e308,1.7e308\n"
+    assert moments(tmp_path, text) == [(0.0, Twist.planar(1.7e308, 1.7e308))]
+
+
+def test_columns_that_are_left_out_are_zero(tmp_path: Path) -> None:
+    assert moments(tmp_path, "angular,time\n2,0\n") == [(0.0, Twist.planar(0.0, 2.0))]
+
+
+def test_times_keep_their_last_digit_whenever_the_log_began(tmp_path: Path) -> None:
+    text = "time,linear\n1700000000.123456789,0\n1700000000.223456789,0\n"
+    assert [time for time, _ in moments(tmp_path, text)] == [0.0, 0.1]
+
+
+def test_two_commands_at_the_same_time_stay_in_their_order(tmp_path: Path) -> None:
+    assert moments(tmp_path, "time,linear\n0,1\n0,2\n") == [(0.0, Twist.planar(1.0)), (0.0, Twist.planar(2.0))]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "logs/monday.csv: it is empty"),
+        ("\n\n", "logs/monday.csv: it is empty"),
+        ("\ntime,linaer\n", "logs/monday.csv:2: unknown column 'linaer'; did you mean 'linear'?"),
+        ("time,linear\n", "logs/monday.csv: no row follows the header"),
+        ("time,linear\n0,1\n\n1,fast\n", "logs/monday.csv:4: column 'linear': expected a finite number, found 'fast'"),
+        ("time,linear\n0,nan\n", "logs/monday.csv:2: column 'linear': expected a finite number, found 'nan'"),
+        ("time,linear\n0,1e999\n", "expected a finite number, found '1e999'"),
+        ("time,linear\ninf,1\n", "column 'time': expected a finite number, found 'inf'"),
+        ("time,linear\n0,\n", "column 'linear': expected a finite number, found ''"),
+        ('time,linear\n0,"1,2"\n', "column 'linear': expected a finite number, found '1,2'"),
+        ("time,linear\n0,1_0\n", "column 'linear': expected a finite number, found '1_0'"),
+        ("time,linear\n0,٣\n", "column 'linear': expected a finite number"),
+        (f"time,linear\n0,{'9' * 50_000}\n", "column 'linear': expected a finite number"),
+        ("time,linear\n0,1\n2,1\n1.5,1\n", "logs/monday.csv:4: column 'time': '1.5' is earlier than the row before, 2"),
+        ("time,linear\n0,1,2\n", "logs/monday.csv:2: 3 cells, where the header names 2 columns"),
+        ('time,linear\n0,"1\n', "logs/monday.csv:2: not valid CSV"),
+        (f"time,{'x' * 200_000}\n", "not valid CSV: field larger than field limit"),
+        (b"time,linear\n0,\xff\n", "logs/monday.csv: not UTF-8 text"),
+        (b"time,linear\n0,1\x00\n", "logs/monday.csv:2:"),
+        ("time,linear\n0,\x1b[31m1\n", r"found '\x1b[31m1'"),
+    ],
+)
+def test_a_log_that_cannot_be_replayed_is_told_with_its_place(text: str | bytes, message: str, tmp_path: Path) -> None:
+    found = told(tmp_path, text)
+    assert message in found
+    assert found.isprintable()
+    assert len(found) < 2_500
+
+
+def test_a_gigantic_file_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "monday.csv"
+    with path.open("wb") as file:
+        file.write(b"time,linear\n0,1\n")
+        file.truncate(MOST_BYTES * 1_000)
+    with pytest.raises(RecordingError, match="it has 25000 MB; no more than 25 MB of CSV are read"):
+        read_header(path, "monday.csv")
+
+
+def test_more_rows_than_any_log_has_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_log, "MOST_ROWS", 3)
+    assert len(moments(tmp_path, "time,linear\n" + "0,0\n" * 3)) == 3
+    assert told(tmp_path, "time,linear\n" + "0,0\n" * 4).startswith("logs/monday.csv:5: more than 3 rows are not read")
+
+
+def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
+    pipe = tmp_path / "monday.csv"
+    os.mkfifo(pipe)
+    with pytest.raises(RecordingError, match=r"monday\.csv: cannot be read: it is no regular file"):
+        read_header(pipe, "monday.csv")
+
+
+NUMBERS = st.floats(-1e6, 1e6)
+ROWS = st.lists(st.tuples(st.floats(0, 1e9), NUMBERS, NUMBERS), min_size=1).map(sorted)
+
+
+@given(ROWS)
+def test_what_is_written_is_what_is_read(rows: list[tuple[float, float, float]]) -> None:
+    text = "time,linear,angular\n" + "".join(f"{time!r},{linear!r},{angular!r}\n" for time, linear, angular in rows)
+    found = list(in_memory(text.encode()))
+    assert [command for _, command in found] == [Twist.planar(linear, angular) for _, linear, angular in rows]
+    assert [time for time, _ in found] == pytest.approx([time - rows[0][0] for time, _, _ in rows], abs=1e-6)
+
+
+@given(st.binary() | st.text(alphabet="time,linear0123456789.-+eE\n\"' ;").map(str.encode))
+def test_whatever_a_file_holds_it_is_a_log_or_an_error_for_people(data: bytes) -> None:
+    try:
+        found = list(in_memory(data))
+    except RecordingError as error:
+        assert str(error).startswith("any.csv")  # noqa: PT017 - either is right
+    else:
+        assert found
+
+
+def in_memory(data: bytes) -> list[Moment]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(csv_log, "open_regular", lambda *_, **__: io.BytesIO(data))
+        return list(read_moments(Path("any.csv"), "any.csv"))

@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
+
+import pytest
+
+from sim_action.core.discovery import discover, file_name, unique
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in (
+        "b.sim.yml",
+        "a.sim.yml",
+        "other.yml",
+        "deep/er/c.sim.yml",
+        ".hidden/d.sim.yml",
+        "node_modules/e.sim.yml",
+        "odd [1].sim.yml",
+    ):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def names(*patterns: str) -> list[str]:
+    return [str(path) for path in unique(discover(patterns))]
+
+
+@pytest.mark.usefixtures("tree")
+class TestDiscover:
+    def test_a_folder_means_the_scenarios_in_it_and_below_but_not_hidden_ones(self) -> None:
+        assert names(".") == ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml", "deep/er/c.sim.yml"]
+
+    def test_a_glob_matches_files_of_any_name(self) -> None:
+        assert names("*.yml") == ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml", "other.yml"]
+
+    def test_a_glob_with_two_stars_goes_down_but_not_into_what_others_installed(self) -> None:
+        assert names("**/*.sim.yml") == ["a.sim.yml", "b.sim.yml", "deep/er/c.sim.yml", "odd [1].sim.yml"]
+
+    def test_a_glob_may_match_folders(self) -> None:
+        assert names("d*") == ["deep/er/c.sim.yml"]
+
+    def test_each_file_counts_once_at_the_pattern_that_finds_it_first(self) -> None:
+        assert names("b.sim.yml", ".", "./b.sim.yml", "deep/../b.sim.yml")[0] == "b.sim.yml"
+        assert len(names("b.sim.yml", ".", "./b.sim.yml")) == 4
+
+    def test_a_name_without_wildcards_is_taken_even_if_it_is_not_there(self) -> None:
+        assert names("nowhere.sim.yml") == ["nowhere.sim.yml"]
+
+    def test_a_file_with_brackets_in_its_name_can_be_named(self) -> None:
+        assert names("odd [1].sim.yml") == ["odd [1].sim.yml"]
+
+    def test_a_pattern_that_matches_nothing_is_told_apart(self) -> None:
+        assert discover(["no*.sim.yml", "a.sim.yml"]) == {"no*.sim.yml": [], "a.sim.yml": [Path("a.sim.yml")]}
+
+    def test_an_absolute_glob_works(self, tree: Path) -> None:
+        assert names(f"{tree}/a*.yml") == [f"{tree}/a.sim.yml"]
+
+
+def test_links_that_lead_in_circles_are_not_followed(tree: Path) -> None:
+    for name in ("p", "q", "deep/r"):
+        (tree / name).symlink_to(tree)
+    assert names("**/*.sim.yml") == ["a.sim.yml", "b.sim.yml", "deep/er/c.sim.yml", "odd [1].sim.yml"]
+    assert sorted(names(".")) == names("**/*.sim.yml")
+
+
+def test_both_endings_of_yaml_are_scenarios(tree: Path) -> None:
+    (tree / "long.sim.yaml").touch()
+    assert "long.sim.yaml" in names(".")
+
+
+def test_hidden_files_are_found_by_patterns_that_say_so(tree: Path) -> None:
+    (tree / ".hidden.sim.yml").touch()
+    assert names("*.sim.yml") == ["a.sim.yml", "b.sim.yml", "odd [1].sim.yml"]
+    assert names(".*.sim.yml") == [".hidden.sim.yml"]
+    assert names(".hidden/*.sim.yml") == [".hidden/d.sim.yml"]
+
+
+def test_a_glob_may_be_absolute_or_begin_above(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert names(f"{tree}/*/er/*.sim.yml") == [f"{tree}/deep/er/c.sim.yml"]
+    monkeypatch.chdir(tree / "deep")
+    assert names("../?.sim.yml") == ["../a.sim.yml", "../b.sim.yml"]
+    assert names("**.sim.yml") == []
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        (PurePosixPath("a/b.sim.yml"), "a/b.sim.yml"),
+        (PureWindowsPath(r"a\b.sim.yml"), "a/b.sim.yml"),
+        (PureWindowsPath(r"D:\a\b.sim.yml"), "D:/a/b.sim.yml"),
+        (PurePosixPath(r"a\b.sim.yml"), r"a\b.sim.yml"),
+    ],
+)
+def test_reports_call_a_file_the_same_on_every_system(path: PurePath, name: str) -> None:
+    assert file_name(path) == name

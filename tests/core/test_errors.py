@@ -1,0 +1,129 @@
+"""The error tree: exit codes, locations, and how messages quote what users wrote."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.core import errors
+from sim_action.core.errors import ExitCode, InvalidScenario, ModelError
+from sim_action.core.location import Location, Problem
+from sim_action.core.messages import did_you_mean, escaped_line, log_line, nearest, shown
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.SimActionError, 3),
+        (errors.UsageError, 2),
+        (errors.InvalidScenario, 2),
+        (errors.ModelError, 2),
+        (errors.RunError, 1),
+        (errors.EngineError, 1),
+        (errors.SimulationUnstable, 1),
+        (errors.ScriptError, 1),
+    ],
+)
+def test_every_error_has_the_exit_code_that_the_module_draws(error: type[errors.SimActionError], code: int) -> None:
+    assert issubclass(error, errors.SimActionError)
+    assert error.exit_code == code
+
+
+def test_exit_codes_are_those_of_the_readme() -> None:
+    assert [int(code) for code in ExitCode] == [0, 1, 2, 3, 5, 130]
+
+
+@pytest.mark.parametrize(
+    ("location", "text"),
+    [
+        (Location("a.yml"), "a.yml"),
+        (Location("a.yml", 3), "a.yml:3"),
+        (Location("a.yml", 3, 7), "a.yml:3:7"),
+    ],
+)
+def test_a_location_reads_as_editors_write_it(location: Location, text: str) -> None:
+    assert str(location) == text
+
+
+def test_an_invalid_scenario_says_all_its_problems_a_line_each() -> None:
+    problems = [Problem(Location("a.yml", 1, 2), "first"), Problem(Location("a.yml", 3, 4), "second")]
+    error = InvalidScenario(iter(problems))
+    assert error.problems == tuple(problems)
+    assert str(error) == "a.yml:1:2: first\na.yml:3:4: second"
+
+
+def test_a_model_error_begins_with_its_place() -> None:
+    assert str(ModelError("no mass", Location("r.urdf", 5))) == "r.urdf:5: no mass"
+    assert str(ModelError("no mass")) == "no mass"
+
+
+def test_a_near_name_is_offered() -> None:
+    assert did_you_mean("travl", ["upright", "travel"]) == "; did you mean 'travel'? (allowed: travel, upright)"
+
+
+def test_a_name_that_is_near_to_none_gets_the_list_alone() -> None:
+    assert did_you_mean("zzz", ["upright", "travel"]) == " (allowed: travel, upright)"
+    assert did_you_mean("zzz", []) == " (allowed: none)"
+
+
+def test_of_many_names_some_are_listed() -> None:
+    hint = did_you_mean("n77", [f"n{number:02}" for number in range(99)])
+    assert hint.startswith("; did you mean 'n77'? (allowed: n00, n01, ")
+    assert hint.endswith(" n29, and 69 more)")
+
+
+def test_of_very_many_names_and_of_long_ones_not_all_are_compared() -> None:
+    assert nearest("wheel", (f"x{number}" for number in range(1_000))) is None
+    assert nearest("wheel", [*(f"x{number}" for number in range(999)), "wheels"]) == "wheels"
+    assert nearest("wheel", [*(f"x{number}" for number in range(1_000)), "wheels"]) is None
+    assert (nearest("a" * 200, ["a" * 101]), nearest("a" * 200, ["a" * 100])) == (None, "a" * 100)
+
+
+@pytest.mark.parametrize(
+    ("text", "safe"),
+    [
+        ("plain, é and 機", "plain, é and 機"),
+        ("a\n::error::b", "a\\n::error::b"),
+        ("\x1b[31mred", "\\x1b[31mred"),
+        ("\u202egpj.exe", "\\u202egpj.exe"),
+        ("\ud800", "\\ud800"),
+    ],
+)
+def test_one_line_escapes_what_acts(text: str, safe: str) -> None:
+    assert escaped_line(text) == safe
+
+
+def test_one_line_has_an_end() -> None:
+    assert escaped_line("a" * 1_000_000) == "a" * 2000 + "..."
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "nothing"),
+        (True, "true"),
+        (1.5, "1.5"),
+        ("a\nb", "'a\\nb'"),
+        ({"a": 1}, "a map of keys"),
+        ((1, 2), "a list of 2"),
+    ],
+)
+def test_values_are_shown_as_their_writer_knows_them(value: object, text: str) -> None:
+    assert shown(value) == text
+
+
+def test_a_long_value_is_cut() -> None:
+    assert len(shown("x" * 1000)) == 60
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("a.sim.yml:1:1: wrong", "a.sim.yml:1:1: wrong"),
+        ("::error::a.sim.yml:1:1: wrong", "./::error::a.sim.yml:1:1: wrong"),
+        ("  ::error::a", "./  ::error::a"),
+        ("a ##[error]b", "a # #[error]b"),
+        ("a\n::error::b", "a\\n::error::b"),
+    ],
+)
+def test_a_line_is_no_workflow_command(text: str, line: str) -> None:
+    assert log_line(text) == line

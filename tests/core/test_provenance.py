@@ -1,0 +1,49 @@
+"""What a run was made with."""
+
+from __future__ import annotations
+
+import platform
+import re
+
+import numpy as np
+import pytest
+
+from sim_action.core.provenance import cpu_model, named_in_cpu_info, provenance
+from sim_action.engines import PACKAGES, installed
+
+AMD = "processor\t: 0\nvendor_id\t: AuthenticAMD\nmodel name\t: AMD EPYC 7763 64-Core Processor\n\nprocessor\t: 1\n"
+ARM = "processor\t: 0\nBogoMIPS\t: 50.00\nCPU implementer\t: 0x41\nCPU part\t: 0xd0c\n\nprocessor\t: 1\n"
+
+
+def test_the_first_processor_speaks() -> None:
+    assert named_in_cpu_info(AMD) == "AMD EPYC 7763 64-Core Processor"
+
+
+def test_processors_without_names_have_numbers() -> None:
+    assert named_in_cpu_info(ARM) == f"{platform.machine()}, implementer 0x41, part 0xd0c"
+
+
+@pytest.mark.parametrize("text", ["", "processor\t: 0\n", "no colon"])
+def test_what_says_nothing_has_no_name(text: str) -> None:
+    assert named_in_cpu_info(text) == ""
+
+
+def test_this_machine_has_a_processor() -> None:
+    assert cpu_model()
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_builds_and_versions_are_told(engine: str) -> None:
+    told = provenance(PACKAGES[engine], "1.2.3")
+    assert told.engine_build
+    assert re.fullmatch(rf"{PACKAGES[engine]} \d\S+, cp\S+, libraries [0-9a-f]{{12}}", told.engine_build)
+    versions = (told.sim_action, told.python, told.numpy, told.platform)
+    assert versions == ("1.2.3", platform.python_version(), np.__version__, platform.platform())
+
+
+def test_engines_have_builds_of_their_own() -> None:
+    assert len({provenance(PACKAGES[engine], "1").engine_build for engine in installed()}) == len(installed())
+
+
+def test_what_is_not_installed_has_no_build() -> None:
+    assert provenance("no-such-engine", "1").engine_build is None

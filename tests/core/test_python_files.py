@@ -1,0 +1,179 @@
+"""Python files of the user's, as text and as code; what controllers and assertions make of them is tested there."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.core.errors import ScriptError
+from sim_action.core.python_files import ScriptProblem, read_script, run_file, script_error
+
+
+def names(folder: Path, text: str) -> set[str]:
+    (folder / "a.py").write_text(text, encoding="utf-8")
+    return set(read_script(folder / "a.py").names)
+
+
+def test_names_are_those_outside_of_functions_and_classes(tmp_path: Path) -> None:
+    text = "import os\nfrom x import y as z\nclass A:\n    b = 1\ndef c():\n    d = 2\nif A:\n    e = 3\n"
+    assert names(tmp_path, text) == {"os", "z", "A", "c", "e"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("def f(:\n", "^:1: not valid Python"),
+        ("x = 1\0", "not valid Python"),
+        ("#" * 1_000_001, "more than 1000 kB"),
+        ("(" * 5000, "not valid Python"),
+    ],
+)
+def test_what_is_no_python(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ScriptProblem, match=message):
+        names(tmp_path, text)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such files")
+def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.py")
+    with pytest.raises(OSError, match="it is no regular file"):
+        read_script(tmp_path / "a.py")
+
+
+@pytest.mark.usefixtures("modules")
+def test_running_gives_what_is_left_and_errors_their_line(tmp_path: Path) -> None:
+    file = tmp_path / "a.py"
+    file.write_text("x = 1\n")
+    assert run_file(file, "it")["x"] == 1
+    file.write_text("x = 1\nraise ValueError('no')\n")
+    with pytest.raises(ScriptError, match="it raised ValueError: no") as raised:
+        run_file(file, "it")
+    assert raised.value.location is not None
+    assert raised.value.location.line == 2
+
+
+def ran(file: Path, text: str) -> Mapping[str, Any]:
+    file.write_text(text)
+    return run_file(file, "it")
+
+
+@pytest.fixture
+def modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Those of a test are gone after it, as is what it can import."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+DATACLASS = """\
+from __future__ import annotations
+from dataclasses import dataclass
+
+def made():
+    @dataclass
+    class Point:
+        x: int
+    return Point(1)
+
+class State:
+    def __init__(self):
+        self.seen = 3
+"""
+
+
+@pytest.mark.usefixtures("modules")
+def test_a_file_is_a_module_as_python_knows_them(tmp_path: Path) -> None:
+    found = ran(tmp_path / "my_state.py", DATACLASS)
+    assert found["made"]().x == 1
+    assert pickle.loads(pickle.dumps(found["State"]())).seen == 3
+    assert found["__name__"] == "my_state"
+    assert list(tmp_path.iterdir()) == [tmp_path / "my_state.py"]
+
+
+@pytest.mark.usefixtures("modules")
+def test_each_run_of_a_file_is_a_module_of_its_own(tmp_path: Path) -> None:
+    first, second = (ran(tmp_path / "my_state.py", f"{DATACLASS}x = [{n}]\n") for n in (1, 2))
+    assert (first["x"], second["x"]) == ([1], [2])
+    assert first["State"] is not second["State"]
+    assert pickle.loads(pickle.dumps(second["State"]())).seen == 3
+
+
+@pytest.mark.usefixtures("modules")
+@pytest.mark.parametrize("name", ["json.py", "colorsys.py", "numpy.py", "my.json.py", "my-json.py"])
+def test_a_file_replaces_no_module(name: str, tmp_path: Path) -> None:
+    before = dict(sys.modules)
+    found = ran(tmp_path / name, DATACLASS)
+    assert pickle.loads(pickle.dumps(found["State"]())).seen == 3
+    assert {key: sys.modules[key] for key in before} == before
+    assert "colorsys" not in sys.modules or "colorsys" in before
+
+
+@pytest.mark.usefixtures("modules")
+def test_a_file_that_fails_is_no_module(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError):
+        ran(tmp_path / "my_state.py", "1 / 0\n")
+    assert "my_state" not in sys.modules
+
+
+@pytest.mark.usefixtures("modules")
+def test_the_way_to_an_error_is_kept_without_our_own_frames(tmp_path: Path) -> None:
+    (tmp_path / "beside.py").write_text("def divide(x):\n    return 1 / x\n")
+    with pytest.raises(ScriptError) as raised:
+        ran(tmp_path / "a.py", "import beside\n\ndef control():\n    beside.divide(0)\n\ncontrol()\n")
+    assert raised.value.location is not None
+    assert (raised.value.location.file, raised.value.location.line) == (str(tmp_path / "a.py"), 4)
+    lines = [line.strip() for line in raised.value.details.splitlines() if line.strip(" ~^")]
+    assert lines == [
+        "Traceback (most recent call last):",
+        'File "a.py", line 6, in <module>',
+        "control()",
+        'File "a.py", line 4, in control',
+        "beside.divide(0)",
+        'File "beside.py", line 2, in divide',
+        "return 1 / x",
+    ]
+
+
+@pytest.mark.usefixtures("modules")
+@pytest.mark.parametrize("text", ["1 / 0\n", "def f(:\n", "raise MemoryError\n"])
+def test_an_error_at_one_place_has_no_other_way(text: str, tmp_path: Path) -> None:
+    with pytest.raises(ScriptError) as raised:
+        ran(tmp_path / "a.py", text)
+    assert raised.value.details == ""
+
+
+@pytest.mark.usefixtures("modules")
+def test_of_a_recursion_the_end_is_told(tmp_path: Path) -> None:
+    text = "def even(n): return odd(n + 1)\ndef odd(n): return even(n + 1)\neven(0)\n"
+    with pytest.raises(ScriptError, match="RecursionError") as raised:
+        ran(tmp_path / "a.py", text)
+    assert raised.value.details.count("File ") == 10
+
+
+@pytest.mark.usefixtures("modules")
+def test_a_module_that_is_not_there_is_told_with_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError, match="No module named 'rclpy'; scripts run in sim-action's own Python"):
+        ran(tmp_path / "a.py", "import rclpy\n")
+
+
+def test_an_error_from_elsewhere_has_no_line(tmp_path: Path) -> None:
+    error = script_error(ValueError("no"), tmp_path / "a.py", "it")
+    assert error.location is not None
+    assert error.location.line is None
+
+
+def test_a_text_is_parsed_once_whoever_asks(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("def control(observation): ...\n")
+    (tmp_path / "b.py").write_bytes((tmp_path / "a.py").read_bytes())
+    first = read_script(tmp_path / "a.py")
+    assert read_script(tmp_path / "b.py") is first
+    (tmp_path / "a.py").write_text("def other(observation): ...\n")
+    assert read_script(tmp_path / "a.py").names == {"other"}

@@ -1,0 +1,134 @@
+"""Field types: quantities with units, bounds, names; and the frozen base of all specs."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from typing import Annotated, Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from sim_action.core import quantities, units
+from sim_action.core.quantities import FrozenModel, JointPosition, Metres, Name, PositiveSeconds, Quantity
+
+
+class Spec(FrozenModel):
+    name: Name = "spec"
+    limit: PositiveSeconds = 1.0
+    x: Metres | None = None
+
+
+def messages(**data: Any) -> list[str]:
+    with pytest.raises(ValidationError) as raised:
+        Spec.model_validate(data)
+    return [error["msg"] for error in raised.value.errors()]
+
+
+def test_a_quantity_is_a_float_in_si() -> None:
+    assert Spec.model_validate({"limit": "2 min", "x": "3 cm"}) == Spec(limit=120.0, x=0.03)
+    assert Spec.model_validate({"limit": 3}).limit == 3.0
+
+
+def test_a_bound_is_checked_in_si() -> None:
+    assert messages(limit="-1 ms") == ["Input should be greater than 0"]
+
+
+def test_a_unit_error_is_passed_on_word_for_word_with_its_braces() -> None:
+    assert messages(limit="{x}") == ["expected time such as '1 s', found '{x}'"]
+
+
+def test_a_spec_knows_its_keys_and_cannot_be_changed() -> None:
+    assert messages(limits=1) == ["Extra inputs are not permitted"]
+    with pytest.raises(ValidationError, match="frozen"):
+        Spec().limit = 2.0  # type: ignore[misc]  # frozen: that is the test
+
+
+def test_a_quantity_left_out_may_be_none() -> None:
+    assert Spec.model_validate({}).x is None
+
+
+@pytest.mark.parametrize("name", ["burger", "drives 1.5 m, straight!", "a-b_c: (d) [e] {f} & g % h", "é 機", "a" * 120])
+def test_plain_text_is_a_name(name: str) -> None:
+    assert Spec(name=name).name == name
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("a\nb", "has a control character"),
+        ("a\rb", "has a control character"),
+        ("a\x00", "has a control character"),
+        ("\x1b[31m", "has a control character"),
+        ("a\u2028b", "has a control character"),
+        ("\u202eabc", "has a control character"),
+        (" a", "a space at its end"),
+        ("a ", "a space at its end"),
+        ("a|b", "contains '|'"),
+        ("a<b", "contains '<'"),
+        ("a>b", "contains '>'"),
+        ("a`b", "contains '`'"),
+        ("::error::a", "contains '::'"),
+        ("##[error]a", "contains '##['"),
+        ("${{ a }}", "contains '${{'"),
+    ],
+)
+def test_what_would_act_in_a_report_is_no_name(name: str, found: str) -> None:
+    (message,) = messages(name=name)
+    assert "a name is one line of plain text" in message
+    assert repr(name) in message
+    assert found in message
+
+
+@pytest.mark.parametrize("name", ["", "a" * 121, 5, None])
+def test_a_name_has_1_to_120_characters_of_text(name: Any) -> None:
+    assert len(messages(name=name)) == 1
+
+
+@given(st.text())
+def test_a_name_that_is_accepted_is_one_printable_line(name: str) -> None:
+    try:
+        accepted = Spec(name=name).name
+    except ValidationError:
+        return
+    assert accepted == name
+    assert accepted.isprintable()
+    assert not set(accepted) & set("|<>`")
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "fits"),
+    [
+        (PositiveSeconds, "30 s", True),
+        (PositiveSeconds, "30s", True),
+        (PositiveSeconds, "-1.5e3 ms", True),
+        (PositiveSeconds, "30 kg", False),
+        (JointPosition, "90 deg", True),
+        (JointPosition, "5 cm", True),
+        (JointPosition, "5 N", False),
+    ],
+)
+def test_the_schema_takes_the_units_that_are_read(kind: Any, text: str, fits: bool) -> None:
+    schema = TypeAdapter(kind).json_schema()
+    (pattern,) = (branch["pattern"] for branch in schema["anyOf"] if branch["type"] == "string")
+    assert bool(re.search(pattern, text)) is fits
+
+
+def test_the_schema_of_a_ratio_is_a_number() -> None:
+    assert TypeAdapter(quantities.NonNegativeRatio).json_schema() == {"minimum": 0, "type": "number"}
+
+
+def test_the_schema_of_every_quantity_is_json() -> None:
+    for kind in vars(quantities).values():
+        if any(isinstance(part, Quantity) for part in getattr(kind, "__metadata__", ())):
+            assert json.dumps(TypeAdapter(kind).json_schema())
+
+
+def test_a_quantity_of_several_dimensions_says_all_of_them() -> None:
+    adapter = TypeAdapter[float](Annotated[float, Quantity((units.ANGLE, units.LENGTH))])
+    assert adapter.validate_python("180 deg") == pytest.approx(math.pi)
+    with pytest.raises(ValidationError, match="not a unit of angle or length"):
+        adapter.validate_python("1 kg")

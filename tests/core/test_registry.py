@@ -1,0 +1,67 @@
+"""Tables of names: every entry loads, in order, and only when asked."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.commands import COMMANDS, CommandSource
+from sim_action.core.registry import Table
+from sim_action.drives import DRIVES, Drive
+
+COLOURS = Table[type]("colour", {"red": "fractions:Fraction", "green": "decimal:Decimal"})
+
+
+def test_a_table_lists_its_names_in_order() -> None:
+    assert list(COLOURS) == ["red", "green"]
+    assert "red" in COLOURS
+    assert "blue" not in COLOURS
+
+
+def test_a_name_loads_the_class_behind_it() -> None:
+    assert COLOURS.load("red").__name__ == "Fraction"
+
+
+def test_an_unknown_name_is_a_key_error() -> None:
+    with pytest.raises(KeyError, match="blue"):
+        COLOURS.load("blue")
+
+
+@pytest.mark.parametrize("name", list(ASSERTIONS))
+def test_every_assertion_is_one_and_knows_its_key(name: str) -> None:
+    assertion = ASSERTIONS.load(name)
+    assert issubclass(assertion, Assertion)
+    assert assertion.key == name
+
+
+@pytest.mark.parametrize("name", list(COMMANDS))
+def test_every_command_has_a_field_of_its_key(name: str) -> None:
+    command = COMMANDS.load(name)
+    assert issubclass(command, CommandSource)
+    assert name in {field.alias or key for key, field in command.model_fields.items()}
+
+
+@pytest.mark.parametrize("name", list(DRIVES))
+def test_every_drive_is_one_and_knows_its_key(name: str) -> None:
+    drive = DRIVES.load(name)
+    assert issubclass(drive, Drive)
+    assert drive.key == name
+
+
+def test_loading_a_scenario_imports_neither_numpy_nor_an_engine() -> None:
+    code = "import sys, sim_action.scenario.loading; print([m for m in ('numpy', 'pybullet') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_no_assertion_needs_numpy_before_it_is_watched() -> None:
+    code = (
+        "import sys\nfrom sim_action.assertions import ASSERTIONS\n"
+        "loaded = [name for name in ASSERTIONS if ASSERTIONS.load(name) and 'numpy' in sys.modules]\n"
+        "print('none' if not loaded else f'from {loaded[0]} on')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "none"

@@ -1,0 +1,95 @@
+"""pydantic's findings as sentences."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+import pytest
+from pydantic import Field, ValidationError
+
+from sim_action.core.quantities import FrozenModel, Metres, Name, NonNegativeSeconds, PositiveMetres, PositiveRadians
+from sim_action.core.spec_errors import spec_errors
+
+
+class Inner(FrozenModel):
+    size: PositiveMetres = 1.0
+    for_: Annotated[NonNegativeSeconds, Field(alias="for")] = 1.0
+
+
+class Spec(FrozenModel):
+    name: Name
+    kind: Literal["big", "small"] = "big"
+    inner: Inner | None = None
+    many: tuple[Inner, ...] = ()
+    pair: tuple[PositiveMetres, PositiveMetres] | None = None
+    named: dict[str, PositiveMetres] = {}  # noqa: RUF012 - pydantic copies it
+    count: Annotated[int, Field(ge=1, le=9)] = 1
+    angle: Annotated[PositiveRadians, Field(le=math.radians(170))] = 1.0
+    near: Annotated[Metres, Field(ge=0.001, lt=10_000)] = 1.0
+    flag: bool = False
+    some: Annotated[tuple[str, ...], Field(min_length=1)] = ("a",)
+
+
+def findings(**data: Any) -> list[tuple[str, str]]:
+    with pytest.raises(ValidationError) as raised:
+        Spec.model_validate(written := {"name": "a", **data})
+    return [(".".join(map(str, path)), message) for path, message in spec_errors(Spec, written, raised.value)]
+
+
+ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, pair, some)"
+
+
+@pytest.mark.parametrize(
+    ("data", "path", "message"),
+    [
+        ({"nmae": 1}, "nmae", f"unknown key; did you mean 'name'? {ALLOWED}"),
+        ({"inner": {"zzz": 1}}, "inner.zzz", "unknown key (allowed: for, size)"),
+        ({"inner": {"for_": 1}}, "inner.for_", "unknown key; did you mean 'for'? (allowed: for, size)"),
+        ({"many": ({}, {"siz": 1})}, "many.1.siz", "unknown key; did you mean 'size'? (allowed: for, size)"),
+        ({"kind": "tiny"}, "kind", "expected 'big' or 'small', found 'tiny'"),
+        ({"name": 5}, "name", "expected text, found 5; put it in quotes"),
+        ({"name": True}, "name", "expected text, found true; put it in quotes"),
+        ({"name": None}, "name", "expected text, found nothing"),
+        ({"name": {}}, "name", "expected text, found a map of keys"),
+        ({"name": ""}, "name", "must not be empty"),
+        ({"name": "x" * 121}, "name", "must have at most 120 characters"),
+        ({"some": ()}, "some", "must not be empty"),
+        ({"some": "a"}, "some", "expected a list, found 'a'; write [a]"),
+        ({"some": "a, b"}, "some", "expected a list, found 'a, b'"),
+        ({"pair": "a"}, "pair", "expected a list, found 'a'"),
+        ({"some": {"a": 1}}, "some", "expected a list, found a map of keys; begin each entry of a list with '- '"),
+        ({"inner": "x"}, "inner", "expected a map of keys, found 'x'"),
+        ({"inner": (1, 2)}, "inner", "expected a map of keys, found a list of 2"),
+        ({"inner": {"size": 0}}, "inner.size", "must be greater than 0, found 0"),
+        ({"inner": {"size": "-1 cm"}}, "inner.size", "must be greater than 0, found '-1 cm'"),
+        ({"count": 0}, "count", "must be at least 1, found 0"),
+        ({"count": 10}, "count", "must be at most 9, found 10"),
+        ({"angle": "180 deg"}, "angle", "must be at most 170 deg, found '180 deg'"),
+        ({"near": 0}, "near", "must be at least 0.001 m, found 0"),
+        ({"near": "10 km"}, "near", "must be less than 10,000 m, found '10 km'"),
+        ({"count": "1"}, "count", "expected a whole number, found '1'"),
+        ({"flag": "on"}, "flag", "expected true or false, found 'on'"),
+        ({"pair": (1,)}, "pair.1", "the list ends before entry 2"),
+        ({"pair": (1, 2, 3)}, "pair", "expected a list of 2, found a list of 3"),
+        ({"named": {"a.b": "1 s"}}, "named.a.b", "'s' is not a unit of length; use one of: m, mm, cm, km"),
+        ({"named": ("a",)}, "named", "expected a map of keys, found a list of 1"),
+    ],
+)
+def test_a_finding_is_a_sentence_at_a_path(data: dict[str, Any], path: str, message: str) -> None:
+    assert findings(**data) == [(path, message)]
+
+
+def test_a_missing_key_is_named() -> None:
+    with pytest.raises(ValidationError) as raised:
+        Spec.model_validate({})
+    assert list(spec_errors(Spec, {}, raised.value)) == [(("name",), "the key 'name' is missing")]
+
+
+def test_all_findings_are_told() -> None:
+    assert len(findings(kind="x", count=0, zzz=1)) == 3
+
+
+def test_long_values_are_cut() -> None:
+    ((_, message),) = findings(kind="x" * 10_000)
+    assert len(message) < 120

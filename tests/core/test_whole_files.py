@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.whole_files import whole_file
+
+
+def test_a_file_is_replaced_when_all_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("before")
+    with whole_file(path) as file:
+        file.write(b"after")
+        file.flush()
+        assert path.read_text() == "before"
+    assert path.read_text() == "after"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_is_left_of_what_was_not_finished(tmp_path: Path) -> None:
+    with pytest.raises(UnicodeEncodeError):
+        write_half(tmp_path / "a.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def write_half(path: Path) -> None:
+    with whole_file(path) as file:
+        file.write(b"half")
+        file.write("\ud800".encode())
+
+
+def test_on_windows_a_file_that_is_being_read_is_replaced_when_it_has_been(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    readers = iter([True, True, False])
+    replace = Path.replace
+
+    def replace_if_unread(source: Path, target: Path) -> Path:
+        if next(readers):
+            raise PermissionError(13, "Access is denied")
+        return replace(source, target)
+
+    monkeypatch.setattr(Path, "replace", replace_if_unread)
+    monkeypatch.setattr(sys, "platform", "win32")
+    with whole_file(tmp_path / "a.json") as file:
+        file.write(b"after")
+    assert (tmp_path / "a.json").read_text() == "after"
+    assert next(readers, None) is None
+
+
+def test_a_folder_that_may_not_be_written_to_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Path) -> Path:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    monkeypatch.setattr(time, "sleep", lambda _: pytest.fail("it waited"))
+    with pytest.raises(PermissionError), whole_file(tmp_path / "a.json"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "target").write_text("untouched")
+    path = tmp_path / "a.json"
+    path.symlink_to("target")
+    with whole_file(path) as file:
+        file.write(b"after")
+    assert (tmp_path / "target").read_text() == "untouched"
+    assert path.read_text() == "after"
+    assert not path.is_symlink()

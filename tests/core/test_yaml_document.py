@@ -1,0 +1,239 @@
+"""Strict YAML 1.2: what each value becomes, where it stands, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.location import Problem
+from sim_action.core.yaml_document import MAX_DEPTH, MAX_VALUES, Document, KeyPath, read_document
+
+
+def read(text: str) -> object:
+    return read_document("s.yml", text).data
+
+
+def problem(text: str) -> Problem:
+    with pytest.raises(InvalidScenario) as raised:
+        read(text)
+    (found,) = raised.value.problems
+    return found
+
+
+def place(document: Document, *path: str | int) -> str:
+    return str(document.location(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("on", "on"),
+        ("no", "no"),
+        ("yes", "yes"),
+        ("y", "y"),
+        ("1:30", "1:30"),
+        ("2024-01-01", "2024-01-01"),
+        ("1_000", "1_000"),
+        ("0b11", "0b11"),
+        ("012", 12),
+        ("-7", -7),
+        ("+7", 7),
+        ("0o17", 15),
+        ("0x1F", 31),
+        ("1e-3", 1e-3),
+        ("1.5", 1.5),
+        (".5", 0.5),
+        ("-1.", -1.0),
+        ("1E5", 1e5),
+        ("1e999", math.inf),
+        ("-.inf", -math.inf),
+        ("true", True),
+        ("FALSE", False),
+        ("tRue", "tRue"),
+        ("~", None),
+        ("null", None),
+        ("nULL", "nULL"),
+        ("'5'", "5"),
+        ('"true"', "true"),
+        ("30 s", "30 s"),
+        ("|\n  a\n  b\n", "a\nb\n"),
+        (">\n  a\n  b\n", "a b\n"),
+        ("{a: 1, b: [x, y]}", {"a": 1, "b": ("x", "y")}),
+        ("a:", {"a": None}),
+        ("- 1\n- - 2\n", (1, (2,))),
+        ("'<<': 1", {"<<": 1}),
+        ("on: 1", {"on": 1}),
+        ("'1': 1", {"1": 1}),
+        ("", None),
+        ("# only a comment", None),
+        ("\ufeffa: 1", {"a": 1}),
+        ("%YAML 1.2\n---\na: 1\n...\n", {"a": 1}),
+    ],
+)
+def test_a_value_is_what_yaml_1_2_says(text: str, value: object) -> None:
+    found = read(text)
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_nan_is_read_for_others_to_refuse() -> None:
+    found = read(".nan")
+    assert isinstance(found, float)
+    assert math.isnan(found)
+
+
+TEXT = """\
+name: a
+robot:
+  model: b
+expect:
+  - travel: {at_least: 1.5 m}
+  - no_collision
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "where"),
+    [
+        ((), "s.yml:1:1"),
+        (("name",), "s.yml:1:1"),
+        (("robot",), "s.yml:2:1"),
+        (("robot", "model"), "s.yml:3:3"),
+        (("expect", 0), "s.yml:5:5"),
+        (("expect", 0, "travel"), "s.yml:5:5"),
+        (("expect", 0, "travel", "at_least"), "s.yml:5:14"),
+        (("expect", 1), "s.yml:6:5"),
+        (("expect", 0, "travel", "absent", "deeper"), "s.yml:5:5"),
+        (("expect", 7), "s.yml:4:1"),
+        (("absent",), "s.yml:1:1"),
+    ],
+)
+def test_every_key_and_entry_has_its_place(path: KeyPath, where: str) -> None:
+    assert place(read_document("s.yml", TEXT), *path) == where
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r"])
+def test_lines_are_counted_whatever_ends_them(end: str) -> None:
+    document = read_document("s.yml", TEXT.replace("\n", end))
+    assert place(document, "robot", "model") == "s.yml:3:3"
+
+
+def test_an_alias_is_its_anchors_value_and_stands_where_it_is_used() -> None:
+    document = read_document("s.yml", "a: &x {b: 1}\nc: *x\n")
+    assert document.data == {"a": {"b": 1}, "c": {"b": 1}}
+    assert place(document, "c", "b") == "s.yml:2:1"
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "message"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "3:1", "the key 'a' is there twice"),
+        ("a: {b: 1, b: 2}", "1:11", "the key 'b' is there twice"),
+        ("a: 1\n'a': 2\n", "2:1", "the key 'a' is there twice"),
+        ("a: [b\nc: d\n", "2:2", "not valid YAML: while parsing a flow sequence expected ',' or ']', but got ':'"),
+        ("a: 'b\n", "2:1", "not valid YAML: while scanning a quoted scalar found unexpected end of stream"),
+        ("a:\n\t- b\n", "2:1", "not valid YAML: while scanning for the next token found character '\\t' that cannot"),
+        ("a: b: c\n", "1:5", "not valid YAML: mapping values are not allowed here"),
+        ("name: @x\n", "1:7", "not valid YAML: while scanning for the next token found character '@' that cannot"),
+        ("a: 1\nb: \x1b[31m\n", "2:4", "the control character U+001B is not allowed; take it out"),
+        ("a: \x00", "1:4", "the control character U+0000 is not allowed; take it out"),
+        ('a: 1\nb: "\\ud800"\n', "2:4", "half of a surrogate pair is no character"),
+        ('a: 1\nb: "\\UFFFFFFFF"\n', "2:2", "not valid YAML: what follows has an escape or a number out of range"),
+        ("%YAML 1." + "9" * 5000 + "\n---\na: 1\n", "1:1", "not valid YAML"),
+        ("a: 1\n---\nb: 2\n", "2:1", "a second document; a file holds one scenario"),
+        ("a: !!python/object:os.system b", "1:4", "the tag '!!python/object:os.system' is not supported; leave it out"),
+        ("a: !!str 5", "1:4", "the tag '!!str' is not supported; leave it out"),
+        ("a: !mine [1]", "1:4", "the tag '!mine' is not supported; leave it out"),
+        ("a: *nowhere", "1:4", "the alias '*nowhere' stands for nothing that came before it"),
+        ("a: &x [*x]", "1:8", "the alias '*x' stands for nothing that came before it"),
+        ("1: a", "1:1", "a key must be text; put it in quotes: '1'"),
+        ("true: a", "1:1", "a key must be text; put it in quotes: 'true'"),
+        ("? [a]\n: b", "1:3", "a key must be text; this is a map, a list or an alias"),
+        ("a: &x b\n*x : c", "2:1", "a key must be text; this is a map, a list or an alias"),
+        ("a: " + "9" * 401, "1:4", "a number of 401 digits; at most 400 are read"),
+        ("a: 0x" + "f" * 9000, "1:4", "a number of 9002 digits; at most 400 are read"),
+        ('"a\\n::error::b": 1\n"a\\n::error::b": 2', "2:1", "the key 'a\\n::error::b' is there twice"),
+    ],
+)
+def test_what_is_refused_is_told_with_its_place(text: str, where: str, message: str) -> None:
+    found = problem(text)
+    assert str(found.location) == f"s.yml:{where}"
+    assert message in found.message
+    assert found.message.isprintable()
+
+
+def test_all_duplicate_keys_are_told_at_once() -> None:
+    with pytest.raises(InvalidScenario) as raised:
+        read("a: 1\na: 2\nb: {c: 1, c: 2}\n")
+    assert [str(found.location) for found in raised.value.problems] == ["s.yml:2:1", "s.yml:3:11"]
+
+
+@pytest.mark.parametrize("text", ["[" * 20_000 + "]" * 20_000, "{a: " * 20_000, "- " * 20_000])
+def test_nesting_has_a_limit(text: str) -> None:
+    assert problem(text).message == f"more than {MAX_DEPTH} maps and lists inside each other"
+
+
+def test_nesting_up_to_the_limit_is_read() -> None:
+    assert read("[" * MAX_DEPTH + "]" * MAX_DEPTH)
+
+
+def test_an_alias_bomb_is_stopped_before_it_grows() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 30)]
+    assert problem("\n".join(lines)).message == f"more than {MAX_VALUES} values, with aliases written out"
+
+
+def test_values_have_a_limit() -> None:
+    assert "more than" in problem("- 1\n" * (MAX_VALUES + 1)).message
+
+
+plain = st.none() | st.booleans() | st.integers(-(10**6), 10**6) | st.floats(allow_nan=False) | st.text(max_size=20)
+keys = st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=8)
+structures = st.recursive(
+    plain, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=3), max_leaves=10
+)
+
+
+def as_read(value: object) -> object:
+    if isinstance(value, list):
+        return tuple(as_read(entry) for entry in value)
+    return {key: as_read(entry) for key, entry in value.items()} if isinstance(value, dict) else value
+
+
+@given(structures)
+def test_what_is_dumped_as_yaml_is_read_back(value: object) -> None:
+    # With strings in quotes, 1.1 and 1.2 agree; PyYAML writes exponents only with a dot.
+    text = yaml.dump(value, Dumper=_Quoting, allow_unicode=True)
+    assert read(text) == as_read(value)
+
+
+class _Quoting(yaml.SafeDumper):
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
+def _quoted(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"')
+
+
+_Quoting.add_representer(str, _quoted)
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_read_or_refused_with_a_place_in_it(text: str) -> None:
+    try:
+        read(text)
+    except InvalidScenario as error:
+        lines = re.split("\r\n|[\r\n\x85\u2028\u2029]", text)
+        for found in error.problems:
+            line, column = found.location.line, found.location.column
+            assert line is not None
+            assert column is not None
+            assert 1 <= line <= len(lines)
+            assert 1 <= column <= len(lines[line - 1]) + 1

@@ -1,0 +1,246 @@
+"""Mesh files that are refused: by which rule, in what words, and that nothing else can happen."""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+from pathlib import Path
+
+import pytest
+
+from sim_action.meshes import MAX_TRIANGLES, MeshError, read_mesh
+from tests.mesh_files import (
+    CORNERS,
+    POLYLIST,
+    SHOWN,
+    SIDES,
+    SURFACE,
+    ascii_stl,
+    dae,
+    obj,
+    stl,
+)
+
+
+def refusal(folder: Path, name: str, data: bytes) -> MeshError:
+    with pytest.raises(MeshError) as raised:
+        read_mesh(written(folder, name, data))
+    return raised.value
+
+
+def written(folder: Path, name: str, data: bytes) -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+BAD: dict[str, tuple[str, bytes, str, str]] = {
+    "nothing": ("a.stl", b"", "broken-mesh", "0 bytes"),
+    "a word": ("a.stl", b"hello", "broken-mesh", "5 bytes that do not begin with 'solid'"),
+    "garbage": ("a.stl", bytes(range(256)), "broken-mesh", "is no STL, or was cut off"),
+    "cut off": ("a.stl", stl()[:-30], "broken-mesh", "says 12 triangles, which take 684 bytes, and it has 654"),
+    "too long": ("a.stl", stl() + b"xx", "broken-mesh", "which take 684 bytes, and it has 686"),
+    "solid cut off": ("a.stl", stl(header=b"solid\n")[:-30], "broken-mesh", "take 684 bytes, and it has 654"),
+    "no triangle": ("a.stl", stl(faces=[]), "empty-mesh", "there is no triangle in it"),
+    "not a number": ("a.stl", stl([(math.nan, 0, 0), *CORNERS[1:]]), "broken-mesh", "a coordinate that is not finite"),
+    "infinite": ("a.stl", stl([(math.inf, 0, 0), *CORNERS[1:]]), "broken-mesh", "a coordinate that is not finite"),
+    "far": ("a.stl", stl([(3e38, 0, 0), *CORNERS[1:]]), "broken-mesh", "beyond 1e+09"),
+    "lines": ("a.stl", stl(faces=[(0, 0, 1), (2, 3, 2)]), "empty-mesh", "none of its triangles has an area"),
+    "ASCII cut off": ("a.stl", ascii_stl()[:-30], "broken-mesh", "line 79: expected a whole facet or 'endsolid'"),
+    "ASCII not ended": (
+        "a.stl",
+        ascii_stl().split(b"endsolid")[0],
+        "broken-mesh",
+        "found nothing: was the file cut off",
+    ),
+    "ASCII and more": ("a.stl", ascii_stl() + b"more\n", "broken-mesh", "line 87: expected 'solid' or the end of"),
+    "ASCII two vertices": (
+        "a.stl",
+        ascii_stl().replace(b"vertex", b"corner", 1),
+        "broken-mesh",
+        "line 2: expected a w",
+    ),
+    "ASCII word": ("a.stl", ascii_stl().replace(b"-0.3", b"low", 1), "broken-mesh", "line 4: a facet with a vertex"),
+    "ASCII nan": ("a.stl", ascii_stl().replace(b"-0.3", b"nan", 1), "broken-mesh", "line 4: a facet with a vertex"),
+    "ASCII far": ("a.stl", ascii_stl().replace(b"-0.3", b"1e10", 1), "broken-mesh", "beyond 1e+09"),
+    "ASCII empty": ("a.stl", b"solid a\nendsolid a\n", "empty-mesh", "there is no triangle"),
+    "OBJ empty": ("a.obj", b"", "empty-mesh", "there is no triangle"),
+    "OBJ points": ("a.obj", obj(faces=()), "empty-mesh", "there is no triangle"),
+    "OBJ binary": ("a.obj", stl(), "broken-mesh", "NULs"),
+    "OBJ beyond": (
+        "a.obj",
+        obj(faces=[*SIDES, (0, 1, 8)]),
+        "mesh-index",
+        "line 15: a face names point 9, and there are 8",
+    ),
+    "OBJ far beyond": (
+        "a.obj",
+        obj(faces=[(0, 1, 99_999_999)]),
+        "mesh-index",
+        "line 9: a face names point 100,000,000",
+    ),
+    "OBJ zero": (
+        "a.obj",
+        obj(faces=[(0, 1, -1)]),
+        "mesh-index",
+        "line 9: a face names point 0, and points count from 1",
+    ),
+    "OBJ before": ("a.obj", obj() + b"f -1 -2 -9\n", "mesh-index", "line 21: a face names point -9, and there are 8"),
+    "OBJ no point": ("a.obj", b"f 1 2 3\n", "mesh-index", "line 1: a face names point 3, and there are 0"),
+    "OBJ half": ("a.obj", obj() + b"f 1 2.5 3\n", "broken-mesh", "line 21: 'f 1 2.5 3': a corner is a whole number"),
+    "OBJ short": ("a.obj", b"v 1 2\n", "broken-mesh", "line 1: 'v 1 2': a point is three finite numbers"),
+    "OBJ word": ("a.obj", b"# box\nv 1 2 z\n", "broken-mesh", "line 2: 'v 1 2 z': a point is three finite numbers"),
+    "OBJ nan": ("a.obj", b"v 1 2 nan\n", "broken-mesh", "line 1: 'v 1 2 nan'"),
+    "OBJ infinite": ("a.obj", b"v 1 2 1e999\n", "broken-mesh", "line 1: 'v 1 2 1e999'"),
+    "OBJ goes on": ("a.obj", obj() + b"f 1 2 \\\n", "broken-mesh", "goes on nowhere"),
+    "OBJ edges": ("a.obj", obj(faces=[(0, 1), (2, 3)]), "empty-mesh", "there is no triangle"),
+    "DAE text": ("a.dae", b"hello", "broken-mesh", "line 1: is not well-formed XML: syntax error"),
+    "DAE cut off": ("a.dae", dae()[:400], "broken-mesh", "is not well-formed XML: unclosed token"),
+    "DAE other": ("a.dae", b"<robot/>", "broken-mesh", "line 1: is no COLLADA: it begins with <robot>"),
+    "DAE doctype": ("a.dae", dae().replace(b"<COLL", b"<!DOCTYPE a>\n<COLL"), "broken-mesh", "line 2: a DOCTYPE"),
+    "DAE encoding": ("a.dae", dae().replace(b"utf-8", b"klingon"), "broken-mesh", "line 1: "),
+    "DAE beyond": (
+        "a.dae",
+        dae(SURFACE.format("0 1 8")),
+        "mesh-index",
+        "line 10: <triangles>: names point 8, counted from 0",
+    ),
+    "DAE negative": ("a.dae", dae(SURFACE.format("0 1 -1")), "mesh-index", "line 10: <p>: expected whole numbers"),
+    "DAE half": ("a.dae", dae(SURFACE.format("0 1 2.5")), "mesh-index", "line 10: <p>: expected whole numbers"),
+    "DAE word": ("a.dae", dae(SURFACE.format("0 1 two")), "broken-mesh", "line 10: <p>: expected numbers"),
+    "DAE odd": ("a.dae", dae(SURFACE.format("0 1 2 3")), "broken-mesh", "line 10: <triangles>: its <p> do not hold 1"),
+    "DAE counts": ("a.dae", dae(POLYLIST.format("0 0").replace(">4 4", ">2000000000")), "broken-mesh", "do not hold 2"),
+    "DAE empty": ("a.dae", dae(SURFACE.format("")), "empty-mesh", "there is no triangle"),
+    "DAE not shown": ("a.dae", dae(node=""), "empty-mesh", "there is no triangle"),
+    "DAE nan": ("a.dae", dae().replace(b"-0.3", b"nan", 1), "broken-mesh", "a coordinate that is not finite"),
+    "DAE far": ("a.dae", dae(node="<scale>1e300 1 1</scale>" * 2 + SHOWN), "broken-mesh", "not finite"),
+    "DAE unit": (
+        "a.dae",
+        dae(asset='<unit meter="0"/>'),
+        "broken-mesh",
+        "line 3: <unit>: meter='0': expected a number g",
+    ),
+    "DAE unit word": ("a.dae", dae(asset='<unit meter="cm"/>'), "broken-mesh", "meter='cm': expected a number greater"),
+    "DAE matrix": (
+        "a.dae",
+        dae(node="<matrix>1 0 0</matrix>"),
+        "broken-mesh",
+        "<matrix>: expected 16 numbers, found 3",
+    ),
+    "DAE skew": ("a.dae", dae(node="<skew>1 0 0 0 1 0 0</skew>"), "broken-mesh", "<skew>: is not read; bake it"),
+    "DAE skin": ("a.dae", dae(node='<instance_controller url="#x"/>'), "broken-mesh", "export the surface alone"),
+    "DAE elsewhere": (
+        "a.dae",
+        dae(node='<instance_geometry url="b.dae#box"/>'),
+        "broken-mesh",
+        "there is no <geometry>",
+    ),
+    "DAE unknown": (
+        "a.dae",
+        dae(node='<instance_geometry url="#x"/>'),
+        "broken-mesh",
+        "url='#x': there is no <geometry>",
+    ),
+    "DAE of itself": (
+        "a.dae",
+        dae(node='<instance_node url="#shown"/>'),
+        "broken-mesh",
+        "more than 100 nodes inside each",
+    ),
+    "DAE no source": ("a.dae", dae().replace(b"POSITION", b"NORMAL"), "broken-mesh", 'no <input semantic="POSITION">'),
+    "DAE no vertices": ("a.dae", dae().replace(b"VERTEX", b"COLOR"), "broken-mesh", 'no <input semantic="VERTEX">'),
+    "DAE stride": (
+        "a.dae",
+        dae().replace(b'stride="3"', b'stride="2"'),
+        "broken-mesh",
+        "a point has three coordinates",
+    ),
+    "DAE offset": (
+        "a.dae",
+        dae().replace(b'offset="0"', b'offset="-1"'),
+        "broken-mesh",
+        "expected a whole number from 0",
+    ),
+    "DAE offsets": ("a.dae", dae().replace(b'offset="0"', b'offset="9999"'), "broken-mesh", "more than 64 inputs"),
+    "PLY": (
+        "a.ply",
+        b"ply\n",
+        "unknown-mesh-format",
+        "'.ply' files are not read; convert it to one of .stl, .obj, .dae",
+    ),
+    "GLB": ("a.glb", b"glTF", "unknown-mesh-format", "'.glb' files are not read"),
+    "no name": ("mesh", stl(), "unknown-mesh-format", "'' files are not read"),
+    "LFS": ("a.stl", b"version https://git-lfs.github.com/spec/v1\n", "broken-mesh", "git lfs pull"),
+}
+
+
+@pytest.mark.parametrize(("name", "data", "rule", "message"), BAD.values(), ids=BAD)
+def test_what_is_wrong_is_said(name: str, data: bytes, rule: str, message: str, tmp_path: Path) -> None:
+    error = refusal(tmp_path, name, data)
+    assert error.rule == rule
+    assert message in str(error)
+    assert str(error) == (f"line {error.line}: {error.message}" if error.line else error.message)
+
+
+def test_a_mesh_that_is_not_there_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="is not there") as raised:
+        read_mesh(tmp_path / "a.stl")
+    assert raised.value.rule == "missing-mesh"
+
+
+def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.stl")
+    (tmp_path / "folder.stl").mkdir()
+    for name in ("pipe.stl", "folder.stl", "nul\0.stl"):
+        with pytest.raises(MeshError, match="cannot be read") as raised:
+            read_mesh(tmp_path / name)
+        assert raised.value.rule == "broken-mesh"
+
+
+HEADER = b" " * 80
+TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+LARGE: dict[str, tuple[str, bytes, str]] = {
+    "a million triangles": ("a.stl", HEADER + struct.pack("<I", 10**6) + bytes(50 * 10**6), "has 1,000,000 triangles"),
+    "ASCII solids": ("a.stl", b"solid\nendsolid\n" * 10_001, "10,001 parts"),
+    "OBJ triangles": ("a.obj", TRIANGLE + b"f 1 2 3\n" * (MAX_TRIANGLES + 1), "500,001 triangles"),
+    "OBJ one face": ("a.obj", TRIANGLE + b"f" + b" 1" * 499_000 + b"\nf" + b" 1" * 499_000, "997,996 triangles"),
+    "OBJ points": ("a.obj", b"v 0 0 0\n" * 1_500_001, "1,500,001 points"),
+    "OBJ objects": ("a.obj", TRIANGLE + b"o a\nf 1 2 3\n" * 10_001, "10,001 parts"),
+    "OBJ lines": ("a.obj", b"\n" * 5_000_001, "more than 5,000,000 lines"),
+    "OBJ one line": ("a.obj", b"v " + b"1" * 1_000_000, "line 1: a statement of more than 1,000,000 characters"),
+    "OBJ continued": ("a.obj", b"v" + b" 1 \\\n" * 1_000_002, "a statement of more than 1,000,000 characters"),
+    "DAE elements": ("a.dae", b"<COLLADA>" + b"<a/>" * 200_001, "more than 200,000 elements"),
+    "DAE attributes": ("a.dae", b"<COLLADA " + b'a="" ' * 1_000_001, "more than 1,000,000 attributes"),
+    "DAE triangles": ("a.dae", dae(SURFACE.format("0 1 2 " * (MAX_TRIANGLES + 1))), "500,001 triangles"),
+    "DAE instances": ("a.dae", dae(SURFACE.format("0 1 2 " * 100), SHOWN * 5_001), "500,100 triangles"),
+    "DAE parts": ("a.dae", dae(SURFACE.format("0 1 2"), SHOWN * 10_001), "10,001 parts"),
+    "DAE nodes": ("a.dae", dae(node=("<node><node/></node>" * 10_001)), "more than 20,000 nodes"),
+}
+
+
+@pytest.mark.parametrize(("name", "data", "message"), LARGE.values(), ids=LARGE)
+def test_what_is_too_large_is_refused_as_that(name: str, data: bytes, message: str, tmp_path: Path) -> None:
+    error = refusal(tmp_path, name, data)
+    assert error.rule == "too-large-mesh"
+    assert message in str(error)
+
+
+def test_no_more_of_a_file_is_read_than_may_be(tmp_path: Path) -> None:
+    path = tmp_path / "a.stl"
+    path.touch()
+    os.truncate(path, 2**40)  # it takes no room on the disk, and would take it in memory
+    with pytest.raises(MeshError, match="has more than 60 MB"):
+        read_mesh(path)
+
+
+def test_nodes_that_use_each_other_do_not_multiply(tmp_path: Path) -> None:
+    nodes = "".join(f'<node id="n{n}">{f"""<instance_node url="#n{n + 1}"/>""" * 9}</node>' for n in range(20))
+    error = refusal(tmp_path, "a.dae", dae(node=f'{nodes}<node id="n20"/>'))
+    assert (error.rule, "20,000 nodes" in str(error)) == ("too-large-mesh", True)
+
+
+def test_nothing_deep_ends_the_process(tmp_path: Path) -> None:
+    error = refusal(tmp_path, "a.dae", b"<COLLADA>" + b"<a>" * 100_000)
+    assert (error.rule, str(error)) == ("broken-mesh", "line 1: more than 200 elements inside each other")

@@ -1,0 +1,217 @@
+"""Meshes rewritten for the engine: their points, and that whatever is read is rewritten or refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_action.core.geometry import Vector3
+from sim_action.meshes import MeshError, clean_mesh, read_mesh
+from sim_action.meshes.hulls import MAX_HULL_POINTS
+from tests.mesh_files import (
+    CORNERS,
+    GOOD,
+    L_FACES,
+    L_POINTS,
+    Face,
+    Point,
+    ball,
+    moved,
+    obj,
+    stl,
+    two_instances,
+    two_objects,
+    wheel,
+)
+
+Points = np.ndarray[tuple[int, int], np.dtype[np.float64]]
+
+
+def hulls(path: Path) -> list[Points]:
+    """The points that the faces of each object name, as an engine reads them."""
+    points: list[list[float]] = []
+    rows: list[list[int]] = []
+    for line in path.read_text("ascii").splitlines():
+        keyword, *words = line.split()
+        assert keyword in ("#", "o", "v", "f")
+        if keyword == "o":
+            rows.append([])
+        elif keyword == "v":
+            points.append([float(word) for word in words])
+        elif keyword == "f":
+            assert len(words) == 3
+            rows[-1] += [int(word) - 1 for word in words]
+    assert sorted({row for hull in rows for row in hull}) == list(range(len(points)))
+    return [np.array(points)[sorted(set(hull))] for hull in rows]
+
+
+def cleaned(folder: Path, name: str, data: bytes, scale: Vector3 = (1, 1, 1), margin: float = 0.0) -> list[Points]:
+    path = folder / name
+    path.write_bytes(data)
+    return hulls(clean_mesh(path, folder / "clean", scale, margin).path)
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_what_is_written_is_the_corners_of_the_box(name: str, tmp_path: Path) -> None:
+    (hull,) = cleaned(tmp_path, name, GOOD[name])
+    assert np.allclose(sorted(hull.tolist()), sorted(CORNERS), atol=1e-7)
+
+
+def test_each_body_is_an_object_of_its_own(tmp_path: Path) -> None:
+    for name, data in {"two.obj": two_objects(), "two.dae": two_instances()}.items():
+        found = sorted(sorted(hull.tolist()) for hull in cleaned(tmp_path, name, data))
+        assert np.allclose(found, [sorted(CORNERS), sorted(moved(CORNERS, 1))])
+
+
+@pytest.mark.parametrize("scale", [(2, 3, 4), (-1, 1, 1), (-0.001, 0.002, -0.003)])
+def test_the_scale_is_in_the_points(scale: Vector3, tmp_path: Path) -> None:
+    (hull,) = cleaned(tmp_path, "L.obj", obj(L_POINTS, L_FACES), scale)
+    expected = sorted([scale[0] * x, scale[1] * y, scale[2] * z] for x, y, z in L_POINTS)
+    assert np.allclose(sorted(hull.tolist()), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [(0, 1, 1), (1, math.nan, 1), (1, 1, math.inf), (1, 1, 1e30)])
+def test_a_scale_that_leaves_no_body_is_refused(scale: Vector3, tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match=r"is scaled by|reaches further than") as raised:
+        cleaned(tmp_path, "box.stl", stl(), scale)
+    assert raised.value.rule == "bad-shape"
+    assert [path.name for path in tmp_path.rglob("*")] == ["box.stl"]
+
+
+def test_a_box_is_drawn_in_by_the_margin(tmp_path: Path) -> None:
+    (hull,) = cleaned(tmp_path, "box.stl", stl(), (0.1, 0.1, 0.1), margin=0.001)
+    assert np.allclose(np.abs(hull), (0.009, 0.019, 0.029), atol=1e-8)
+
+
+def test_what_is_thinner_than_the_margin_keeps_a_thickness(tmp_path: Path) -> None:
+    (hull,) = cleaned(tmp_path, "box.stl", stl(), (0.001, 1, 1), margin=0.001)
+    assert np.allclose(np.abs(hull), (0.00001, 0.199, 0.299), atol=1e-7)
+
+
+DIRECTIONS = np.random.default_rng(7).normal(size=(2000, 3))
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize(
+    ("scale", "points", "faces"),
+    [
+        ((1, 1, 1), *ball(rings=100, spokes=200)),
+        ((1, 1, 20), *ball(rings=100, spokes=200)),
+        ((1, 1, 1), *wheel(0.1, 0.02, 900)),
+    ],
+    ids=["ball", "needle", "wheel"],
+)
+def test_a_fine_mesh_is_given_with_fewer_points(
+    scale: Vector3, points: list[Point], faces: list[Face], tmp_path: Path
+) -> None:
+    data = obj([(x * scale[0], y * scale[1], z * scale[2]) for x, y, z in points], faces)
+    (hull,) = cleaned(tmp_path, "fine.obj", data)
+    every = np.array(points) * scale
+    assert len(every) > MAX_HULL_POINTS >= len(hull)
+    assert len(hull) > 300
+    assert np.allclose(hull.min(axis=0), every.min(axis=0), atol=1e-8)
+    lost = (every @ DIRECTIONS.T).max(axis=0) - (hull @ DIRECTIONS.T).max(axis=0)
+    assert (lost <= 0.003 * np.linalg.norm(np.ptp(every, axis=0) * DIRECTIONS, axis=1)).all()
+    assert lost.min() > -1e-8
+
+
+def test_a_content_is_rewritten_once_wherever_it_is(tmp_path: Path) -> None:
+    (tmp_path / "a.stl").write_bytes(stl())
+    (tmp_path / "b.STL").write_bytes(stl())
+    first = clean_mesh(tmp_path / "a.stl", tmp_path / "clean")
+    before = first.path.stat()
+    again = clean_mesh(tmp_path / "b.STL", tmp_path / "clean")
+    assert again == first
+    assert again.facts == read_mesh(tmp_path / "a.stl")
+    assert again.path.stat().st_mtime_ns == before.st_mtime_ns
+    assert [path.name for path in (tmp_path / "clean").iterdir()] == [first.path.name]
+
+
+def test_what_differs_is_rewritten_apart(tmp_path: Path) -> None:
+    (tmp_path / "a.stl").write_bytes(stl())
+    (tmp_path / "b.stl").write_bytes(stl(points=moved(CORNERS, 1)))
+    folder = tmp_path / "clean"
+    paths = [
+        clean_mesh(tmp_path / "a.stl", folder).path,
+        clean_mesh(tmp_path / "b.stl", folder).path,
+        clean_mesh(tmp_path / "a.stl", folder, (2, 1, 1)).path,
+        clean_mesh(tmp_path / "a.stl", folder, margin=0.001).path,
+    ]
+    assert len(set(paths)) == 4
+
+
+@pytest.mark.parametrize("left", [b"", b"# facts: {", b"# facts: {}\n", b"\xff", b"# facts: [1]\n"])
+def test_what_a_killed_process_left_is_written_again(left: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.stl").write_bytes(stl())
+    first = clean_mesh(tmp_path / "a.stl", tmp_path / "clean")
+    whole = first.path.read_bytes()
+    first.path.write_bytes(left)
+    assert clean_mesh(tmp_path / "a.stl", tmp_path / "clean") == first
+    assert first.path.read_bytes() == whole
+
+
+def test_no_name_of_a_stranger_is_in_what_is_written(tmp_path: Path) -> None:
+    data = b"mtllib /etc/passwd\no ../../evil\nusemtl x\n" + obj()
+    (tmp_path / "a.obj").write_bytes(data)
+    written = clean_mesh(tmp_path / "a.obj", tmp_path / "clean").path.read_text()
+    comment, *statements = written.splitlines()
+    assert json.loads(comment.removeprefix("# facts: "))["format"] == "obj"
+    assert statements[0] == "o hull_0"
+    assert {line[0] for line in statements[1:]} == {"v", "f"}
+    # The engine reads lines in pieces of 1,024 characters.
+    assert max(map(len, written.splitlines())) < 1000
+
+
+@st.composite
+def mutations(draw: st.DrawFn) -> tuple[str, bytes]:
+    """A good file with some bytes cut, repeated, or written over."""
+    name = draw(st.sampled_from(sorted(GOOD)))
+    data = bytearray(GOOD[name])
+    for _ in range(draw(st.integers(1, 4))):
+        start = draw(st.integers(0, len(data)))
+        end = draw(st.integers(start, min(len(data), start + 40)))
+        pieces = (st.just(b""), st.just(bytes(data[start:end]) * 3), st.binary(max_size=8), st.sampled_from(NASTY))
+        data[start:end] = draw(st.one_of(*pieces))
+    return draw(st.sampled_from([name, name, name, "a.stl", "a.obj", "a.dae"])), bytes(data)
+
+
+NASTY = [
+    b"nan",
+    b"-1",
+    b"1e999",
+    b"99999999999",
+    b"\xff\xff\xff\x7f",
+    b"<",
+    b"/",
+    b"\n",
+    b"\\\n",
+    b"solid ",
+    b"f 1",
+    b"\0",
+]
+
+
+@settings(max_examples=1500)
+@given(mutations())
+def test_no_file_raises_anything_else(tmp_path_factory: pytest.TempPathFactory, mutation: tuple[str, bytes]) -> None:
+    folder = tmp_path_factory.getbasetemp() / "fuzzed"
+    folder.mkdir(exist_ok=True)
+    name, data = mutation
+    try:
+        found = cleaned(folder, name, data)
+        facts = read_mesh(folder / name)
+    except MeshError as error:
+        assert (error.rule in RULES, str(error).isprintable()) == (True, True)  # noqa: PT017 - or none is raised
+    else:
+        assert facts.triangles > 0
+        assert len(found) == facts.hulls
+        assert all(np.isfinite(hull).all() and len(hull) >= 3 for hull in found)
+
+
+RULES = {"broken-mesh", "empty-mesh", "mesh-index", "unknown-mesh-format", "too-large-mesh", "bad-shape"}

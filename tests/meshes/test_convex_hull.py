@@ -1,0 +1,56 @@
+"""Faces of hulls, and what hulls weigh."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.meshes.convex_hull import face_normals, furthest, hull_faces, mass_properties, spread_directions
+
+BOX = np.array([(x, y, z) for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 0.5)])
+
+
+def test_a_box_weighs_as_in_the_books() -> None:
+    found = mass_properties(BOX + 10)
+    assert found.centre_xyz == pytest.approx([11, 10.5, 10.25])
+    expected = np.diag([1 + 0.25, 4 + 0.25, 4 + 1]) / 12
+    assert found.inertia == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_tetrahedron_weighs_where_its_corners_have_their_mean() -> None:
+    corners = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    found = mass_properties(corners)
+    assert found.centre_xyz == pytest.approx([0.25] * 3)
+    # Of x^2 over it, the mean is 1/10.
+    assert np.diag(found.inertia) == pytest.approx([2 * (1 / 10 - 1 / 16)] * 3)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_no_point_is_before_a_face(seed: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(30, 3))
+    points -= points.mean(axis=0)
+    faces, normals = hull_faces(points), face_normals(points)
+    assert faces is not None
+    offsets = (points[faces[:, 0]] * normals).sum(axis=1)
+    assert (points @ normals.T <= offsets + 1e-5).all()
+
+
+def test_what_is_flat_has_no_faces() -> None:
+    assert hull_faces(np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]) - [0.5, 0.5, 0]) is None
+
+
+def test_directions_are_spread_evenly() -> None:
+    found = np.array(list(spread_directions(200)))
+    assert np.sqrt((found**2).sum(axis=1)) == pytest.approx(1.0)
+    assert found.mean(axis=0) == pytest.approx([0.0] * 3, abs=0.01)
+    nearest = np.sort(found @ found.T, axis=1)[:, -2]
+    assert np.arccos(nearest.clip(-1, 1)).min() > 0.5 * np.sqrt(4 * np.pi / 200)
+
+
+def test_the_outermost_points_of_what_is_long_are_those_of_all_sides() -> None:
+    corners = BOX * [100.0, 1.0, 1.0]
+    inside = corners.mean(axis=0) + np.linspace(-0.2, 0.2, 30)[:, None] * [100.0, 1.0, 0.5]
+    found = furthest(np.concatenate((inside, corners)), spread_directions(64))
+    assert found.tolist() == corners.tolist()

@@ -1,0 +1,68 @@
+"""Outcomes and results as runs leave them behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sim_action.core.location import Location
+from sim_action.core.verdict import Verdict
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import Document
+from sim_action.results.file import Results
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.scenario.sharding import Shard
+from sim_action.scenario.source import Source
+
+
+def outcome(
+    file: str,
+    *,
+    holds: bool = True,
+    wall_time: float = 1.0,
+    trace: str | None = None,
+    replay: str | None = None,
+    number: int | None = None,
+) -> Outcome:
+    """Of a scenario with one expectation."""
+    verdict = Verdict(holds, 1.5, 1.5, 0.0, "m", 2.0, "travelled 1.5 m")
+    expected = ExpectationOutcome(
+        name="travel", assertion="travel", severity="error", location=Location(file, 8, 5), verdict=verdict
+    )
+    return Outcome(
+        name=Path(file).name.partition(".")[0],
+        file=file,
+        number=number,
+        status="passed" if holds else "failed",
+        expectations=(expected,),
+        wall_time=wall_time,
+        trace=trace,
+        replay=replay,
+    )
+
+
+def source(file: str, number: int = 1, name: str | None = None, group: str | None = None) -> Source:
+    """As it is read out of a file."""
+    here = Workspace(Path(), Path())
+    return Source(Path(file), here, Document(file, {}), name or Path(file).name, group=group, number=number)
+
+
+def results(*outcomes: Outcome, shard: tuple[int, int, int] | None = None, wall_time: float = 1.0) -> Results:
+    """Of one call; `shard`: its index, count and total."""
+    part = Shard(index=shard[0], count=shard[1], total=shard[2]) if shard else None
+    return Results(
+        sim_action="0.1.0", python="3.11.7", platform="Linux", wall_time=wall_time, shard=part, outcomes=outcomes
+    )
+
+
+def stored(folder: Path, written: Results) -> Path:
+    """`results.json` in a folder, and an own text for each trace and replay below it."""
+    for kind in ("trace", "replay"):
+        (folder / f"{kind}s").mkdir(parents=True)
+        for made in written.outcomes:
+            if name := getattr(made, kind):
+                (folder / name).write_text(f"{kind} of {made.file}")
+    (folder / "recordings").mkdir()
+    for made in written.outcomes:
+        for name in made.recordings:
+            (folder / name).write_text(f"{name} of {made.file}")
+    return written.write(folder)

@@ -1,0 +1,164 @@
+"""The log of a run, read back by MCAP's own reader and decoder, and by rosbags."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from sim_action.core.workspace import Workspace
+from sim_action.recording.export.mcap_log import McapLog
+from sim_action.robot import load_model
+from sim_action.robot.spec import Robot
+from tests.recording.export.logs import read
+from tests.recording.export.runs import MOMENTS, TIME, run, sensing_run
+
+STAMPS = [round(time * 1e9) for time in TIME]
+
+
+def test_each_topic_has_its_type_and_its_times() -> None:
+    log = read(sensing_run())
+    told = {topic: (some[0].schema, len(some)) for topic, some in log.items()}
+    assert told == {
+        "/robot_description": ("std_msgs/msg/String", 1),
+        "/tf_static": ("tf2_msgs/msg/TFMessage", 1),
+        "/tf": ("tf2_msgs/msg/TFMessage", MOMENTS),
+        "/world": ("visualization_msgs/msg/MarkerArray", 1),
+        "/clock": ("rosgraph_msgs/msg/Clock", MOMENTS),
+        "/joint_states": ("sensor_msgs/msg/JointState", MOMENTS),
+        "/cmd_vel": ("geometry_msgs/msg/Twist", 2),
+        "/odom": ("nav_msgs/msg/Odometry", 5),
+        "/ground_truth/odom": ("nav_msgs/msg/Odometry", MOMENTS),
+        "/scan": ("sensor_msgs/msg/LaserScan", 5),
+        "/imu": ("sensor_msgs/msg/Imu", 5),
+        "/contacts": ("visualization_msgs/msg/MarkerArray", 1),
+    }
+    for topic in ("/tf", "/clock", "/joint_states", "/ground_truth/odom"):
+        assert [some.time for some in log[topic]] == STAMPS
+    assert [some.time for some in log["/cmd_vel"]] == [0, 100_000_000]
+
+
+def test_messages_lie_in_the_order_of_their_times() -> None:
+    file = io.BytesIO()
+    McapLog.write(sensing_run(), file)
+    file.seek(0)
+    times = [message.log_time for _, _, message in make_reader(file).iter_messages(log_time_order=False)]
+    assert all(one <= other for one, other in pairwise(times))
+
+
+def test_what_the_robot_did_is_in_its_messages() -> None:
+    log = read(run())
+    state = log["/joint_states"][10].message
+    assert list(state.name) == ["wheel_left_joint", "wheel_right_joint"]
+    assert list(state.position) == pytest.approx([-1.0, 0.0])
+    assert list(state.velocity) == [-3.0, 0.0]
+    clock = log["/clock"][10].message.clock
+    assert (clock.sec, clock.nanosec) == (0, 333_333_333)
+    twist = log["/cmd_vel"][1].message
+    assert (twist.linear.x, twist.angular.z) == (0.5, -2.0)
+
+
+def test_without_wheels_that_are_counted_odometry_is_the_truth_in_the_frame_of_the_base() -> None:
+    log = read(run())
+    assert "/ground_truth/odom" not in log
+    odometry = log["/odom"][10].message
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_footprint")
+    assert odometry.pose.pose.position.x == pytest.approx(TIME[10])
+    # It moves along the world's x, and has turned by 2 rad/s to the left.
+    turned = 2 * TIME[10]
+    assert odometry.twist.twist.linear.x == pytest.approx(math.cos(turned))
+    assert odometry.twist.twist.linear.y == pytest.approx(-math.sin(turned))
+    assert odometry.twist.twist.angular.z == pytest.approx(2.0)
+    assert list(odometry.pose.covariance) == [0.0] * 36
+
+
+def test_where_wheels_are_counted_odometry_is_what_they_tell() -> None:
+    log = read(sensing_run())
+    assert log["/odom"][-1].message.pose.pose.position.x == pytest.approx(0.44)
+    assert log["/ground_truth/odom"][12].message.pose.pose.position.x == pytest.approx(0.4)
+
+
+def test_sensors_tell_in_their_own_frames() -> None:
+    log = read(sensing_run())
+    scan = log["/scan"][0].message
+    assert scan.header.frame_id == "front"
+    assert list(scan.ranges) == [1.0, math.inf, -math.inf, 2.5]
+    assert scan.angle_min == pytest.approx(-math.pi)
+    assert scan.angle_increment == pytest.approx(math.pi / 2)
+    assert scan.angle_max == pytest.approx(math.pi / 2)
+    assert (scan.range_min, scan.range_max, scan.scan_time) == pytest.approx((0.1, 3.5, 0.1))
+    imu = log["/imu"][-1].message
+    assert imu.header.frame_id == "imu"
+    assert imu.linear_acceleration.z == pytest.approx(9.80665)
+    assert (imu.header.stamp.sec, imu.header.stamp.nanosec) == (0, 400_000_000)
+
+
+def test_several_sensors_of_a_kind_have_topics_by_their_names() -> None:
+    made = sensing_run()
+    lidar = made.sensors[0]
+    twins = (replace(lidar, name="left side"), replace(lidar, name="1"))
+    records = {mounted.name: made.trace.sensors["front"] for mounted in twins}
+    log = read(replace(made, sensors=twins, trace=replace(made.trace, sensors=records)))
+    assert {"/left_side/scan", "/sensor_1/scan"} <= set(log)
+    assert log["/left_side/scan"][0].message.header.frame_id == "left side"
+
+
+def test_what_is_touched_is_marked_where_it_was_last_touched() -> None:
+    (told,) = read(run())["/contacts"]
+    assert told.time == STAMPS[10]
+    ball, wall = told.message.markers
+    assert [marker.ns for marker in (ball, wall)] == ["base_footprint / ball", "base_footprint / wall"]
+    assert (len(ball.points), len(wall.points)) == (1, 2), "at 0.31 s, and no more at 0.305 s"
+    assert (wall.points[0].x, wall.points[0].y, wall.points[0].z) == (1.0, 0.25, 0.1)
+    assert (wall.header.frame_id, wall.type, wall.action, wall.lifetime.sec) == ("map", 7, 0, 1)
+
+
+def test_who_touches_nothing_in_an_empty_world_has_no_markers() -> None:
+    made = run()
+    scene = replace(made.scene, world=made.scene.world.model_copy(update={"objects": ()}))
+    log = read(replace(made, scene=scene, trace=replace(made.trace, contacts=(), bodies={})))
+    assert {"/contacts", "/world"}.isdisjoint(log)
+
+
+def test_the_world_is_there_to_be_seen() -> None:
+    (told,) = read(run())["/world"]
+    wall, ball = told.message.markers
+    assert (wall.header.frame_id, wall.type, wall.scale.y) == ("wall", 1, 2.0)
+    assert (ball.header.frame_id, ball.type, ball.scale.z) == ("ball", 2, 0.2)
+    assert wall.frame_locked
+    assert wall.lifetime.sec == 0
+
+
+def test_the_description_of_the_robot_can_be_loaded(tmp_path: Path) -> None:
+    made = run()
+    (told,) = read(made)["/robot_description"]
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    weighed = told.message.data.replace("<visual>", f'<inertial><mass value="1"/>{inertia}</inertial><visual>')
+    (tmp_path / "told.urdf").write_text(weighed)
+    model = load_model(Robot(model="told.urdf"), Workspace(tmp_path, tmp_path))
+    ours = made.scene.model
+    assert [link.name for link in model.links] == [link.name for link in ours.links]
+    assert [(joint.name, joint.type, joint.origin) for joint in model.joints] == [
+        (joint.name, joint.type, joint.origin) for joint in ours.joints
+    ]
+    shapes = [(shape.kind, shape.upper_xyz) for link in model.links for shape in link.collisions]
+    assert shapes == [(shape.kind, shape.upper_xyz) for link in ours.links for shape in link.collisions]
+
+
+def test_rosbags_reads_every_message(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as file:
+        McapLog.write(sensing_run(), file)
+    types, topics = get_typestore(Stores.ROS2_HUMBLE), set[str]()
+    with Reader(path) as reader:
+        for connection, _, data in reader.messages():
+            types.deserialize_cdr(bytes(data), connection.msgtype)
+            topics.add(connection.topic)
+    assert len(topics) == 12

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from sim_action.recording.replay.columns import Column, FloatArray, fine_scale
+
+lengths = st.integers(1, 60)
+ordinary = st.floats(-1e6, 1e6)
+anything = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=ordinary)), st.sampled_from([1e-4, 1e-3, 1.0, 1 / 240]))
+def test_decoding_gives_back_what_was_encoded_to_half_a_step(values: FloatArray, scale: float) -> None:
+    column = Column.encoded(values, scale)
+
+    found = Column.model_validate_json(column.model_dump_json()).decoded(len(values))
+
+    assert np.abs(found - values).max() <= scale * 0.5 + 1e-9
+
+
+@given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=anything)))
+def test_what_is_not_finite_is_a_gap_and_nothing_else_is(values: FloatArray) -> None:
+    column = Column.encoded(values, 1e-3)
+
+    found = Column.model_validate_json(column.model_dump_json()).decoded(len(values))
+
+    assert (np.isfinite(found) == np.isfinite(values)).all()
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 5e-324])
+def test_what_is_beyond_everything_is_a_number(value: float) -> None:
+    column = Column.encoded(np.array([0.0, value]), 1e-3)
+
+    assert Column.model_validate_json(column.model_dump_json()).fits(2)
+    assert np.isfinite(column.decoded(2)).all()
+
+
+def test_what_never_changes_has_no_deltas() -> None:
+    column = Column.encoded(np.full(900, 0.25), 1e-3)
+
+    assert (column.first, column.deltas) == (250, ())
+    assert column.decoded(900).tolist() == [0.25] * 900
+
+
+def test_values_within_half_a_step_before_a_gap_are_kept_after_it() -> None:
+    values = np.array([np.nan, 1.0, np.nan, np.nan, 2.0])
+
+    column = Column.encoded(values, 0.5)
+
+    assert column.gaps == ((0, 1), (2, 2))
+    assert column.deltas == (0, 0, 0, 2)
+
+
+@given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=ordinary)))
+def test_a_fine_scale_tells_two_thousand_steps_apart(values: FloatArray) -> None:
+    span = float(np.ptp(values)) or float(np.abs(values).max())
+
+    assert not span > 1e-200 or span / fine_scale(values) >= 2_000 * (1 - 1e-9)
+
+
+def test_a_column_fits_its_own_number_of_moments_alone() -> None:
+    column = Column(scale=1.0, first=0, deltas=(1, 2), gaps=((1, 2),))
+
+    assert column.fits(3)
+    assert not column.fits(4)
+    assert not Column(scale=1.0, first=0, gaps=((1, 2),)).fits(2)

@@ -1,0 +1,289 @@
+"""Joining loses nothing, counts nothing twice, and says what is not there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
+from sim_action.results.file import Results
+from sim_action.results.outcome import Failure, Outcome
+from sim_action.results.reading import ResultsFile
+from sim_action.results.shards import Listing, joined
+from sim_action.scenario.sharding import Shard
+from tests.outcomes import outcome, results, source
+
+
+def files(*parts: Results) -> list[ResultsFile]:
+    """In the folders 1, 2, ..."""
+    return [ResultsFile(Path(str(place), "results.json"), part) for place, part in enumerate(parts, start=1)]
+
+
+def names(parts: list[ResultsFile], listing: Listing | None = None) -> list[str]:
+    return [entry.outcome.file or entry.outcome.name for entry in joined(parts, listing)]
+
+
+def listed(*names: str, empty: tuple[str, ...] = ()) -> Listing:
+    return Listing([source(name) for name in names], empty)
+
+
+def sharded(names: list[str], count: int, empty: tuple[str, ...] = ()) -> list[ResultsFile]:
+    """What `run --shard 1/count` and its siblings leave behind."""
+    total = len(names) + len(empty)
+    parts = []
+    for index in range(1, count + 1):
+        outcomes = [outcome(name) for name in Shard(index=index, count=count, total=total).dealt(names)]
+        outcomes += [Outcome.of_nothing(pattern) for pattern in empty if index == 1]
+        parts.append(results(*outcomes, shard=(index, count, total)))
+    return files(*parts)
+
+
+def refused(parts: list[ResultsFile]) -> str:
+    with pytest.raises(UsageError) as raised:
+        joined(parts, None)
+    assert str(raised.value).isprintable()
+    return str(raised.value)
+
+
+LISTS = st.lists(st.from_regex(r"[a-z]{1,3}(/[a-z]{1,3})?", fullmatch=True), max_size=20, unique=True)
+PATTERNS = st.lists(st.sampled_from(["nope*", "empty", "no/thing"]), unique=True)
+
+
+@given(names_of_run=LISTS, patterns=PATTERNS, count=st.integers(1, 8), data=st.data())
+def test_the_shards_of_a_list_become_that_list_again(
+    names_of_run: list[str], patterns: list[str], count: int, data: st.DataObject
+) -> None:
+    patterns = patterns if names_of_run else []
+    parts = data.draw(st.permutations(sharded(names_of_run, count, tuple(patterns))))
+    assert names(parts) == [*names_of_run, *patterns]
+    assert names(parts, listed(*names_of_run, empty=tuple(patterns))) == [*names_of_run, *patterns]
+
+
+@given(names_of_run=LISTS.filter(bool), count=st.integers(2, 8), data=st.data())
+def test_no_scenario_of_a_missing_shard_goes_unnoticed(
+    names_of_run: list[str], count: int, data: st.DataObject
+) -> None:
+    complete = sharded(names_of_run, count)
+    parts = data.draw(st.lists(st.sampled_from(complete), min_size=1, unique_by=id))
+    lost = [made.file for part in complete if part not in parts for made in part.results.outcomes]
+    by_shard = [entry.outcome for entry in joined(parts, None) if entry.origin is None]
+    absent = [part.results.shard.index for part in complete if part not in parts and part.results.shard]
+    assert [list(indices(made.name)) for made in by_shard] == ([absent] if lost else [])
+    by_name = [entry.outcome for entry in joined(parts, listed(*names_of_run)) if entry.origin is None]
+    assert sorted(made.file for made in by_name) == sorted(lost)
+    assert all(made.exit_code is ExitCode.INVALID for made in [*by_shard, *by_name])
+    assert names(parts, listed(*names_of_run)) == names_of_run
+
+
+def indices(name: str) -> Iterator[int]:
+    """Of shards, from how they are called, such as "shards 1-3, 5 of 9"."""
+    for part in name.removeprefix("shards").removeprefix("shard").partition(" of ")[0].split(","):
+        first, _, last = part.partition("-")
+        yield from range(int(first), int(last or first) + 1)
+
+
+def test_many_missing_shards_are_one_error() -> None:
+    lone = files(results(shard=(8, 9, 5)))
+    (entry,) = joined(lone, None)
+    (failure,) = entry.outcome.failures
+    assert entry.outcome.name == "shards 1-7, 9 of 9"
+    told = "shards 1-7, 9 of 9 have left no results; 5 of 5 scenarios have none; look at their jobs"
+    assert failure.message == told
+
+
+def test_a_missing_shard_says_how_much_is_lost() -> None:
+    parts = sharded(["a", "b", "c", "d", "e"], 3)
+    missing = joined([parts[0], parts[2]], None)[-1]
+    (failure,) = missing.outcome.failures
+    assert failure.message == "shard 2 of 3 has left no results; 2 of 5 scenarios have none; look at its job"
+    assert (missing.outcome.file, missing.outcome.location, failure.kind) == ("", None, "missing")
+
+
+def test_a_listing_that_does_not_name_all_that_is_lost_does_not_hide_the_missing_shard() -> None:
+    parts = sharded(["a", "b", "c", "d", "e"], 3)
+    assert names([parts[0], parts[2]], listed("a", "b")) == ["a", "b", "c", "d", "shard 2 of 3"]
+
+
+def test_results_that_are_not_of_shard_are_in_the_order_of_their_files() -> None:
+    parts = files(results(outcome("b/c"), outcome("b")), results(outcome("c"), outcome("a")))
+    assert names(parts) == ["a", "b", "b/c", "c"]
+    assert names(parts[:1]) == ["b/c", "b"], "of one run alone, its own order"
+
+
+def test_with_a_listing_they_are_in_its_order_and_what_is_not_in_it_comes_last() -> None:
+    parts = files(results(outcome("b/c"), outcome("b")), results(outcome("c"), outcome("a")))
+    assert names(parts, listed("c", "new", "b", "a")) == ["c", "new", "b", "a", "b/c"]
+
+
+def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already() -> None:
+    known = results(outcome("a"), Outcome.of_nothing("nope*"))
+    entries = joined(files(known), listed("a", empty=("nope*", "new*")))
+    assert [(entry.outcome.file, entry.origin is None) for entry in entries] == [
+        ("a", False),
+        ("nope*", False),
+        ("new*", True),
+    ]
+    assert entries[-1].outcome.exit_code is ExitCode.INVALID
+
+
+def test_if_no_shard_has_left_anything_all_that_is_listed_is_an_error_that_says_so() -> None:
+    entries = joined([], listed("b", "a", empty=("nope*",)))
+    assert [(entry.outcome.file, entry.outcome.status) for entry in entries] == [
+        ("b", "error"),
+        ("a", "error"),
+        ("nope*", "error"),
+    ]
+    assert [failure.message for failure in entries[0].outcome.failures] == [
+        "no shard has left any results; look at the jobs that were to run them"
+    ]
+
+
+def test_an_outcome_that_is_of_no_file_is_not_taken_for_the_current_folder() -> None:
+    lost = joined(sharded(["a", "b"], 2)[:1], None)[-1].outcome
+    entries = joined(files(results(outcome("a"), lost)), listed("a", empty=(".",)))
+    assert [entry.outcome.file for entry in entries] == ["a", ".", ""]
+
+
+SPELLINGS = [
+    *("sim dir/s 1.sim.yml", "sim dir/../sim dir/s 1.sim.yml", "./sim dir//s 1.sim.yml"),
+    str(Path.cwd() / "sim dir/s 1.sim.yml"),
+]
+
+
+@pytest.mark.parametrize("second", SPELLINGS)
+@pytest.mark.parametrize("first", SPELLINGS)
+def test_the_same_scenario_is_the_same_however_it_is_spelled(first: str, second: str) -> None:
+    told = refused(files(results(outcome(first)), results(outcome(second))))
+    assert told == f"both 1/results.json and 2/results.json have results of {second}; nothing is counted twice"
+    told = refused(files(results(outcome("a"), outcome(first), outcome(second))))
+    assert told == f"1/results.json has results of {second} twice; nothing is counted twice"
+    assert names(files(results(outcome(first))), listed(second)) == [first]
+
+
+def test_a_link_is_what_it_leads_to_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    parts = files(results(outcome("real/a")), results(outcome("link/a")))
+    assert names(parts) == ["link/a", "real/a"]
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    assert "both 1/results.json and 2/results.json" in refused(parts)
+
+
+@pytest.mark.parametrize("name", ["a\0b", "x" * 5000, "loop", "\ud800"])
+def test_a_name_that_no_file_can_have_is_but_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop").symlink_to("loop")
+    assert names(files(results(outcome(name), outcome("z"))), listed("z")) == ["z", name]
+
+
+def test_names_are_compared_as_paths() -> None:
+    parts = files(results(outcome("./a"), outcome("b//c")))
+    assert names(parts, listed("a", "b/c")) == ["./a", "b//c"]
+
+
+def test_the_same_scenario_in_two_results_is_refused() -> None:
+    told = refused(files(results(outcome("a"), outcome("b")), results(outcome("./b"))))
+    assert told == "both 1/results.json and 2/results.json have results of ./b; nothing is counted twice"
+
+
+def test_outcomes_that_are_of_no_file_are_not_the_same() -> None:
+    parts = sharded(["a", "b", "c"], 3)
+    missing = joined(parts[:1], None)[-1]
+    again = files(results(outcome("x"), missing.outcome), results(outcome("y"), missing.outcome))
+    assert len(joined(again, None)) == 4
+
+
+def test_shards_of_different_counts_are_refused() -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 3, 2))))
+    assert told == "1/results.json is shard 1 of 2, and 2/results.json is shard 2 of 3: they are not of one run"
+
+
+def test_the_same_shard_twice_is_refused() -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(1, 2, 2))))
+    assert told == "both 1/results.json and 2/results.json are shard 1 of 2"
+
+
+def test_shards_of_lists_of_different_lengths_are_refused() -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 2, 3))))
+    assert told == (
+        "the shards saw different lists: 1/results.json is shard 1 of 2 of 2 scenarios, "
+        "and 2/results.json is shard 2 of 2 of 3"
+    )
+
+
+@pytest.mark.parametrize("second", [["b"], ["b", "c", "d"]])
+def test_shards_that_do_not_add_up_are_refused(second: list[str]) -> None:
+    told = refused(files(results(outcome("a"), shard=(1, 2, 3)), results(*map(outcome, second), shard=(2, 2, 3))))
+    assert told == f"the shards saw different lists: each is of 3 scenarios, and they have {1 + len(second)}"
+
+
+def test_more_outcomes_than_the_list_had_are_refused_before_the_shards_are_complete() -> None:
+    assert "they have 2" in refused(files(results(outcome("a"), outcome("b"), shard=(1, 2, 1))))
+
+
+def spread(name: str, *numbers: int) -> list[Outcome]:
+    return [outcome(name, number=number) for number in numbers]
+
+
+def units(parts: list[ResultsFile], listing: Listing | None = None) -> list[tuple[str, int | None]]:
+    return [(entry.outcome.file, entry.outcome.number) for entry in joined(parts, listing)]
+
+
+@given(sizes=st.lists(st.integers(1, 5), max_size=6), count=st.integers(1, 5), data=st.data())
+def test_files_of_several_scenarios_become_what_they_were(sizes: list[int], count: int, data: st.DataObject) -> None:
+    every = [(f"f{place}", number) for place, size in enumerate(sizes) for number in range(1, size + 1)]
+    hands = [Shard(index=index, count=count, total=len(every)).dealt(every) for index in range(1, count + 1)]
+    by_shard = [
+        results(*(outcome(name, number=number) for name, number in hand), shard=(index, count, len(every)))
+        for index, hand in enumerate(hands, start=1)
+    ]
+    assert units(files(*data.draw(st.permutations(by_shard)))) == every
+    without = [part.model_copy(update={"shard": None}) for part in by_shard]
+    assert units(files(*data.draw(st.permutations(without)))) == every
+
+
+def test_scenarios_of_one_file_may_be_in_several_results_each_in_one() -> None:
+    parts = files(results(*spread("a", 1, 3), outcome("b")), results(*spread("a", 2)))
+    assert units(parts) == [("a", 1), ("a", 2), ("a", 3), ("b", None)]
+    told = refused(files(results(*spread("a", 1, 3)), results(*spread("./a", 3))))
+    assert told == "both 1/results.json and 2/results.json have results of 'a' in ./a; nothing is counted twice"
+    told = refused(files(results(*spread("a", 1, 1))))
+    assert told == "1/results.json has results of 'a' in a twice; nothing is counted twice"
+
+
+def test_runs_of_one_scenario_on_several_engines_are_dealt_as_one() -> None:
+    def runs(number: int) -> list[Outcome]:
+        made = outcome("a", number=number)
+        return [made.model_copy(update={"name": f"a {number} [{engine}]"}) for engine in ("mujoco", "pybullet")]
+
+    parts = files(results(*runs(1), *runs(3), shard=(1, 2, 3)), results(*runs(2), shard=(2, 2, 3)))
+    assert units(parts) == [("a", 1), ("a", 1), ("a", 2), ("a", 2), ("a", 3), ("a", 3)]
+
+
+def test_of_a_file_what_has_no_result_is_missing_by_its_own_name() -> None:
+    sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
+    listing = Listing([*sweep, source("a", 4, "stand")], [])
+    entries = joined(files(results(*spread("a", 2))), listing)
+    assert [(entry.outcome.name, entry.outcome.group, entry.origin is None) for entry in entries] == [
+        ("push[x=1]", "push", True),
+        ("a", None, False),
+        ("push[x=3]", "push", True),
+        ("stand", None, True),
+    ]
+
+
+def test_variations_that_cannot_be_run_are_told_by_the_first_and_not_missing() -> None:
+    sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
+    broken = Outcome.of_refused(replace(sweep[0], line=4).refused(InvalidScenario([])))
+    assert (broken.name, broken.number, broken.line) == ("push", 1, 4)
+    failure = Failure(kind="invalid", title="invalid scenario", message="no robot")
+    told = broken.model_copy(update={"failures": (failure,)})
+    assert [entry.origin is None for entry in joined(files(results(told)), Listing([*sweep, source("a", 4)], []))] == [
+        False,
+        True,
+    ]

@@ -1,0 +1,199 @@
+"""Every rule of the audit: what breaks it, on which line, and that a good model breaks none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import RefusedModel
+from sim_action.robot.audit import audit
+from sim_action.robot.audit.inertia import principal_moments
+from sim_action.robot.document import read_document
+from sim_action.robot.findings import ALLOWABLE, RULES
+from sim_action.robot.robot_model import Finding
+from sim_action.robot.urdf import read_urdf
+from tests.robot.bad_models import BAD_MODELS, GOOD, BadModel
+
+
+def findings(folder: Path, text: str) -> list[Finding]:
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    return audit(read_document(path))
+
+
+def test_a_good_model_has_no_findings(tmp_path: Path) -> None:
+    assert findings(tmp_path, GOOD) == []
+
+
+@pytest.mark.parametrize("material", ['<material name="">', "<material>"])
+def test_a_material_without_a_name_is_no_concern(material: str, tmp_path: Path) -> None:
+    # The URDF exporter of SolidWorks writes an empty name, always; what is to be seen is not simulated.
+    visual = f'<visual><geometry><box size="1 1 1"/></geometry>{material}<color rgba="1 0 0 1"/></material></visual>'
+    assert findings(tmp_path, GOOD.replace("</link>", f"{visual}</link>")) == []
+
+
+@pytest.mark.parametrize("bad", BAD_MODELS, ids=lambda bad: bad.name)
+def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(bad.text, encoding="utf-8")
+    if RULES[bad.rule].level == "warning":
+        (found,) = read_urdf(path).findings
+        assert (found.rule, found.location.line) == (bad.rule, bad.line)
+        return
+    with pytest.raises(RefusedModel) as refused:
+        read_urdf(path)
+    problem = refused.value.problems[0]
+    assert problem.message.endswith(f"[{bad.rule}]")
+    assert problem.location.line == bad.line
+    assert problem.message.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("leader", "follower", "mimic"),
+    [
+        ('lower="-1" upper="2"', 'lower="-1" upper="2"', ""),
+        ('lower="-1" upper="2"', 'lower="-1.0005" upper="1.9995"', ""),
+        ('lower="-1" upper="2"', 'lower="-4" upper="2"', 'multiplier="-2"'),
+        ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"', 'multiplier="9"'),
+        ('lower="-1e16" upper="1"', 'lower="-1" upper="1e16"', 'multiplier="-1"'),
+        ('upper="1"', 'upper="1"', ""),
+    ],
+)
+def test_a_follower_that_goes_as_far_as_its_leader_takes_it_is_left_alone(
+    leader: str, follower: str, mimic: str, tmp_path: Path
+) -> None:
+    hinge = '<joint name="j" type="revolute"><parent link="base"/><child link="spare"/>'
+    link = f'<link name="spare">{GOOD[GOOD.index("<inertial>") : GOOD.index("</inertial>")]}</inertial></link>'
+    more = f'{hinge}<limit {follower}/><mimic joint="shoulder" {mimic}/></joint>{link}</robot>'
+    assert findings(tmp_path, GOOD.replace('lower="-1" upper="2"', leader).replace("</robot>", more)) == []
+
+
+def test_both_zeros_of_a_limit_are_told_at_once_and_not_of_a_joint_that_is_held(tmp_path: Path) -> None:
+    text = GOOD.replace('effort="10" velocity="3"', 'effort="0" velocity="0"')
+    (found,) = findings(tmp_path, text)
+    assert "an effort of 0 and a velocity of 0" in found.message
+    assert findings(tmp_path, text.replace("revolute", "fixed")) == []
+
+
+def test_every_rule_has_a_model_that_breaks_it() -> None:
+    # What takes packages or xacro is in test_urdf.py and test_expansion.py.
+    elsewhere = {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
+    # What only SDF can do is in test_bad_sdf.py and test_sdf.py.
+    elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part"}
+    elsewhere |= {"default-inertia", "turned-base", "passed-over"}
+    # What takes mesh files is in test_meshes.py and test_references.py.
+    elsewhere |= {
+        "unknown-mesh-format",
+        "broken-mesh",
+        "empty-mesh",
+        "mesh-index",
+        "too-large-mesh",
+        "concave-mesh",
+        "flat-mesh",
+        "tiny-mesh",
+    }
+    assert {bad.rule for bad in BAD_MODELS} == set(RULES) - elsewhere
+
+
+@pytest.mark.parametrize("rule", sorted({*ALLOWABLE} - {"unsupported-part"}))
+def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, tmp_path: Path) -> None:
+    bad = next(bad for bad in BAD_MODELS if bad.rule == rule)
+    path = tmp_path / "robot.urdf"
+    path.write_text(bad.text, encoding="utf-8")
+    others = {"zero-mass": "massless-model", "massless-model": "zero-mass"}
+    model = read_urdf(path, allow=[rule, others.get(rule, rule)])
+    assert rule in {finding.rule for finding in model.findings}
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("1 1 1 1", "3 finite numbers, found 4"),
+        ("1, 2, 3", "3 finite numbers with spaces between them, not commas"),
+        ("1 2 1e999", "3 finite numbers of 1e+18 at most"),
+        ("1 2 -1E19", "3 finite numbers of 1e+18 at most"),
+        ("1 2 inf", "3 finite numbers"),
+        ("1 2 x", "3 finite numbers"),
+    ],
+)
+def test_what_is_wrong_with_numbers_is_said(text: str, wanted: str, tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace("1 2 3", text))
+    assert found.message == f'<origin xyz="{text}">: expected {wanted}'
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"'),
+        ('lower="-1" upper="2"', 'lower="-12.566" upper="12.566"'),
+        ('rpy="0 0 0"', 'rpy="0 -6.2832 6.2832"'),
+        ("</joint>", "<hardwareInterface/><joint_properties/></joint>"),
+        (
+            "</robot>",
+            '<loop_joint/><self_collide/><xacro:links xmlns:xacro="x"/><drake:joint xmlns:drake="y"/></robot>',
+        ),
+    ],
+)
+def test_what_is_rare_but_right_is_not_told(old: str, new: str, tmp_path: Path) -> None:
+    assert old in GOOD
+    assert findings(tmp_path, GOOD.replace(old, new)) == []
+
+
+def test_a_tag_that_is_nearly_right_is_named(tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace("<dynamics", "<dynamic"))
+    assert found.message == "<dynamic> in <joint> is read by nobody; did you mean <dynamics>?"
+
+
+def test_a_long_text_in_the_place_of_a_number_is_cut(tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace('value="2"', f'value="{"9" * 10_000}"'))
+    assert found.message == f'<mass value="{"9" * 100}...">: expected a finite number of 1e+18 at most'
+
+
+def test_what_hangs_on_an_unknown_link_is_no_loop(tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="bas"/>'))
+    assert found.rule == "unknown-link"
+    unknown = "joint 'shoulder' names the unknown link 'bas'"
+    assert found.message == f"{unknown}; did you mean 'base'? (allowed: base, upper)"
+
+
+def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace('mass value="2"', 'mass value="-2"').replace('radius="0.5"', 'radius="0"')
+    assert {finding.rule for finding in findings(tmp_path, text)} == {"negative-mass", "bad-shape"}
+
+
+@pytest.mark.parametrize(("others", "rules"), [("200", []), ("2", ["odd-inertia"])])
+def test_a_placeholder_is_told_where_it_counts(others: str, rules: list[str], tmp_path: Path) -> None:
+    # An IMU of 1 g has had nobody's care, and beside 200 kg it needs none.
+    inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    imu = f'<mass value="0.001"/>{inertia}</inertial><collision><geometry><box size="1e-2 1e-2 1e-2"/></geometry>'
+    text = GOOD.replace(f'<mass value="1"/>{inertia}</inertial>', f"{imu}</collision>")
+    assert text != GOOD
+    path = tmp_path / "robot.urdf"
+    path.write_text(text.replace('value="2"', f'value="{others}"'), encoding="utf-8")
+    assert [finding.rule for finding in read_urdf(path).findings] == rules
+
+
+@pytest.mark.parametrize(
+    ("moments", "principal"),
+    [
+        ((1, 0, 0, 2, 0, 3), (1, 2, 3)),
+        ((2, 0, 0, 2, 0, 2), (2, 2, 2)),
+        ((2, 1, 0, 2, 0, 5), (1, 3, 5)),
+        ((2, -1, 0, 2, 1, 2), (2 - 2**0.5, 2, 2 + 2**0.5)),
+        ((0, 0, 0, 0, 0, 0), (0, 0, 0)),
+    ],
+)
+def test_principal_moments_are_eigenvalues(
+    moments: tuple[float, ...], principal: tuple[float, float, float], tmp_path: Path
+) -> None:
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    element = next(read_document(_written(tmp_path)).elements("link/inertial/inertia"))
+    element.attrib.update({name: str(value) for name, value in zip(names, moments, strict=True)})
+    assert principal_moments(element) == pytest.approx(principal, abs=1e-12)
+
+
+def _written(folder: Path) -> Path:
+    path = folder / "good.urdf"
+    path.write_text(GOOD, encoding="utf-8")
+    return path

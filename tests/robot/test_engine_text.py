@@ -1,0 +1,127 @@
+"""The text that an engine gets: what Bullet's parser would misread is not in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from sim_action.robot.urdf import read_urdf
+from tests.robot.bad_models import GOOD
+
+LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
+
+
+def written(folder: Path, text: str, *allow: str) -> ET.Element:
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    return ET.fromstring(read_urdf(path, allow=allow).urdf)
+
+
+def part(root: ET.Element, path: str) -> dict[str, str]:
+    element = root.find(path)
+    assert element is not None
+    return element.attrib
+
+
+def test_all_of_a_good_model_is_there(tmp_path: Path) -> None:
+    root = written(tmp_path, GOOD)
+    assert [link.attrib["name"] for link in root.findall("link")] == ["base", "upper"]
+    assert part(root, "link/inertial/origin") == {"xyz": "0.0 0.0 0.1"}
+    assert part(root, "link/collision/origin") == {"xyz": "1.0 2.0 3.0"}
+    assert part(root, "link/collision/geometry/sphere") == {"radius": "0.5"}
+    assert part(root, "joint") == {"name": "shoulder", "type": "revolute"}
+    assert part(root, "joint/origin") == {"xyz": "0.0 0.0 1.0", "rpy": "0.0 0.0 0.0"}
+    assert part(root, "joint/limit") == {"lower": "-1.0", "upper": "2.0", "effort": "10.0", "velocity": "3.0"}
+    assert part(root, "joint/dynamics") == {"damping": "0.1"}
+
+
+@pytest.mark.parametrize("spelling", ["1\t2\t3", " 1  2 3 ", "1&#10;2&#9;3", "+1 2. 3e0", "01 .2E1 3.0000"])
+def test_numbers_have_one_spelling(spelling: str, tmp_path: Path) -> None:
+    # Bullet takes spaces alone for what is between numbers.
+    assert part(written(tmp_path, GOOD.replace("1 2 3", spelling)), "link/collision/origin")["xyz"] == "1.0 2.0 3.0"
+
+
+@pytest.mark.parametrize(
+    ("limit", "lower", "upper"),
+    [('lower="-1"', "-1.0", "0.0"), ('upper="2"', "0.0", "2.0"), ('upper="0"', "0.0", "0.0")],
+)
+def test_a_limit_that_is_left_out_is_0(limit: str, lower: str, upper: str, tmp_path: Path) -> None:
+    # Bullet has -1 for an upper one, which is no limit at all.
+    root = written(tmp_path, GOOD.replace('lower="-1" upper="2"', limit))
+    assert (part(root, "joint/limit")["lower"], part(root, "joint/limit")["upper"]) == (lower, upper)
+
+
+@pytest.mark.parametrize("limit", ["", '<limit effort="10"/>'])
+def test_a_joint_that_was_let_go_without_limits_moves_without(limit: str, tmp_path: Path) -> None:
+    attributes = part(written(tmp_path, GOOD.replace(LIMIT, limit), "missing-limits"), "joint/limit")
+    assert not {"lower", "upper"} & attributes.keys()
+
+
+def test_a_joint_that_turns_for_ever_has_no_limits_of_position(tmp_path: Path) -> None:
+    root = written(tmp_path, GOOD.replace("revolute", "continuous"))
+    assert part(root, "joint/limit") == {"effort": "10.0", "velocity": "3.0"}
+
+
+@pytest.mark.parametrize(
+    ("axis", "direction"),
+    [
+        ('<axis xyz="0 0 2"/>', "0.0 0.0 1.0"),
+        ('<axis xyz="0 -3 4"/>', "0.0 -0.6 0.8"),
+        ('<axis xyz="0 1e-300 0"/>', "0.0 1.0 0.0"),
+        ("<axis/>", "1.0 0.0 0.0"),
+        ("", "1.0 0.0 0.0"),
+    ],
+)
+def test_an_axis_is_of_unit_length(axis: str, direction: str, tmp_path: Path) -> None:
+    # Bullet slides twice as far along an axis of length 2.
+    text = GOOD.replace("revolute", "prismatic").replace('<axis xyz="0 0 2"/>', axis)
+    assert part(written(tmp_path, text), "joint/axis")["xyz"] == direction
+
+
+def test_dynamics_that_say_nothing_are_left_out(tmp_path: Path) -> None:
+    # Bullet refuses the whole model.
+    assert written(tmp_path, GOOD.replace('<dynamics damping="0.1"/>', "<dynamics/>")).find("joint/dynamics") is None
+
+
+@pytest.mark.parametrize("name", ["", ' name=""', ' name="&#10;"', f' name="{"x" * 5000}"'])
+def test_the_engine_has_its_own_name_for_the_robot(name: str, tmp_path: Path) -> None:
+    assert written(tmp_path, GOOD.replace(' name="arm"', name)).attrib == {"name": "robot"}
+
+
+def test_bullets_scaling_of_an_inertia_is_in_it(tmp_path: Path) -> None:
+    contact = '<contact><inertia_scaling value="3"/><lateral_friction value="0.8"/><odd value="1"/></contact></link>'
+    root = written(tmp_path, GOOD.replace("</link>", contact, 1))
+    assert part(root, "link/inertial/inertia")["ixx"] == "3.0"
+    contacts = root.find("link/contact")
+    assert contacts is not None
+    assert [(child.tag, child.attrib) for child in contacts] == [("lateral_friction", {"value": "0.8"})]
+
+
+@pytest.mark.parametrize(
+    "stray",
+    [
+        '<link name="base"><inertial/></link>'.replace("link", "x:link"),
+        "<deformable name='d'/>",
+        "<self_collision_checking/>",
+        "<gazebo><link name='base'/></gazebo>",
+        "<!-- c --><?go?><![CDATA[<link/>]]>text",
+    ],
+)
+def test_what_is_no_urdf_is_left_out(stray: str, tmp_path: Path) -> None:
+    root = ET.tostring(written(tmp_path, GOOD))
+    for place in ("</robot>", "</link>", "</joint>"):
+        assert ET.tostring(written(tmp_path, GOOD.replace(place, stray + place))) == root
+
+
+def test_a_second_of_what_there_is_one_of_is_left_out(tmp_path: Path) -> None:
+    mass = '<mass value="2"/>'
+    root = written(tmp_path, GOOD.replace(mass, f'{mass}<mass value="7"/><origin xyz="9 9 9"/>', 1))
+    assert [mass.attrib["value"] for mass in root.iterfind("link/inertial/mass")] == ["2.0", "1.0"]
+    assert part(root, "link/inertial/origin") == {"xyz": "0.0 0.0 0.1"}
+
+
+def test_prefixes_that_nobody_declared_do_no_harm(tmp_path: Path) -> None:
+    root = written(tmp_path, GOOD.replace("<robot", '<robot xmlns:x="" y:z="1"'))
+    assert root.attrib == {"name": "robot"}

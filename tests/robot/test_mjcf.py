@@ -1,0 +1,175 @@
+"""Robots in MuJoCo's own format: what is read of them, and how what cannot be is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import ModelError
+from sim_action.core.workspace import Workspace
+from sim_action.robot import load_model
+from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.spec import Robot
+from tests.mesh_files import stl
+
+pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
+
+ROVER = """\
+<mujoco model="rover">
+  <compiler angle="degree"/>
+  <default>
+    <geom friction="0.8"/>
+    <default class="look"><geom contype="0" conaffinity="0" mass="0"/></default>
+  </default>
+  <asset><texture name="paint" type="2d" file="absent.png"/><material name="red" texture="paint"/></asset>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <geom type="plane" size="5 5 0.1" material="red"/>
+    <body name="chassis" pos="0 0 0.1">
+      <freejoint/>
+      <geom type="box" size="0.2 0.1 0.05" mass="4" material="red"/>
+      <geom class="look" type="sphere" size="0.5"/>
+      <geom name="caster" type="sphere" pos="-0.15 0 -0.05" size="0.05" mass="0.1" friction="0"/>
+      <body name="left_wheel" pos="0.1 0.15 0">
+        <joint name="left" axis="0 1 0" damping="0.01" armature="0.001"/>
+        <geom type="cylinder" size="0.1 0.005" euler="90 0 0" mass="0.5"/>
+      </body>
+      <body name="right_wheel" pos="0.1 -0.15 0">
+        <joint name="right" axis="0 1 0" damping="0.01" armature="0.001"/>
+        <geom type="cylinder" size="0.1 0.005" euler="90 0 0" mass="0.5"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <velocity joint="left" kv="10" forcerange="-3 3"/>
+    <motor joint="right" gear="2" forcerange="-4 5" ctrlrange="-1 1"/>
+  </actuator>
+  <sensor><jointpos joint="left"/></sensor>
+  <keyframe><key qpos="0 0 1 1 0 0 0 0 0"/></keyframe>
+</mujoco>
+"""
+
+ARM = """\
+<mujoco model="arm">
+  <worldbody>
+    <body name="base" pos="0 0 1">
+      <geom type="box" size="0.1 0.1 0.1"/>
+      <body name="upper" pos="0 0 0.1">
+        <joint name="shoulder" axis="0 0 1" range="-90 120" actuatorfrcrange="-20 20"/>
+        <joint name="lift" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.04"/>
+        <body name="hand" pos="0.5 0 0">
+          <geom type="sphere" size="0.06"/>
+          <body><joint type="slide" axis="0 1 0" range="0 0.1"/><geom size="0.02"/></body>
+          <body><joint name="other" type="slide" axis="0 -1 0" range="0 0.1"/><geom size="0.02"/></body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <equality><joint joint1="other" joint2="shoulder" polycoef="0.01 0.02 0 0 0"/></equality>
+</mujoco>
+"""
+
+
+def read(folder: Path, text: str) -> RobotModel:
+    (folder / "robot.xml").write_text(text, encoding="utf-8")
+    return load_model(Robot(model="robot.xml"), Workspace(folder, folder))
+
+
+def test_a_free_robot_is_read_as_it_is_written(tmp_path: Path) -> None:
+    model = read(tmp_path, ROVER)
+    assert (model.name, model.root, model.urdf) == ("rover", "chassis", "")
+    assert {link.name: link.mass for link in model.links} == {"chassis": 4.1, "left_wheel": 0.5, "right_wheel": 0.5}
+    middle = model.links_by_name["chassis"].centre_of_mass_xyz
+    assert middle == pytest.approx((-0.15 * 0.1 / 4.1, 0.0, -0.05 * 0.1 / 4.1))
+    left, right = model.moving_joints
+    assert (left.name, left.type, left.parent, left.child) == ("left", "continuous", "chassis", "left_wheel")
+    assert (left.axis_xyz, left.origin.position_xyz) == ((0, 1, 0), (0.1, 0.15, 0))
+    assert (left.max_effort, right.max_effort) == (3, 10)
+
+
+def test_what_is_only_looked_at_is_no_shape_and_needs_no_file(tmp_path: Path) -> None:
+    chassis, wheel, _ = read(tmp_path, ROVER).links
+    assert [shape.kind for shape in chassis.collisions] == ["box", "sphere"]
+    assert chassis.collisions[0].upper_xyz == pytest.approx((0.2, 0.1, 0.05))
+    assert wheel.collisions[0].radius == pytest.approx(0.1)
+    assert wheel.surface.friction == pytest.approx(0.8)
+
+
+def test_a_robot_without_a_free_joint_hangs_on_the_world(tmp_path: Path) -> None:
+    model = read(tmp_path, ARM)
+    assert model.root == "world"
+    joints = {joint.name: joint for joint in model.joints}
+    assert joints["base_joint"].origin.position_xyz == (0, 0, 1)
+    shoulder, lift, finger, other = model.moving_joints
+    assert (shoulder.lower, shoulder.upper) == pytest.approx((math.radians(-90), math.radians(120)), rel=1e-5)
+    assert (shoulder.max_effort, shoulder.child, lift.child, lift.type) == (20, "upper", "upper", "continuous")
+    assert (finger.name, finger.type, finger.lower, finger.upper) == ("joint_2", "prismatic", 0, 0.1)
+    assert other.mimic is not None
+    assert (other.mimic.joint, other.mimic.multiplier, other.mimic.offset) == ("shoulder", 0.02, 0.01)
+
+
+def test_included_files_and_meshes_become_part_of_the_text(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/box.stl").write_bytes(stl())
+    (tmp_path / "parts/assets.xml").write_text('<mujoco><asset><mesh name="box" file="box.stl"/></asset></mujoco>')
+    text = """<mujoco><include file="parts/assets.xml"/>
+      <worldbody><body><freejoint/><geom type="mesh" mesh="box" density="1000"/></body></worldbody></mujoco>"""
+    model = read(tmp_path, text)
+    assert model.mass == pytest.approx(1000 * 0.2 * 0.4 * 0.6, rel=1e-5)
+    assert "file=" not in model.mjcf
+    assert [shape.kind for link in model.links for shape in link.collisions] == ["mesh"]
+
+
+def test_meshes_are_found_below_the_folder_that_the_file_names(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/box.stl").write_bytes(stl())
+    text = """<mujoco><compiler meshdir="parts"/><asset><mesh file="box.stl" scale="2 1 1"/></asset>
+      <worldbody><body><freejoint/><geom type="mesh" mesh="box" density="1000"/></body></worldbody></mujoco>"""
+    assert read(tmp_path, text).mass == pytest.approx(2000 * 0.2 * 0.4 * 0.6, rel=1e-5)
+
+
+BODY = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "robot.xml:1: not well-formed XML"),
+        ("<mujoco/>", "a robot is one body with what hangs on it, this has 0 bodies in its world"),
+        (
+            f"<mujoco>{BODY}{BODY}</mujoco>",
+            "a robot is one body with what hangs on it, this has 2 bodies in its world",
+        ),
+        ("<mujoco>\n<worldbody><body typ='x'/></worldbody></mujoco>", "robot.xml:2: MuJoCo refuses it: XML Error"),
+        (
+            "<mujoco>\n<worldbody><body><freejoint/></body></worldbody></mujoco>",
+            "robot.xml:2: MuJoCo refuses it: Error: mass",
+        ),
+        (f"<mujoco>{BODY}</mujoco>".replace("'1'", "'1' friction='nan'"), "MuJoCo warns: XML contains a 'NaN'"),
+        (f"<mujoco>{BODY}\n<include file='absent.xml'/></mujoco>", "robot.xml:2: 'absent.xml' does not exist"),
+        (f"<mujoco>{BODY}<include file='robot.xml'/></mujoco>", "'robot.xml' includes itself"),
+        (f"<mujoco>{BODY}<include file='../out.xml'/></mujoco>", "is outside the workspace"),
+        (f"<mujoco>{BODY}<asset><mesh file='absent.stl'/></asset></mujoco>", "'absent.stl' does not exist"),
+        (f"<mujoco>{BODY}<asset><mesh file='../out.stl'/></asset></mujoco>", "is outside the workspace"),
+        (
+            f"<mujoco>{BODY}<asset><mesh file='robot.xml'/></asset></mujoco>",
+            "mesh 'robot.xml': '.xml' files are not read",
+        ),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_words(
+    text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for name in ("out.xml", "out.stl"):
+        (tmp_path / name).write_text("<mujoco/>")
+    with pytest.raises(ModelError) as refused:
+        read(folder, text)
+    assert message in str(refused.value)
+    assert str(refused.value).isprintable()
+    assert [path.name for path in folder.iterdir()] == ["robot.xml"]

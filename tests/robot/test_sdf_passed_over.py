@@ -1,0 +1,121 @@
+"""What SDF says and is not simulated is said; what says nothing is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.robot.sdf_models import INERTIAL, joint, link, load, rules, sdf
+from tests.ros_workspace import written
+
+GEOMETRY = "<geometry><sphere><radius>0.1</radius></sphere></geometry>"
+
+
+def collision(inside: str) -> str:
+    surface = f"<surface>{inside}</surface>"
+    return sdf(f'<link name="a">{INERTIAL}\n<collision name="c">{surface}{GEOMETRY}</collision></link>')
+
+
+@pytest.mark.parametrize(
+    ("odd", "usual"),
+    [
+        ("<gravity>false</gravity>", "<gravity>true</gravity>"),
+        ("<kinematic>1</kinematic>", "<kinematic>0</kinematic>"),
+        ("<self_collide>true</self_collide>", "<self_collide>false</self_collide>"),
+        ("<enable_wind>true</enable_wind>", "<enable_wind>0</enable_wind>"),
+        (
+            "<velocity_decay><linear>0.1</linear></velocity_decay>",
+            "<velocity_decay><linear>0</linear></velocity_decay>",
+        ),
+        ("<velocity_decay><angular>1</angular></velocity_decay>", "<velocity_decay/>"),
+    ],
+)
+def test_what_a_link_is_and_is_not_simulated_as(odd: str, usual: str, tmp_path: Path) -> None:
+    assert rules(load(tmp_path, sdf(link("a", odd)))) == ["passed-over"]
+    assert rules(load(tmp_path, sdf(link("a", usual)))) == []
+
+
+@pytest.mark.parametrize(
+    ("odd", "usual"),
+    [
+        ("<bounce><restitution_coefficient>0.9</restitution_coefficient></bounce>", "<bounce/>"),
+        (
+            "<friction><torsional><coefficient>1</coefficient></torsional></friction>",
+            "<friction/>",
+        ),
+        ("<friction><ode><slip1>0.1</slip1></ode></friction>", "<friction><ode><slip1>0</slip1></ode></friction>"),
+        ("<friction><ode><slip2>0.1</slip2></ode></friction>", "<friction><ode><slip2>0</slip2></ode></friction>"),
+        (
+            "<friction><bullet><rolling_friction>1</rolling_friction></bullet></friction>",
+            "<friction><bullet><rolling_friction>0</rolling_friction></bullet></friction>",
+        ),
+        (
+            "<friction><bullet><friction>0.2</friction></bullet></friction>",
+            "<friction><ode><mu>0.2</mu></ode><bullet><friction>0.2</friction></bullet></friction>",
+        ),
+        ("<soft_contact/>", "<contact><ode><min_depth>0.01</min_depth></ode></contact>"),
+    ],
+)
+def test_how_a_collision_touches_and_is_not_simulated_to(odd: str, usual: str, tmp_path: Path) -> None:
+    (finding,) = load(tmp_path, collision(odd)).findings
+    assert (finding.rule, finding.location.line) == ("passed-over", 4)
+    assert "collision 'c' of link 'a'" in finding.message
+    assert load(tmp_path, collision(usual)).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("odd", "usual"),
+    [
+        ("<limit><stiffness>10</stiffness></limit>", "<limit><stiffness>1e8</stiffness></limit>"),
+        ("<limit><dissipation>2</dissipation></limit>", "<limit><dissipation>1</dissipation></limit>"),
+        ("<dynamics><spring_stiffness>2</spring_stiffness></dynamics>", "<dynamics/>"),
+        (
+            "<dynamics><spring_reference>2</spring_reference></dynamics>",
+            "<dynamics><spring_reference>0</spring_reference></dynamics>",
+        ),
+    ],
+)
+def test_how_a_joint_moves_and_is_not_simulated_to(odd: str, usual: str, tmp_path: Path) -> None:
+    def found(inside: str) -> list[str]:
+        axis = f"<axis><xyz>0 0 1</xyz>{inside}</axis>"
+        return rules(load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", axis, "continuous"))))
+
+    assert (found(odd), found(usual)) == (["passed-over"], [])
+
+
+def test_wind_and_touching_itself_are_passed_over_for_a_model(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<enable_wind>1</enable_wind>", "<self_collide>1</self_collide>", link("a")))
+    assert sorted(finding.location.line or 0 for finding in model.findings) == [3, 4]
+
+
+def test_water_that_moves_along_is_passed_over(tmp_path: Path) -> None:
+    wet = link("a").replace("</inertial>", "<fluid_added_mass><xx>1</xx></fluid_added_mass></inertial>")
+    assert rules(load(tmp_path, sdf(wet))) == ["passed-over"]
+
+
+@pytest.mark.parametrize(
+    ("contact", "is_odd"),
+    [
+        ("<collide_without_contact>true</collide_without_contact>", True),
+        ("<collide_without_contact>false</collide_without_contact>", False),
+        ("<collide_bitmask>0</collide_bitmask>", True),
+        ("<collide_bitmask>0x00</collide_bitmask>", True),
+        ("<collide_bitmask>0x10000</collide_bitmask>", True),
+        ("<collide_bitmask>0</collide_bitmask><category_bitmask>1</category_bitmask>", False),
+        ("<collide_bitmask>0x02</collide_bitmask>", False),
+        ("<collide_bitmask>65535</collide_bitmask>", False),
+        ("<category_bitmask>0</category_bitmask>", False),
+    ],
+)
+def test_a_collision_that_nothing_touches_is_refused(contact: str, is_odd: bool, tmp_path: Path) -> None:
+    model = load(tmp_path, collision(f"<contact>{contact}</contact>"), allow=("unsupported-part",))
+    assert rules(model) == ["unsupported-part"] * is_odd
+
+
+def test_changes_to_what_is_included_are_refused(tmp_path: Path) -> None:
+    written(tmp_path / "arm.sdf", sdf(link("a")))
+    changes = '\n<experimental:params><link element_id="a" action="remove"/></experimental:params>'
+    model = load(tmp_path, sdf(f"<include><uri>arm.sdf</uri>{changes}</include>"), allow=("unsupported-part",))
+    assert rules(model) == ["unsupported-part"]
+    assert model.findings[0].location.line == 4

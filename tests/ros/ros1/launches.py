@@ -1,0 +1,78 @@
+"""Launches on real ROS, with what each simulation has told; packages as people write them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import UsageError
+from sim_action.core.interruption import Interruption
+from sim_action.ros.ros1.exchange import NodeRun
+from sim_action.ros.ros1.findings import Findings
+from sim_action.ros.ros1.installation import Ros, find_ros
+from sim_action.ros.ros1.launching import Call
+from sim_action.ros.ros1.overlay import build_overlay
+from sim_action.ros.ros1.request import RosRequest
+from tests.ros_workspace import ros_package, written
+
+ROOT = Path(__file__).parents[3]
+EXAMPLES = ROOT / "examples/ros1"
+
+
+@cache
+def missing_ros() -> str:
+    """Why nodes cannot run here; empty if they can."""
+    if sys.platform != "linux":
+        return "nodes are watched by Linux's /proc"
+    try:
+        find_ros()
+    except UsageError as error:
+        return str(error)
+    return ""
+
+
+needs_ros = pytest.mark.skipif(bool(missing_ros()), reason=missing_ros())
+
+
+def ros() -> Ros:
+    return find_ros()
+
+
+def package(workspace: Path, name: str, files: Mapping[str, str]) -> Path:
+    """A catkin package, below the src of a workspace; programs can be run."""
+    folder = ros_package(workspace / "src" / name)
+    for path, text in files.items():
+        if written(folder / path, text).suffix == ".py":
+            (folder / path).chmod(0o755)
+    return folder
+
+
+def launched(folder: Path, request: RosRequest) -> Findings:
+    """What there is of a launch when it is over; `folder`: an empty one."""
+    overlay_folder, call = folder / "overlay", folder / "call"
+    overlay_folder.mkdir(parents=True)
+    call.mkdir()
+    overlay = build_overlay(overlay_folder, ros(), request.workspace.resolve())
+    made = Call(request, ros(), overlay, call)
+    with Interruption() as interruption:
+        return made.launched(made.file(), interruption)
+
+
+def told(findings: Findings) -> NodeRun:
+    """By the one simulation that there was."""
+    (run,) = findings.runs
+    assert run.told is not None, findings.text
+    return run.told
+
+
+def rostest(folder: Path, workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """As it is typed in an empty folder."""
+    command = [sys.executable, "-m", "sim_action", "rostest", "--workspace", str(workspace), *words]
+    variables = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env=variables)

@@ -1,0 +1,52 @@
+"""Robots that planar_move and ros_control move, on real ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sim_action.ros.ros1.request import RosRequest
+from tests.ros.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
+from tests.ros.ros1.launches import launched, needs_ros, package, told
+from tests.ros.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST
+
+pytestmark = needs_ros
+
+
+def test_planar_move_and_controllers(tmp_path: Path) -> None:
+    files = {"machine.urdf": MACHINE, "machine.test": MACHINE_LAUNCH, "test_machine.py": MACHINE_TEST}
+    package(tmp_path / "ws", "machine", files)
+
+    found = launched(tmp_path / "run", RosRequest("rostest", "machine", "machine.test", workspace=tmp_path / "ws"))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    assert len(test.methods.cases) == 5
+    run = told(found)
+    assert run.in_step
+    notes = "\n".join(run.notes)
+    assert "the plugin smoke_machine of the robot is not known here" in notes
+    assert "'grip' is of the type position_controllers/GripperActionController, which is not known here" in notes
+    assert "joint 'spin' has hardware_interface/VelocityJointInterface, and the controller needs" in notes
+    assert "'/m/disc_speed': a servo of the engine" in notes
+    assert "planar move, kinematic" in notes
+
+
+def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(tmp_path: Path) -> None:
+    files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
+    folder = package(tmp_path / "ws", "cart", files)
+
+    request = RosRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
+    found = launched(tmp_path / "run", request)
+    first, second = told(found), told(launched(tmp_path / "again", request))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    (raised,) = test.callbacks
+    assert (raised.node, raised.exception) == ("clumsy", "AttributeError: 'Point' object has no attribute 'nothing'")
+    assert raised.times > 1
+    assert raised.location is not None
+    assert (Path.cwd() / raised.location.file, raised.location.line) == ((folder / "clumsy.py").resolve(), 7)
+    assert first.digest == second.digest
+    assert first.messages == second.messages

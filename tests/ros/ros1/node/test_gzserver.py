@@ -1,0 +1,25 @@
+"""The node in Gazebo's place, asked by a node of real ROS: each topic, each service."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sim_action.ros.ros1.request import RosRequest
+from tests.ros.ros1.launches import launched, needs_ros, package, told
+from tests.ros.ros1.probe import PROBE, PROBE_TEST
+
+pytestmark = needs_ros
+
+
+def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
+    package(tmp_path / "ws", "probe", {"probe.py": PROBE, "probe.test": PROBE_TEST})
+
+    found = launched(tmp_path / "run", RosRequest("rostest", "probe", "probe.test", workspace=tmp_path / "ws"))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}
+    assert len(test.methods.cases) == 22
+    run = told(found)
+    assert run.end == "test over"
+    assert run.in_step

@@ -1,0 +1,57 @@
+"""A command that is run so that nothing of it is left."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="there is no keeper but on Linux")
+
+KEEPER = [sys.executable, "-m", "sim_action.runner.isolation.keeper"]
+LEAVES = "(setsid sh -c 'echo $$ > {file}; exec sleep 600' &) ; while [ ! -s {file} ]; do sleep 0.01; done; "
+
+
+def is_there(file: Path) -> bool:
+    try:
+        os.kill(int(file.read_text()), 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_it_ends_as_the_command_ends_and_ends_what_that_leaves(tmp_path: Path) -> None:
+    file = tmp_path / "left"
+    done = subprocess.run([*KEEPER, "sh", "-c", LEAVES.format(file=file) + "exit 7"], check=False)
+    assert done.returncode == 7
+    assert not is_there(file)
+
+
+def test_a_signal_of_the_command_is_its_own(tmp_path: Path) -> None:
+    assert subprocess.run([*KEEPER, "sh", "-c", "kill -SEGV $$"], check=False).returncode == -signal.SIGSEGV
+
+
+def test_told_to_end_it_ends_all(tmp_path: Path) -> None:
+    file, begun = tmp_path / "left", tmp_path / "begun"
+    keeper = subprocess.Popen([*KEEPER, "sh", "-c", LEAVES.format(file=file) + f"touch {begun}; sleep 600"])
+    while not begun.exists():
+        time.sleep(0.01)
+    keeper.terminate()
+    assert keeper.wait(60) == -signal.SIGTERM
+    assert not is_there(file)
+
+
+def test_the_command_hears_ctrl_c(tmp_path: Path) -> None:
+    told = subprocess.run([*KEEPER, "sh", "-c", "kill -INT $$; sleep 600"], check=False)
+    assert told.returncode == -signal.SIGINT
+
+
+def test_a_command_that_is_not_there_is_told() -> None:
+    done = subprocess.run([*KEEPER, "nowhere-to-be-found"], check=False, capture_output=True, text=True)
+    assert done.returncode == 127
+    assert done.stderr.startswith("nowhere-to-be-found: No such file")

@@ -1,0 +1,57 @@
+"""What a scenario's own process does: with a model that was read before it was born, nothing twice."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+from sim_action.results.outcome import Outcome
+from tests.robot.bad_models import GOOD
+
+ROOT: Final = Path(__file__).parents[2]
+SCENARIO: Final = "name: n\nrobot: {{model: {}, base: fixed}}\nexpect: [upright]\ntime_limit: 0.1 s\n"
+
+# Runs the scenario here, and prints how often its model is opened: while it is loaded, and while it runs.
+COUNT: Final = """
+import os, sys
+from pathlib import Path
+from sim_action.loading import load_scenario
+from sim_action.job import Job
+from sim_action.worker import run_job, turn_to
+
+opened = 0
+def count(event, arguments):
+    global opened
+    opened += event == "open" and str(arguments[0]).endswith(sys.argv[1])
+sys.addaudithook(count)
+here = Path.cwd()
+out = os.dup(1)
+loaded = load_scenario(Path("s.sim.yml"))
+before = opened
+job = Job(loaded, here / "trace.npz", here, here)
+turn_to(job)
+run_job(job, os.open(os.devnull, os.O_WRONLY))
+os.write(out, f"{before} {opened - before}".encode())
+"""
+
+
+def times_opened(folder: Path, model: str) -> tuple[int, int]:
+    (folder / model).write_text(GOOD)
+    (folder / "s.sim.yml").write_text(SCENARIO.format(model))
+    ran = subprocess.run(
+        [sys.executable, "-c", COUNT, model], cwd=folder, env={"PYTHONPATH": str(ROOT)}, capture_output=True, check=True
+    )
+    assert Outcome.model_validate_json((folder / "outcome.json").read_bytes()).status == "passed"
+    loading, running = map(int, ran.stdout.split())
+    return loading, running
+
+
+def test_a_model_that_was_checked_is_not_read_again(tmp_path: Path) -> None:
+    assert times_opened(tmp_path, "stated.urdf") == (1, 0)
+
+
+def test_xacro_is_expanded_once_where_it_runs(tmp_path: Path) -> None:
+    loading, running = times_opened(tmp_path, "stated.urdf.xacro")
+    assert (loading, running) == (1, 1)

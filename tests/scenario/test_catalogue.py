@@ -1,0 +1,27 @@
+from __future__ import annotations
+
+from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS
+from sim_action.scenario import catalogue
+
+
+def test_every_assertion_and_command_is_listed_with_a_sentence_and_its_fields() -> None:
+    entries = (*catalogue.assertions(), *catalogue.commands())
+    assert [entry.name for entry in entries] == [*ASSERTIONS, *COMMANDS]
+    assert all(entry.summary.endswith(".") and entry.fields for entry in entries)
+
+
+def test_fields_say_what_they_take_in_which_unit_and_by_default() -> None:
+    reach = next(entry for entry in catalogue.assertions() if entry.name == "reach")
+    fields = {field.name: field for field in reach.fields}
+    assert (fields["x"].takes, fields["x"].default) == ("length (m)", "required")
+    assert (fields["yaw_tolerance"].takes, fields["yaw_tolerance"].default) == ("angle (rad)", "5 deg")
+
+
+def test_nested_keys_and_lists_are_spelled_out() -> None:
+    twist = next(entry for entry in catalogue.commands() if entry.name == "twist")
+    assert twist.fields[0].takes == "list of {linear, lateral, angular, for}"
+
+
+def test_models_are_those_that_can_be_named() -> None:
+    assert [entry.name for entry in catalogue.models()] == ["turtlebot3_burger"]

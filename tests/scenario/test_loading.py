@@ -1,0 +1,290 @@
+"""From YAML to a scenario: what each key becomes, and that all problems are told at once, each at its place."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sim_action.assertions.joint import JointReading
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.travel import Travel
+from sim_action.assertions.upright import Upright
+from sim_action.commands.twist import TwistCommands
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.location import Location
+from sim_action.core.permissions import Permissions
+from sim_action.drives.diff import DiffDrive
+from sim_action.scenario.files import read_only_scenario
+from sim_action.scenario.loading import build_scene, load_all, load_scenario
+from sim_action.scenario.model import LoadedScenario
+from tests.scenarios import FULL, LEAST, load, told
+from tests.worlds import write_map
+
+
+def test_the_least_scenario_is_filled_with_defaults(tmp_path: Path) -> None:
+    loaded = load(tmp_path, LEAST)
+    scenario = loaded.scenario
+    assert (scenario.name, scenario.robot.model, scenario.time_limit) == (
+        "burger drives straight",
+        "turtlebot3_burger",
+        30.0,
+    )
+    (commands,) = scenario.commands
+    assert isinstance(commands, TwistCommands)
+    assert commands.rate == 10.0
+    (expected,) = scenario.expect
+    assert expected.assertion == Travel(at_least=1.5)
+    assert expected.name == "travel at least 1.5 m"
+    assert expected.location == Location(str(tmp_path / "s.sim.yml"), 9, 5)
+    assert (expected.after, expected.before, expected.severity) == (0.0, math.inf, "error")
+    assert scenario.physics.rate == 240.0
+
+
+def test_everything_spelled_out_is_read(tmp_path: Path) -> None:
+    scenario = load(tmp_path, FULL).scenario
+    assert scenario.robot.drive == DiffDrive(left=("wheel_left_joint",), right=("wheel_right_joint",))
+    assert [body.name for body in scenario.world.objects] == ["wall", "ball"]
+    assert scenario.world.objects[1].mass == 0.1
+    assert [type(expected.assertion) for expected in scenario.expect] == [Travel, NoCollision, Upright, JointReading]
+    travel, collision, upright, _ = scenario.expect
+    assert travel.before == 10.0
+    assert collision.location.line == 23
+    assert (upright.name, upright.after, upright.severity) == ("stays up", 1.0, "warning")
+    assert (scenario.duration, scenario.wall_seconds, scenario.trace_rate) == (5.0, 60.0, 20.0)
+
+
+def test_a_scene_has_its_model_read(tmp_path: Path) -> None:
+    assert build_scene(load(tmp_path, FULL)).model.root == "base_footprint"
+
+
+def test_a_suite_reads_a_model_once_and_hands_it_to_its_runs(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}.sim.yml" for number in range(3)]
+    for path in paths:
+        path.write_text(FULL)
+    found = load_all([read_only_scenario(path, Permissions()) for path in paths], Permissions())
+    loaded = [scenario for scenario in found if isinstance(scenario, LoadedScenario)]
+    first, *others = (scenario.model for scenario in loaded)
+    assert first is not None
+    assert len(others) == 2
+    assert all(model is first for model in others)
+    assert build_scene(loaded[0]).model is first
+
+
+def test_the_file_is_named_as_the_user_named_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load(tmp_path, LEAST)
+    monkeypatch.chdir(tmp_path)
+    loaded = load_scenario(Path("s.sim.yml"))
+    assert loaded.file == "s.sim.yml"
+    assert loaded.scenario.expect[0].location.file == "s.sim.yml"
+    assert loaded.workspace.directory == tmp_path
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\n"])
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_a_file_from_another_editor_is_the_same_scenario(end: str, mark: str, tmp_path: Path) -> None:
+    assert load(tmp_path, mark + FULL.replace("\n", end)) == load(tmp_path, FULL)
+
+
+@pytest.mark.parametrize(
+    "entry", ["no_collision", "no_collision:", "no_collision: {}", "{no_collision: }", "no_collision: {allow: []}"]
+)
+def test_an_assertion_without_keys_may_be_written_in_any_way(entry: str, tmp_path: Path) -> None:
+    text = LEAST.replace("travel: {at_least: 1.5 m}", entry)
+    assert load(tmp_path, text).scenario.expect[0].assertion == NoCollision()
+
+
+def test_no_commands_are_a_scenario_too(tmp_path: Path) -> None:
+    text = LEAST.replace("commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n", "")
+    assert load(tmp_path, text).scenario.commands == ()
+
+
+def names(folder: Path, *wanted: str) -> list[str]:
+    entries = "".join(f"  - {{upright: {{}}, name: {name}}}\n" if name else "  - upright\n" for name in wanted)
+    text = LEAST.replace("  - travel: {at_least: 1.5 m}\n", entries)
+    return [expected.name for expected in load(folder, text).scenario.expect]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "found"),
+    [
+        (["a", "b"], ["a", "b"]),
+        (["a", "a", "a"], ["a", "a (2)", "a (3)"]),
+        (["a", "a (2)", "a"], ["a", "a (2)", "a (3)"]),
+        (["a", "a", "a (2)"], ["a", "a (3)", "a (2)"]),
+        (["a (2)", "a (2)", "a", "a"], ["a (2)", "a (2) (2)", "a", "a (3)"]),
+        (["", ""], ["upright within 20 deg", "upright within 20 deg (2)"]),
+    ],
+)
+def test_no_two_expectations_share_a_name(wanted: list[str], found: list[str], tmp_path: Path) -> None:
+    assert names(tmp_path, *wanted) == found
+
+
+def test_all_problems_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+    text = LEAST.replace("1.0}", "fast}").replace("1.5 m", "1.5 s").replace("30 s", "-30 s").replace("10 Hz", "10 m")
+    assert [problem.split(": ")[:2] for problem in told(tmp_path, text)] == [
+        ["5:3", "commands.rate"],
+        ["7:8", "commands.twist.0.linear"],
+        ["9:14", "expect.0.travel.at_least"],
+        ["10:1", "time_limit"],
+    ]
+
+
+def test_a_part_that_is_refused_does_not_shift_the_places_of_those_after_it(tmp_path: Path) -> None:
+    text = LEAST.replace(
+        "  - travel: {at_least: 1.5 m}\n",
+        "  - travl: {at_least: 1.5 m}\n"
+        "  - upright\n"
+        "  - travel: {at_least: 1 m}\n    before: 50 s\n"
+        "  - no_collision: {allow: [wal]}\n",
+    ).replace(
+        "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n",
+        "commands:\n  - twists: []\n  - twist: [{}]\n    rate: 7 Hz\n",
+    )
+    assert [problem.split(": ")[:2] for problem in told(tmp_path, text)] == [
+        ["5:5", "commands.0.twists"],
+        ["7:5", "commands.1.rate"],
+        ["9:5", "expect.0.travl"],
+        ["12:5", "expect.2.before"],
+        ["13:28", "expect.3.no_collision.allow.0"],
+    ]
+
+
+def test_one_source_and_a_list_of_sources_have_their_places(tmp_path: Path) -> None:
+    listed = LEAST.replace(
+        "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n", "commands:\n  - {twist: [{}], rate: 7}\n"
+    )
+    assert told(tmp_path, LEAST.replace("10 Hz", "7"))[0].startswith("5:3: commands.rate: 7 Hz does not divide")
+    assert told(tmp_path, listed)[0].startswith("5:19: commands.0.rate: 7 Hz does not divide")
+
+
+@pytest.mark.parametrize(
+    ("physics", "rate", "near"),
+    [
+        ("240", "7", "6 Hz and 8 Hz"),
+        ("240", "239", "120 Hz and 240 Hz"),
+        ("240", "1000", "240 Hz"),
+        ("240", "0.7", "1 Hz"),
+        ("240", "1e-323", "1 Hz"),
+        ("1 kHz", "30", "25 Hz and 40 Hz"),
+        ("240.5", "100", "80.1667 Hz and 120.25 Hz"),
+    ],
+)
+def test_the_nearest_rates_that_divide_are_named(physics: str, rate: str, near: str, tmp_path: Path) -> None:
+    text = LEAST.replace("10 Hz", rate) + f"physics: {{rate: {physics}}}\n"
+    (problem,) = told(tmp_path, text)
+    assert problem.endswith(f"near: {near}")
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ("before: 40 s", "10:5: expect.0.before: must not be later than time_limit (30 s)"),
+        ("after: 30 s", "10:5: expect.0.after: must be earlier than time_limit (30 s)"),
+        ("before: 1 ms", "10:5: expect.0.before: too early: the first physics step that counts is at 0.004167 s"),
+        ("{after: 4, before: 3}", "10:13: expect.0.before: must be later than 'after' (4 s)"),
+        (
+            "{after: 1.001, before: 1.002}",
+            "10:19: expect.0.before: too early: the first physics step that counts is at",
+        ),
+    ],
+)
+def test_windows_that_no_step_can_fall_into_are_refused(options: str, problem: str, tmp_path: Path) -> None:
+    entry = f"travel: {{at_least: 1.5 m}}\n    {options}"
+    if options.startswith("{"):
+        entry = f"travel: {{at_least: 1.5 m}}\n    {options[1:-1].replace(', ', chr(10) + '    ')}"
+        problem = problem.replace("10:13", "11:5").replace("10:19", "11:5")
+    (found,) = told(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", entry))
+    assert found.startswith(problem)
+
+
+def test_a_duration_is_within_the_time_limit(tmp_path: Path) -> None:
+    assert told(tmp_path, LEAST + "duration: 31 s\n") == ["11:1: duration: must not be longer than time_limit (30 s)"]
+
+
+def test_a_time_limit_has_a_step(tmp_path: Path) -> None:
+    assert told(tmp_path, LEAST.replace("30 s", "1 us")) == [
+        "10:1: time_limit: must not be shorter than a physics step (1 / 240 s)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("objects", "problem"),
+    [
+        (
+            "[{name: a, sphere: {radius: 1}}, {name: a, sphere: {radius: 1}}]",
+            "world.objects.1.name: a second body named 'a'",
+        ),
+        ("[{name: ground, sphere: {radius: 1}}]", "world.objects.0.name: a second body named 'ground'"),
+        ("[{name: a}]", "world.objects.0: an object has exactly one of 'box', 'cylinder', 'sphere', 'ramp'"),
+    ],
+)
+def test_bodies_are_told_apart_by_name_and_shape(objects: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, LEAST + f"world: {{objects: {objects}}}\n")
+    assert problem in found
+
+
+def test_twists_for_a_robot_whose_wheels_are_not_plain_need_a_drive(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="arm"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
+        'iyz="0" izz="1"/></inertial></link><link name="b"/><joint name="elbow" type="revolute"><parent link="a"/>'
+        '<child link="b"/><limit lower="-1" upper="1"/></joint></robot>'
+    )
+    (problem,) = told(tmp_path, LEAST.replace("turtlebot3_burger", "arm.urdf"))
+    assert problem == (
+        "2:1: robot: it is not plain from 'arm' which joints are wheels; name them, such as "
+        "drive: {diff: {left: [...], right: [...]}}; its moving joints: elbow"
+    )
+
+
+def test_a_broken_model_is_told_with_its_own_line(tmp_path: Path) -> None:
+    (tmp_path / "bad.urdf").write_text("<robot>\n<link/>\n</robot>")
+    (tmp_path / "a.sim.yml").write_text(LEAST.replace("turtlebot3_burger", "bad.urdf"))
+    with pytest.raises(InvalidScenario) as refused:
+        load_scenario(tmp_path / "a.sim.yml")
+    assert str(refused.value) == f"{tmp_path}/bad.urdf:2: <link> without 'name' [missing-part]"
+
+
+def test_a_joint_of_an_expectation_is_looked_up_in_the_model(tmp_path: Path) -> None:
+    (problem,) = told(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", "joint: {name: wheel, at_most: 1}"))
+    assert problem.startswith("9:13: expect.0.joint.name: the model has no moving joint 'wheel'")
+
+
+def test_the_problems_of_one_file_are_one_error(tmp_path: Path) -> None:
+    (tmp_path / "s.sim.yml").write_text("name: a\n")
+    with pytest.raises(InvalidScenario, match=r"(?s)robot.*expect.*time_limit"):
+        load_scenario(tmp_path / "s.sim.yml")
+
+
+@pytest.mark.parametrize(
+    ("world", "problem"),
+    [
+        (
+            "{patches: [{size: [1, 1], friction: 0}, {x: 0.9, size: [1, 1], friction: 0}]}",
+            "11:48: world.patches.1: lies on world.patches[0]",
+        ),
+        (
+            "{objects: [{name: a, map: {file: none.yaml}}]}",
+            "11:35: world.objects.0.map.file: 'none.yaml' does not exist",
+        ),
+        (
+            "{objects: [{name: a, heightfield: {image: /etc/passwd, height: 1, size: [1, 1]}}]}",
+            "11:43: world.objects.0.heightfield.image: '/etc/passwd' is outside the workspace",
+        ),
+        ("{gravity: -9.81}", "11:9: world.gravity: one number is downwards"),
+    ],
+)
+def test_what_is_wrong_with_a_world_is_told_on_its_line(world: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, LEAST + f"world: {world}\n")
+    assert problem in found
+
+
+def test_patches_that_touch_do_not_lie_on_each_other_and_files_are_read_once(tmp_path: Path) -> None:
+    file = write_map(tmp_path, [[0, 254], [0, 254]], resolution=1)
+    patches = "[{size: [1, 1], friction: 0}, {x: 1, size: [1, 1], friction: 0}]"
+    path = tmp_path / "s.sim.yml"
+    path.write_text(LEAST + f"world: {{patches: {patches}, objects: [{{name: a, map: {{file: {file}}}}}]}}\n")
+    loaded = load_scenario(path)
+    (tmp_path / file).unlink()
+    assert len(build_scene(loaded).parts["a"]) == 1

@@ -1,0 +1,128 @@
+"""A scenario's own arithmetic: steps, rates, limits."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from sim_action.assertions.travel import Travel
+from sim_action.commands.script import ScriptCommands
+from sim_action.commands.twist import TwistCommands, TwistSegment
+from sim_action.core.yaml_document import Document
+from sim_action.scenario.model import LoadedScenario, Scenario, rate_divides
+from sim_action.scenario.source import Source
+from tests.traces import HERE, expectation, scenario
+
+DRIVES = TwistCommands(twist=(TwistSegment(linear=1.0),), rate=20.0)
+SIMPLE = scenario(expectation(Travel(at_least=1.0)))
+
+
+def changed(**fields: object) -> Scenario:
+    return SIMPLE.model_copy(update=fields)
+
+
+@pytest.mark.parametrize(
+    ("physics", "rate", "divides"),
+    [
+        (240, 10, True),
+        (240, 240, True),
+        (240, 7, False),
+        (240, 480, False),
+        (240, 0.5, True),
+        (1000, 1000 / 3, True),
+        (240, 1e-323, False),
+        (240, 159.99, False),
+    ],
+)
+def test_a_rate_divides_if_its_ticks_fall_on_steps(physics: float, rate: float, divides: bool) -> None:
+    assert rate_divides(physics, rate) is divides
+
+
+@given(st.floats(min_value=1, max_value=1e5), st.floats(min_value=0, exclude_min=True, allow_infinity=False))
+def test_any_rate_divides_or_does_not(physics: float, rate: float) -> None:
+    assert rate_divides(physics, rate) in (True, False)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "step"), [(0, 0), (1 / 240, 1), (0.1, 24), (0.7, 168), (0.33, 80), (10, 2400), (0.1 + 0.2, 72)]
+)
+def test_the_first_step_at_or_after_a_time(seconds: float, step: int) -> None:
+    assert SIMPLE.steps(seconds) == step
+
+
+@pytest.mark.parametrize(("limit", "wall"), [(1.0, 60.0), (6.0, 60.0), (30.0, 300.0)])
+def test_the_wall_limit_is_ten_times_the_time_limit_but_a_minute_at_least(limit: float, wall: float) -> None:
+    assert changed(time_limit=limit).wall_seconds == wall
+    assert changed(time_limit=limit, wall_limit=5.0).wall_seconds == 5.0
+
+
+def test_memory_and_output_have_limits_unless_told_otherwise() -> None:
+    assert (SIMPLE.memory_bytes, SIMPLE.output_bytes) == (4 << 30, 100_000_000)
+
+
+@pytest.mark.parametrize(
+    ("key", "written", "size"),
+    [
+        ("memory_limit", "512 MiB", 1 << 29),
+        ("memory_limit", "1.5 GiB", 3 << 29),
+        ("memory_limit", 8e9, 8_000_000_000),
+        ("output_limit", "2 kB", 2000),
+        ("output_limit", "1 B", 1),
+    ],
+)
+def test_limits_are_amounts_of_data(key: str, written: object, size: int) -> None:
+    read = Scenario.model_validate({**dict(SIMPLE), key: written})
+    assert {"memory_limit": read.memory_bytes, "output_limit": read.output_bytes}[key] == size
+
+
+@pytest.mark.parametrize(
+    ("key", "written"),
+    [
+        ("memory_limit", "511 MiB"),
+        ("memory_limit", "2e9 GiB"),
+        ("memory_limit", "4 Gb"),
+        ("output_limit", 0),
+        ("output_limit", "1 s"),
+    ],
+)
+def test_limits_that_nothing_could_run_in_are_refused(key: str, written: object) -> None:
+    with pytest.raises(ValidationError, match=key):
+        Scenario.model_validate({**dict(SIMPLE), key: written})
+
+
+def test_the_trace_is_kept_at_the_fastest_rate_of_a_command() -> None:
+    assert SIMPLE.trace_rate == 10.0
+    assert changed(commands=(DRIVES, ScriptCommands(script="a.py", rate=5.0))).trace_rate == 20.0
+
+
+def test_ticks_are_whole_steps_apart() -> None:
+    assert SIMPLE.steps_between_ticks(10.0) == 24
+
+
+def test_a_script_is_code_of_the_users() -> None:
+    assert not changed(commands=(DRIVES,)).runs_user_code
+    assert changed(commands=(DRIVES, ScriptCommands(script="a.py"))).runs_user_code
+
+
+def test_an_empty_expect_is_no_scenario() -> None:
+    with pytest.raises(ValidationError, match="at least 1 item"):
+        scenario()
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, 86_401.0])
+def test_a_time_limit_is_within_a_day(limit: float) -> None:
+    with pytest.raises(ValidationError):
+        scenario(expectation(Travel(at_least=1.0)), time_limit=limit)
+
+
+def test_a_loaded_scenario_goes_to_its_child_as_a_pickle() -> None:
+    loaded = LoadedScenario(
+        changed(commands=(DRIVES,)), Source(Path("s.sim.yml"), HERE, Document("s.sim.yml", {}), "s")
+    )
+    assert loaded.file == "s.sim.yml"
+    assert pickle.loads(pickle.dumps(loaded)) == loaded

@@ -1,0 +1,191 @@
+"""Parts that are made of parts: assertions inside of others, and what is said of them where they stand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.assertions import Assertion
+from sim_action.assertions.all_of import AllOf
+from sim_action.assertions.any_of import AnyOf
+from sim_action.assertions.negation import Negation
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.stl import Stl
+from sim_action.assertions.travel import Travel
+from sim_action.assertions.user_code import UserAssertion
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.permissions import Permissions
+from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import Scenario
+from sim_action.state.channels import Channels
+from tests.scenarios import LEAST, load, told
+
+JUDGE = "class Mine:\n    def judge(self, trace): ...\n"
+
+
+def expecting(*entries: str) -> str:
+    """A scenario; its first expectation begins in line 9."""
+    expected = "".join(f"  - {entry}\n" for entry in entries)
+    text = LEAST.replace("  - travel: {at_least: 1.5 m}\n", expected)
+    assert text != LEAST
+    return text
+
+
+def read(folder: Path, *entries: str) -> Scenario:
+    (folder / "mine.py").write_text(JUDGE)
+    return load(folder, expecting(*entries)).scenario
+
+
+@pytest.mark.parametrize(
+    ("entry", "spec"),
+    [
+        (
+            "any_of: [{travel: {at_least: 1 m}}, no_collision]",
+            AnyOf(parts=(Travel(at_least=1.0), NoCollision())),
+        ),
+        (
+            "all_of:\n    - no_collision\n    - not: {any_of: [{stl: speed < 1}]}",
+            AllOf(parts=(NoCollision(), Negation(part=AnyOf(parts=(Stl(formula="speed < 1"),))))),
+        ),
+        ("not: no_collision", Negation(part=NoCollision())),
+        ("not:\n      no_collision:", Negation(part=NoCollision())),
+        ("stl: always[0 s, 2 s] (speed < 0.5 m/s)", Stl(formula="always[0 s, 2 s] (speed < 0.5 m/s)")),
+        ("stl: {formula: speed < 1}", Stl(formula="speed < 1")),
+        ("assertion: mine.py:Mine", UserAssertion.model_validate("mine.py:Mine")),
+        (
+            "assertion: {class: mine.py:Mine, with: {limit: 3, names: [a, b]}}",
+            UserAssertion.model_validate({"class": "mine.py:Mine", "with": {"limit": 3, "names": ("a", "b")}}),
+        ),
+    ],
+)
+def test_how_they_are_written(entry: str, spec: Assertion, tmp_path: Path) -> None:
+    (expected,) = read(tmp_path, entry).expect
+    assert expected.assertion == spec
+
+
+def test_options_stand_beside_the_outermost(tmp_path: Path) -> None:
+    (expected,) = read(
+        tmp_path, "not: {reach: {x: 1, y: 2}}\n    name: away\n    after: 1 s\n    severity: warning"
+    ).expect
+    assert (expected.name, expected.after, expected.severity) == ("away", 1.0, "warning")
+
+
+def test_problems_inside_have_their_own_place(tmp_path: Path) -> None:
+    text = expecting(
+        "any_of:\n      - travel: {at_lest: 1 m}\n      - no_colision\n      - {reach: {x: 1, y: 2}, before: 2 s}",
+        "not:\n      all_of:\n        - no_collision\n        - joint: {name: elbow}",
+        "all_of: []",
+        "any_of: {travel: {at_least: 1}}",
+        "not: [no_collision]",
+    )
+    names = "(allowed: at_least, at_most)"
+    found = told(tmp_path, text)
+    assert found[0] == f"10:18: expect.0.any_of.0.travel.at_lest: unknown key; did you mean 'at_least'? {names}"
+    assert found[1].startswith("11:9: expect.0.any_of.1.no_colision: unknown assertion 'no_colision'; did you mean")
+    assert (
+        found[2] == "12:31: expect.0.any_of.2.before: 'before' stands beside the outermost assertion, not in 'any_of'"
+    )
+    assert found[3].startswith("16:11: expect.1.not.all_of.1.joint: give 'at_least'")
+    assert found[4].endswith("begins with '- ', found an empty list")
+    assert found[5].endswith("begins with '- ', found a map of keys")
+    assert "expected a map with one assertion" in found[6]
+    assert len(found) == 7
+
+
+def test_problems_with_the_robot_have_their_own_place(tmp_path: Path) -> None:
+    text = expecting(
+        "any_of:\n      - no_collision: {allow: [wall]}\n      - stl: position(wheel_lft_joint) < 1",
+        "not: {joint: {name: elbow, at_most: 1}}",
+    )
+    found = told(tmp_path, text)
+    assert found[0].startswith("10:32: expect.0.any_of.0.no_collision.allow.0: 'wall' is neither")
+    assert found[1].startswith("11:9: expect.0.any_of.1.stl: the model has no moving joint 'wheel_lft_joint'; did you")
+    assert found[2].startswith("12:19: expect.1.not.joint.name: the model has no moving joint 'elbow'")
+
+
+def test_what_is_wrong_in_a_formula_is_shown_by_an_arrow(tmp_path: Path) -> None:
+    (found,) = told(tmp_path, expecting("stl: always (speed < 0.5 m/s or sped < 1)"))
+    assert found.startswith("9:5: expect.0.stl: unknown signal 'sped'; did you mean 'speed'?")
+    assert found.endswith("at character 28, the arrow: always (speed < 0.5 m/s or -> sped < 1)")
+
+
+@pytest.mark.parametrize("entry", ["assertion: mine.py:Mine", "not: {any_of: [{assertion: mine.py:Mine}]}"])
+def test_a_class_of_the_users_is_a_script_wherever_it_stands(entry: str, tmp_path: Path) -> None:
+    scenario = read(tmp_path, entry)
+    assert scenario.runs_user_code
+    assert not read(tmp_path, "not: no_collision").runs_user_code
+    with pytest.raises(InvalidScenario) as raised:
+        read_with(tmp_path, entry, Permissions(scripts_refused="no scripts here"))
+    (problem,) = raised.value.problems
+    assert problem.message.endswith(".assertion: no scripts here")
+
+
+def read_with(folder: Path, entry: str, permissions: Permissions) -> Scenario:
+    path = folder / "s.sim.yml"
+    path.write_text(expecting(entry))
+    return load_scenario(path, permissions).scenario
+
+
+def test_a_file_that_is_not_there_is_told_where_it_is_named(tmp_path: Path) -> None:
+    (found,) = told(tmp_path, expecting("any_of:\n      - no_collision\n      - assertion: {class: no.py:Mine}"))
+    assert found.startswith("11:9: expect.0.any_of.1.assertion: 'no.py' does not exist")
+
+
+def test_what_parts_watch_is_watched(tmp_path: Path) -> None:
+    (expected,) = read(tmp_path, "not: {all_of: [no_collision, upright]}").expect
+    assert expected.channels == Channels(contacts=True, openings=frozenset({0.0}))
+    (expected,) = read(tmp_path, "not: {all_of: [upright, travel: {at_least: 1 m}]}").expect
+    assert not expected.channels.contacts
+
+
+def test_assertions_as_deep_as_yaml_goes_are_read(tmp_path: Path) -> None:
+    entry = "{not: " * 30 + "no_collision" + "}" * 30
+    assert len(read(tmp_path, entry).assertions) == 1
+
+
+def test_of_very_many_sources_the_files_are_not_read(tmp_path: Path) -> None:
+    entry, commands = "  - replay: absent.csv\n", "  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
+    assert commands in LEAST
+    found = told(tmp_path, LEAST.replace(commands, entry * 51))
+    assert sum("'absent.csv' does not exist" in line for line in found) == 1
+    assert any("commands: 51 sources; no more than 50 are read" in line for line in found)
+    assert len(told(tmp_path, LEAST.replace(commands, entry * 50))) == 50
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        (["upright"] * 1_001, "expect: 1,001 expectations; no more than 1,000 are read"),
+        (
+            ["any_of: [upright, no_collision]"] * 500,
+            "expect: more than 1,000 assertions, those inside of others counted",
+        ),
+        (
+            ["assertion: mine.py:Mine"] * 51,
+            "expect: more than 50 assertions that are of a file of their own; make seve",
+        ),
+        (
+            ["any_of: [no_collision, {follow_path: {file: path.csv, rms: 1 m}}]"] * 51,
+            "expect: more than 50 assertions that are of a file of their own; make several scenarios",
+        ),
+    ],
+    ids=["expectations", "parts", "classes", "paths"],
+)
+def test_there_are_not_more_than_can_be_read_soon(entries: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(JUDGE)
+    (tmp_path / "path.csv").write_text("x,y\n0,0\n1,0\n")
+    (problem,) = told(tmp_path, expecting(*entries))
+    assert problem.partition(": ")[2].startswith(message)
+
+
+def test_as_many_as_there_may_be_are_read(tmp_path: Path) -> None:
+    entries = ["any_of: [upright, no_collision]"] * 300 + ["assertion: mine.py:Mine"] * 50
+    names = [expected.name for expected in read(tmp_path, *entries, "upright").expect]
+    assert len(set(names)) == 351
+
+
+def test_there_are_not_more_sensors_than_can_be_read_soon(tmp_path: Path) -> None:
+    sensors = "".join(f"  - {{imu: {{}}, name: imu{number}}}\n" for number in range(101))
+    (problem,) = told(tmp_path, f"{LEAST}sensors:\n{sensors}")
+    assert problem == "11:1: sensors: 101 sensors; no more than 100 are read"

@@ -1,0 +1,155 @@
+"""Which files a scenario file is made of."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sim_action.scenario import watched_files as module
+from sim_action.scenario.watched_files import stamps, watched_files
+
+URDF = '<robot name="r"><link name="a"><visual><geometry><mesh filename="{}"/></geometry></visual></link></robot>'
+
+
+@pytest.fixture(autouse=True)
+def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The root of a repository."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".git").mkdir()
+    return tmp_path
+
+
+def write(name: str, text: str = "") -> Path:
+    path = Path(name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def found(scenario: str, name: str = "sim/a.sim.yml", *, allow_outside: bool = False) -> list[str]:
+    """What is watched of a scenario, seen from the workspace."""
+    paths = watched_files(write(name, scenario), allow_outside=allow_outside)
+    return sorted(Path(os.path.relpath(path)).as_posix() for path in paths)
+
+
+def test_a_scenario_without_files_is_its_own_file() -> None:
+    assert found("robot: {model: turtlebot3_burger}\ncommands: {twist: [{linear: 1.0, for: 2.5 s}]}") == [
+        "sim/a.sim.yml"
+    ]
+
+
+def test_names_are_seen_from_the_file_that_they_stand_in() -> None:
+    write("sim/bases/b.base.yml", "extends: ../../c.base.yml\ncommands: {replay: log.csv}")
+    write("sim/bases/log.csv")
+    write("c.base.yml", "world: {objects: [{name: a, mesh: {file: sim/rock.obj}}]}")
+    write("sim/rock.obj", "mtllib rock.mtl\nv 0 0 0\n")
+    write("sim/rock.mtl")
+    watched = found("extends: bases/b.base.yml")
+    assert watched == [
+        *("c.base.yml", "sim/a.sim.yml", "sim/bases/b.base.yml", "sim/bases/log.csv", "sim/rock.mtl", "sim/rock.obj"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "ros1",
+    [
+        "{launch: [driver, drive.launch]}",
+        "{nodes: [driver/mover.py]}",
+        "{nodes: [{package: driver, type: mover.py}, {package: 3}, 4, nobody/a.py]}",
+    ],
+)
+def test_packages_of_nodes_are_watched(ros1: str) -> None:
+    of_package = [f"ws/src/driver/{name}" for name in ("launch/drive.launch", "mover.py", "package.xml")]
+    for name in of_package:
+        write(name, "<package><name>driver</name></package>")
+
+    assert set(of_package) <= set(found(f"commands: {{ros1: {ros1}}}"))
+    assert set(of_package) <= set(found(f"commands: [{{ros1: {ros1}}}]"))
+
+
+@pytest.mark.parametrize("ros1", ["3", "{}", "{launch: 3}", "{nodes: 3}", "{launch: []}"])
+def test_what_is_no_list_of_nodes_is_no_file(ros1: str) -> None:
+    assert found(f"commands: {{ros1: {ros1}}}") == ["sim/a.sim.yml"]
+
+
+def test_a_script_is_watched_with_what_it_may_import() -> None:
+    write("sim/controller.py")
+    write("sim/steering.py")
+    write("sim/deep/other.py")
+    expected = ["sim/a.sim.yml", "sim/controller.py", "sim/steering.py"]
+    assert found("commands: {script: controller.py}") == expected
+    assert found("commands: {process: python3 controller.py --fast}") == expected
+    assert found("expect: [{assertion: {class: 'controller.py:Judge'}}]") == expected
+
+
+def test_models_are_watched_with_their_meshes_and_what_they_include() -> None:
+    write("robots/package.xml", "<package><name>robots</name></package>")
+    write("robots/urdf/r.urdf.xacro", '<robot><xacro:include filename="$(find robots)/urdf/wheel.xacro"/></robot>')
+    write("robots/urdf/wheel.xacro", URDF.format("package://robots/meshes/wheel.stl"))
+    write("robots/meshes/wheel.stl")
+    watched = found("robot: {model: ../robots/urdf/r.urdf.xacro}")
+    assert watched == [
+        *("robots/meshes/wheel.stl", "robots/urdf/r.urdf.xacro", "robots/urdf/wheel.xacro", "sim/a.sim.yml"),
+    ]
+    assert found("robot: {model: 'package://robots/urdf/wheel.xacro'}")[0] == "robots/meshes/wheel.stl"
+
+
+def test_a_gazebo_model_is_watched_by_its_folder() -> None:
+    write("models/cart/model.config", "<model><sdf version='1.6'>model.sdf</sdf></model>")
+    write("models/cart/model.sdf", "<sdf><model><mesh><uri>meshes/cart.obj</uri></mesh></model></sdf>")
+    write("models/cart/meshes/cart.obj")
+    watched = found("robot: {model: ../models/cart}")
+    assert {"models/cart/meshes/cart.obj", "models/cart/model.config", "models/cart/model.sdf"} <= set(watched)
+
+
+def test_a_file_that_is_missing_is_waited_for() -> None:
+    assert "sim/later.urdf" in found("robot: {model: later.urdf}")
+
+
+@pytest.mark.parametrize(
+    "text", ["name: [", "", "- 1", "a: 'x/\\0'", "extends: a.sim.yml", "robot: {packages: {a: 1}}"]
+)
+def test_what_is_no_scenario_yet_is_watched_by_itself(text: str) -> None:
+    assert found(text) == ["sim/a.sim.yml"]
+
+
+def test_nothing_outside_of_the_workspace_is_looked_at_unless_it_may_be(tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    (inner / ".git").mkdir(parents=True)
+    write("outside.csv")
+    scenario = f"commands: [{{replay: ../outside.csv}}, {{replay: {tmp_path / 'outside.csv'}}}]"
+    write("linked.urdf")
+    (inner / "link.urdf").symlink_to(tmp_path / "linked.urdf")
+    scenario += "\nrobot: {model: link.urdf}\nexpect: [{follow_path: {file: ../missing.csv}}]"
+    assert watched_files(write("inner/a.sim.yml", scenario)) == {inner / "a.sim.yml"}
+    assert "outside.csv" in found(scenario, "inner/a.sim.yml", allow_outside=True)
+
+
+def test_there_is_a_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_FILES", 5)
+    scenario = f"variations: {{robot.model: [{', '.join(f'{number}.urdf' for number in range(20))}]}}"
+    assert len(found(scenario)) == 5
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
+@given(st.text(max_size=80))
+def test_no_name_is_too_odd(text: str) -> None:
+    assert "sim/a.sim.yml" in found(f"robot: {{model: {json.dumps(text)}}}")
+
+
+def test_stamps_tell_a_file_that_was_written_or_replaced_or_is_gone(tmp_path: Path) -> None:
+    path = write("a", "1")
+    first = stamps([path])
+    assert stamps([path]) == first
+    path.write_text("12")
+    second = stamps([path])
+    assert second != first
+    write("b", "12").replace(path)
+    assert stamps([path]) != second
+    path.unlink()
+    assert stamps([path, Path("x\0")]) == {path: None, Path("x\0"): None}

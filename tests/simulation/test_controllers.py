@@ -1,0 +1,282 @@
+"""Several sources at once: whose tick it is, and whose joints are whose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.commands import ClosedLoop
+from sim_action.core.errors import ScriptError
+from sim_action.core.geometry import Twist
+from sim_action.drives import recognise
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.controllers import Controls
+from sim_action.state.command import NO_PUSH, JointTargets
+from sim_action.state.observation import Observation
+from tests.scenarios import LEAST, load, told
+from tests.traces import START
+
+COMMANDS = "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
+SCRIPT = """\
+from sim_action import JointTargets, Twist
+
+def left(observation):
+    return JointTargets(velocity={"wheel_left_joint": 1.0})
+
+def right(observation):
+    return JointTargets(velocity={"wheel_right_joint": 2.0})
+
+def both_ways(observation):
+    return Twist.planar(1.0) if observation.time < 0.1 else JointTargets(velocity={"wheel_left_joint": 3.0})
+
+def twist_and_left(observation):
+    return Twist.planar(1.0), JointTargets(velocity={"wheel_left_joint": 1.0})
+
+def twist_and_nothing(observation):
+    return [Twist.planar(1.0), JointTargets()]
+
+def nothing(observation):
+    return JointTargets()
+
+THE_SAME = Twist([0.05, 0.0, 0.0], [0.0, 0.0, 0.0])
+
+def changed_in_place(observation):
+    THE_SAME.linear_xyz[0] = 0.05 if observation.time < 0.3 else 0.1
+    return THE_SAME
+
+def by_hand_in_between(observation):
+    by_hand = 0.25 < observation.time < 0.35
+    return JointTargets(velocity={"wheel_left_joint": 3.0}) if by_hand else Twist.planar(0.05)
+"""
+
+
+def scenario_of(*sources: str) -> str:
+    return LEAST.replace(COMMANDS, "".join(["commands:\n", *(f"  - {source}\n" for source in sources)]))
+
+
+def script(function: str) -> str:
+    return f"{{script: ctl.py, function: {function}, rate: 10}}"
+
+
+def controls(folder: Path, *sources: str) -> Controls:
+    (folder / "ctl.py").write_text(SCRIPT)
+    loaded = load(folder, scenario_of(*sources))
+    scene = build_scene(loaded)
+    drive = recognise(scene.model)
+    assert drive is not None
+    return Controls(loaded.scenario, scene, drive.open(scene.model, 240.0))
+
+
+def test_every_twist_is_told_when_it_is_given(tmp_path: Path) -> None:
+    loaded = load(tmp_path, scenario_of("{twist: [{linear: 1, for: 0.1}, {angular: 2}], rate: 20}"))
+    scene, heard = build_scene(loaded), list[tuple[float, Twist]]()
+    drive = recognise(scene.model)
+    assert drive is not None
+    motion = drive.open(scene.model, 240.0)
+    found = Controls(loaded.scenario, scene, motion, lambda time, twist: heard.append((time, twist)))
+    step = 0
+    while step < 48:
+        step += len(found.plan(step, 48, look))
+    turning = Twist.planar(angular=2.0)
+    assert heard == [
+        (0.0, Twist.planar(1.0)),
+        (0.05, Twist.planar(1.0)),
+        (0.1, turning),
+        (pytest.approx(0.15), turning),
+    ]
+
+
+def look(step: int) -> Observation:
+    return START
+
+
+def first(found: Controls) -> JointTargets:
+    (target, *_) = found.plan(0, 240, look)
+    assert target is not None
+    return target
+
+
+def test_the_next_tick_of_any_source_ends_a_plan(tmp_path: Path) -> None:
+    found = controls(tmp_path, "{twist: [{linear: 1}], rate: 20}", "{script: ctl.py, function: nothing, rate: 48}")
+    ends, step = [], 0
+    while step < 24:
+        step += len(found.plan(step, 24, look))
+        ends.append(step)
+    assert ends == [5, 10, 12, 15, 20, 24]
+
+
+def test_scripts_alone_look_at_sensors(tmp_path: Path) -> None:
+    assert controls(tmp_path, "{twist: [{linear: 1}]}", script("nothing")).are_watching
+    assert not controls(tmp_path, "{twist: [{linear: 1}]}").are_watching
+    assert not controls(tmp_path, "{waypoints: [{x: 1, y: 0}]}").are_watching
+
+
+def test_sources_that_move_different_joints_act_at_the_same_time(tmp_path: Path) -> None:
+    target = first(controls(tmp_path, script("left"), script("right")))
+    assert target.velocity == {"wheel_left_joint": 1.0, "wheel_right_joint": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("sources", "joint"),
+    [
+        ((script("left"), script("left")), "wheel_left_joint"),
+        (("{twist: [{linear: 1}]}", script("right")), "wheel_right_joint"),
+        ((script("left"), "{twist: [{linear: 1}]}"), "wheel_left_joint"),
+    ],
+)
+def test_two_sources_for_one_joint_are_an_error_that_names_it(
+    sources: tuple[str, ...], joint: str, tmp_path: Path
+) -> None:
+    found = controls(tmp_path, *sources)
+    with pytest.raises(ScriptError) as raised:
+        found.plan(24, 48, look)
+    assert raised.value.source == 1
+    assert str(raised.value) == (
+        f"at 0.1 s of sim time, commands.0 and commands.1 both move joint '{joint}'; "
+        "sources that act at the same time move different joints"
+    )
+
+
+def test_a_twist_and_targets_for_its_wheels_do_not_go_together(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError, match="target for joint 'wheel_left_joint', which the drive turns for a twist"):
+        first(controls(tmp_path, script("twist_and_left")))
+
+
+def test_each_command_of_an_answer_makes_its_joints_the_source_s_own(tmp_path: Path) -> None:
+    alone = first(controls(tmp_path, script("twist_and_nothing")))
+    assert alone == first(controls(tmp_path, "{twist: [{linear: 1}]}"))
+    with pytest.raises(ScriptError, match="both move joint 'wheel_left_joint'"):
+        first(controls(tmp_path, script("twist_and_nothing"), script("left")))
+
+
+def test_one_source_may_take_the_wheels_over_from_the_drive(tmp_path: Path) -> None:
+    found = controls(tmp_path, script("both_ways"))
+    assert set(first(found).velocity) == {"wheel_left_joint", "wheel_right_joint"}
+    (target, *others) = found.plan(24, 48, lambda _: Observation(0.1, START.pose, START.twist, START.joints))
+    assert target == JointTargets(velocity={"wheel_left_joint": 3.0})
+    assert others == [None] * 23
+
+
+@pytest.mark.parametrize("function", ["changed_in_place", "by_hand_in_between"])
+def test_wheels_are_told_of_a_twist_until_they_turn_as_it_says_and_again_when_they_no_longer_do(
+    tmp_path: Path, function: str
+) -> None:
+    found = controls(tmp_path, script(function))
+    ticks = [
+        found.plan(step, step + 24, lambda now: Observation(now / 240, START.pose, START.twist, START.joints))
+        for step in range(0, 144, 24)
+    ]
+    assert [any(tick) for tick in ticks] == [True, False, False, True, function == "by_hand_in_between", False]
+
+
+ROVER = Path(__file__).parents[2] / "examples/drives/rover.urdf"
+MECANUM = """\
+robot:
+  model: rover.urdf
+  drive: {mecanum: {left: [front_left_wheel_joint, rear_left_wheel_joint],
+                    right: [front_right_wheel_joint, rear_right_wheel_joint]}}
+"""
+TAKES_OVER = """\
+from sim_action import JointTargets, Twist
+
+def control(observation):
+    return Twist.planar(1.0) if observation.time < 0.1 else JointTargets(velocity={"rear_left_wheel_joint": 3.0})
+"""
+
+
+def test_a_drive_whose_wheels_are_taken_over_lets_the_base_go(tmp_path: Path) -> None:
+    (tmp_path / "rover.urdf").write_bytes(ROVER.read_bytes())
+    (tmp_path / "ctl.py").write_text(TAKES_OVER)
+    text = scenario_of("{script: ctl.py}").replace("robot:\n  model: turtlebot3_burger\n", MECANUM)
+    loaded = load(tmp_path, text)
+    scene, drive = build_scene(loaded), loaded.scenario.robot.drive
+    assert drive is not None
+    found = Controls(loaded.scenario, scene, drive.open(scene.model, 240.0))
+    pushed = first(found).base
+    assert pushed is not None
+    assert pushed.max_force > 0
+    (target, *others) = found.plan(24, 48, lambda _: Observation(0.1, START.pose, START.twist, START.joints))
+    assert target == JointTargets(velocity={"rear_left_wheel_joint": 3.0}, base=NO_PUSH)
+    assert others == [None] * 23
+
+
+def test_what_is_known_before_is_told_on_its_line(tmp_path: Path) -> None:
+    (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", "{twist: [{linear: 2}]}"))
+    assert problem == ("6:5: commands.1: commands.0 drives the base already; one source at a time does")
+
+
+def test_a_joint_that_another_moves_is_told_on_its_line(tmp_path: Path) -> None:
+    joint = "joints: [{at: 0, position: {wheel_left_joint: 1}}]"
+    (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", f"{{{joint}}}"))
+    assert problem == (
+        "6:5: commands.1: joint 'wheel_left_joint' is moved by commands.0 already; "
+        "sources that act at the same time move different joints"
+    )
+
+
+def test_two_controllers_that_drive_the_base_are_told_so(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError, match=r"commands\.0 and commands\.1 both drive the base"):
+        first(controls(tmp_path, script("both_ways"), script("twist_and_nothing")))
+
+
+def test_a_twist_takes_wheels_that_are_known(tmp_path: Path) -> None:
+    (tmp_path / "ctl.py").write_text(SCRIPT)
+    loaded = load(tmp_path, scenario_of(script("both_ways")))
+    with pytest.raises(ScriptError, match=r"which joints are wheels is not known; name them: robot\.drive"):
+        Controls(loaded.scenario, build_scene(loaded), None).plan(0, 240, look)
+
+
+@pytest.mark.parametrize(
+    ("sources", "velocity", "position"),
+    [
+        (["twist: [{linear: 1.0}]"], {"wheel_left_joint": 0.0, "wheel_right_joint": 0.0}, {}),
+        (
+            ["joints: [{at: 0, position: {wheel_left_joint: 1}}]"],
+            {"wheel_right_joint": 0.0},
+            {"wheel_left_joint": 0.0},
+        ),
+    ],
+)
+def test_before_t_0_wheels_are_braked_unless_a_source_holds_them(
+    sources: list[str], velocity: dict[str, float], position: dict[str, float], tmp_path: Path
+) -> None:
+    held = controls(tmp_path, *sources).at_rest
+    assert (held.velocity, held.position) == (velocity, position)
+
+
+# What each of them draws moves a wheel, so that it can be seen: when it is loaded, and by its own generator.
+DRAWS = """\
+import random
+from sim_action import JointTargets
+
+LOADED = random.random()
+
+class Controller:
+    def reset(self, robot):
+        self.drawn = float(robot.random.random())
+
+    def step(self, observation):
+        return JointTargets(velocity={"wheel_left_joint": self.drawn, "wheel_right_joint": LOADED})
+"""
+
+
+def drawn(folder: Path, *sources: str) -> list[float]:
+    """What sources of the same file draw, each asked alone."""
+    (folder / "draws.py").write_text(DRAWS)
+    loaded = load(folder, scenario_of(*sources))
+    numbers = list[float]()
+    for source in Controls(loaded.scenario, build_scene(loaded), None)._sources:
+        if isinstance(source.controller, ClosedLoop):
+            targets = source.controller.command(START)
+            assert isinstance(targets, JointTargets)
+            numbers += targets.velocity.values()
+    return numbers
+
+
+def test_sources_of_the_same_script_draw_numbers_of_their_own(tmp_path: Path) -> None:
+    alone = drawn(tmp_path, "{script: draws.py}")
+    three = drawn(tmp_path, "{script: draws.py}", "{script: draws.py}", "{script: draws.py, class: Controller}")
+    assert len(set(three)) == 6
+    assert three[:2] == alone
+    assert drawn(tmp_path, "{twist: [{linear: 1}]}", "{script: draws.py}")[-2:] == alone

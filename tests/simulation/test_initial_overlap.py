@@ -1,0 +1,144 @@
+"""Which starts are refused, and what is said of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from sim_action.core.errors import BadStart
+from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.placement import Placement
+from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
+from sim_action.robot.spec import Robot
+from sim_action.scenario.clash_checks import DEPTH
+from sim_action.simulation.initial_overlap import moved_while_settling, refuse_bad_start
+from sim_action.state.observation import Clash, Overlap
+from sim_action.world import GROUND, Body, Heightfield, Physics, World
+from sim_action.world.parts import GridPart
+from sim_action.world.scene import Scene
+from tests.traces import HERE
+
+CRATE = Body(name="crate", box=(1, 1, 1), mass=2)
+WALL = Body(name="wall", box=(1, 1, 1))
+DEEP = 2 * DEPTH
+
+
+def joint(kind: JointType, parent: str, child: str) -> Joint:
+    return Joint(f"{parent}_{child}", kind, parent, child, Pose(), (0.0, 0.0, 1.0))
+
+
+ARM = RobotModel(
+    name="arm",
+    source="/arm.urdf",
+    links=tuple(Link(name, 1.0) for name in ("base", "foot", "upper", "hand")),
+    joints=(joint("fixed", "base", "foot"), joint("revolute", "base", "upper"), joint("fixed", "upper", "hand")),
+    urdf="<robot/>",
+)
+
+
+def settled(down: float, pitch: float, z: float | None = None, base: str = "free") -> str | None:
+    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
+    after = Pose((0.0, 0.0, 0.5 - down), quaternion_from_rpy(0.0, pitch, 1.0))
+    return moved_while_settling(Scene(robot, ARM, World(), Physics(), HERE), Pose((0.0, 0.0, 0.5)), after)
+
+
+@pytest.mark.parametrize(
+    ("down", "pitch", "z", "said"),
+    [
+        (0.0, 0.0, None, None),
+        (0.01, 0.03, None, None),
+        (0.25, 0.0, None, "came 0.25 m down"),
+        (0.25, -0.1, None, "tilted by 5.73 deg and came 0.25 m down"),
+        (0.0, 0.1, None, "tilted by 5.73 deg"),
+        (0.25, 0.0, 0.5, None),
+        (0.25, 0.1, 0.5, "tilted by 5.73 deg and came 0.25 m down"),
+    ],
+)
+def test_a_base_that_has_moved_before_the_run_begins_is_told(
+    down: float, pitch: float, z: float | None, said: str | None
+) -> None:
+    expected = said and f"while it settled, before t = 0, the base link 'base' {said}"
+    assert settled(down, pitch, z) == expected
+    assert settled(down, pitch, z, base="fixed") is None
+
+
+def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes: Sequence[Clash] = ()) -> list[str]:
+    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
+    try:
+        refuse_bad_start(Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), Pose(), overlaps, clashes)
+    except BadStart as error:
+        return [".".join(map(str, path)) + f": {message}" for path, message in error.problems]
+    return []
+
+
+def test_what_touches_may_begin() -> None:
+    assert told() == []
+    assert told(Overlap("base", "wall", DEPTH), Overlap("hand", GROUND, DEPTH)) == []
+
+
+def test_what_is_inside_an_object_is_told_with_what_to_move() -> None:
+    assert told(Overlap("hand", "wall", 0.12)) == [
+        "robot.pose: the robot's link 'hand' begins 0.12 m deep in 'wall'; move it, or world.objects[1].pose"
+    ]
+
+
+def test_what_is_below_the_ground_is_told_how_to_stand_on_it() -> None:
+    (message,) = told(Overlap("base", GROUND, 0.3))
+    assert "0.3 m deep in the ground" in message
+    assert "leave z out" in message
+
+
+def test_what_is_bolted_at_the_height_of_the_world_has_no_z_to_leave_out() -> None:
+    (message,) = told(Overlap("hand", GROUND, 0.3), base="fixed", z=None)
+    assert message.endswith("deep in the ground; raise its z")
+
+
+def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
+    found = told(
+        Overlap("hand", "wall", 0.1),
+        Overlap("upper", "wall", 0.2),
+        Overlap("foot", "wall", DEEP),
+        Overlap("hand", "crate", 0.3),
+    )
+    assert [message.split(";")[0] for message in found] == [
+        "robot.pose: the robot's link 'hand' begins 0.3 m deep in 'crate'",
+        "robot.pose: the robot's link 'upper' begins 0.2 m deep in 'wall'",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("link", "body", "is_told"),
+    [
+        ("base", "wall", False),
+        ("foot", GROUND, False),
+        ("foot", "crate", True),
+        ("upper", "wall", True),
+        ("hand", GROUND, True),
+    ],
+)
+def test_what_is_bolted_to_the_world_may_be_in_what_is_fixed(link: str, body: str, is_told: bool) -> None:
+    assert bool(told(Overlap(link, body, DEEP), base="fixed")) is is_told
+    assert told(Overlap(link, body, DEEP), base="free")
+
+
+def test_a_body_that_begins_deep_in_another_is_told_once_and_one_that_lies_on_it_is_not() -> None:
+    clashes = (Clash("crate", "wall", 0.1), Clash("crate", GROUND, 0.3), Clash("crate", "wall", DEPTH))
+    assert told(clashes=clashes) == [
+        "world.objects.0.pose: 'crate' begins 0.3 m deep in the ground, which would throw it out; move it"
+    ]
+    assert told(clashes=clashes[2:]) == []
+
+
+@pytest.mark.parametrize(("x", "z", "is_buried"), [(0.0, 0.4, True), (0.0, 0.6, False), (3.0, 0.1, False)])
+def test_a_robot_below_a_heightfield_is_told_though_it_touches_nothing(x: float, z: float, is_buried: bool) -> None:
+    field = Heightfield(heights=((0.5, 0.5), (0.5, 0.5)), size=(2, 2))
+    body = Body(name="hill", heightfield=field, pose=Placement(z=0))
+    parts = {"hill": (GridPart((2, 2), np.full((2, 2), 0.5)),)}
+    scene = Scene(Robot(model="arm.urdf"), ARM, World(objects=(body,)), Physics(), HERE, parts=parts)
+    if not is_buried:
+        refuse_bad_start(scene, Pose((x, 0, z)), (), ())
+        return
+    with pytest.raises(BadStart, match=r"begins 0.1 m below the surface of 'hill'"):
+        refuse_bad_start(scene, Pose((x, 0, z)), (), ())

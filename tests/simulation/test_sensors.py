@@ -1,0 +1,104 @@
+"""When sensors are read, and who gets to know; on real engines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sim_action.engines import installed
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.sensors import Sensing
+from sim_action.state.trace import Trace
+from tests.integration.engines import running
+from tests.scenarios import LEAST, load, told
+
+SENSORS = "sensors:\n  - contact\n  - {contact: {}, name: left, link: wheel_left_link, rate: 16 Hz, trace: true}\n"
+SCRIPT = """\
+from sim_action import Twist
+
+def control(observation):
+    read = observation.sensors
+    assert set(read) == {"contact", "left"}
+    assert read["contact"].time == round(observation.time * 10 + 1e-6) / 10
+    assert observation.time - read["left"].time < 1 / 16
+    assert read["left"].touching and read["left"].bodies == ("ground",)
+    return Twist.planar(0.2)
+"""
+LISTENING = LEAST.replace("  twist:\n    - {linear: 1.0}\n", "  script: ctl.py\n").replace("1.5 m", "10 cm")
+
+
+def run(folder: Path, text: str, engine: str) -> SimulationRun:
+    (folder / "ctl.py").write_text(SCRIPT)
+    loaded = load(folder, f"{text}backend: {engine}\n")
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_controllers_get_the_latest_reading_and_the_trace_what_it_wants(engine: str, tmp_path: Path) -> None:
+    trace = run(tmp_path, LISTENING + SENSORS, engine).trace
+    (record,) = trace.sensors.values()
+    assert record.kind == "contact"
+    assert record.time.tolist() == [tick / 16 for tick in range(len(record))]
+    assert trace.time[-1] - 1 / 16 <= record.time[-1] <= trace.time[-1]
+    assert record.columns["touching"].all()
+    assert (record.columns["force"] > 0).all()
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_to_sense_changes_nothing(engine: str, tmp_path: Path) -> None:
+    assert run(tmp_path, LEAST + SENSORS, engine).digest == run(tmp_path, LEAST, engine).digest
+
+
+@pytest.mark.parametrize("commands", ["", "commands: {twist: [{linear: 0.2}]}\n"])
+def test_odometry_tells_which_wheels_it_reads_whether_anybody_drives_them(commands: str, tmp_path: Path) -> None:
+    text = LEAST[: LEAST.index("commands")] + commands + "expect: [upright]\ntime_limit: 0.1 s\n"
+    notes = run(tmp_path, text + "sensors: [{odometry: {}, trace: true}]\n", installed()[0]).notes
+    (about,) = (note for note in notes if note.startswith("recognised: "))
+    assert "left wheel_left_joint; right wheel_right_joint; wheel radius 0.033 m" in about
+
+
+@pytest.mark.parametrize(
+    ("sensors", "problem"),
+    [
+        ("[{contact: {}, rate: 7}]", "11:25: sensors.0.rate: 7 Hz does not divide physics.rate, 240 Hz; near"),
+        ("[contact, contact]", "11:20: sensors.1: a second sensor named 'contact'; give each a 'name' of its own"),
+        ("[{contact: {}, link: base_lnk}]", "11:25: sensors.0.link: the robot has no link 'base_lnk'; did you mean"),
+        ("[{contact: {range: 1}}]", "11:22: sensors.0.contact.range: unknown key"),
+        ("[contct]", "11:11: sensors.0.contct: unknown sensor 'contct'; did you mean 'contact'?"),
+        ("[{contact: {}, pose: {u: 1}}]", "11:32: sensors.0.pose.u: unknown key"),
+        ("contact", "11:1: sensors: expected a list"),
+    ],
+)
+def test_what_cannot_be_is_told_on_its_line(sensors: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, f"{LEAST}sensors: {sensors}\n")
+    assert found.startswith(problem)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_sensor_that_only_an_assertion_reads_is_not_stored(engine: str, tmp_path: Path) -> None:
+    loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
+    scene = build_scene(loaded)
+    with running(engine, scene) as backend:
+        sensing = Sensing(loaded.scenario, scene, backend, heard=False, judged={"contact"})
+        sensing.read(0)
+        told = Trace.of_observation(backend.observe(0, contacts=False))
+        told = replace(told, sensors=sensing.collect())
+    assert set(told.sensors) == {"contact", "left"}
+    assert set(sensing.stored(told).sensors) == {"left"}
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_controller_may_look_at_more_than_the_scenario_has(engine: str, tmp_path: Path) -> None:
+    loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
+    scene = build_scene(loaded)
+    more = replace(loaded.scenario.sensors[0], name="of its own", rate=80.0)
+    with running(engine, scene) as backend:
+        sensing = Sensing(loaded.scenario, scene, backend, heard=True, more=[more])
+        assert sensing.next_tick(0, 100) == 3
+        sensing.read(0)
+        assert set(sensing.look(0).sensors) == {"contact", "left", "of its own"}
+        # It is the controller's alone.
+        assert set(sensing.collect()) == {"left"}

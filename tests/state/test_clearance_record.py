@@ -1,0 +1,68 @@
+"""Records of clearance: made, cut, joined, stored."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_action.state.channels import ClearanceWatch
+from sim_action.state.clearance_record import ClearanceRecord, Nearness
+from sim_action.state.trace import Trace
+from sim_action.state.trace_storage import TraceError, load_trace, save_trace
+from tests.traces import trace
+
+NEAR = [
+    Nearness(0.1, 2.0, "base", "wall"),
+    Nearness(0.2, 1.5, "arm", "post"),
+    Nearness(0.3, -0.01, "base", "wall"),
+    Nearness(0.4, -0.02, "base", "post"),
+]
+RECORD = ClearanceRecord.of(NEAR)
+WATCHES = (ClearanceWatch(), ClearanceWatch(links=("base",), bodies=("wall", "post"), within=0.5, always=True))
+
+
+def told(record: ClearanceRecord) -> list[Nearness]:
+    return [record.at(index) for index in range(len(record))]
+
+
+def test_a_record_tells_what_it_was_made_of() -> None:
+    assert told(RECORD) == NEAR
+    assert len(ClearanceRecord.of([])) == 0
+
+
+def test_pieces_make_the_whole_again_though_each_numbers_its_pairs_anew() -> None:
+    pieces = [
+        ClearanceRecord.of(NEAR[:1]),
+        ClearanceRecord.of([]),
+        ClearanceRecord.of(NEAR[1:3]),
+        ClearanceRecord.of(NEAR[3:]),
+    ]
+    assert told(ClearanceRecord.concatenate(pieces)) == NEAR
+
+
+def test_the_moments_of_a_window_are_those_at_its_ends_too() -> None:
+    assert told(RECORD.between(0.2, 0.3)) == NEAR[1:3]
+    assert told(RECORD.between(0.45, 9.0)) == []
+
+
+def test_a_trace_cuts_joins_and_stores_them(tmp_path: Path) -> None:
+    time = [0.1, 0.2, 0.3, 0.4]
+    seen = replace(trace(time), clearances=dict.fromkeys(WATCHES, RECORD))
+    assert told(seen.first(2).clearances[WATCHES[0]]) == NEAR[:2]
+    assert told(seen.between(0.2, 0.3).clearances[WATCHES[1]]) == NEAR[1:3]
+    assert told(seen.rows(slice(1)).clearances[WATCHES[0]]) == NEAR
+    again = Trace.concatenate([seen.first(2), trace([]), seen.between(0.3, 0.4)])
+    save_trace(again, tmp_path / "t.npz")
+    stored = load_trace(tmp_path / "t.npz")
+    assert list(stored.clearances) == list(WATCHES)
+    assert [told(record) for record in stored.clearances.values()] == [NEAR, NEAR]
+
+
+def test_a_file_whose_columns_do_not_fit_is_no_trace(tmp_path: Path) -> None:
+    broken = replace(RECORD, pair=np.array([0, 1, 7, 0]))
+    save_trace(replace(trace([0.1]), clearances={WATCHES[0]: broken}), tmp_path / "t.npz")
+    with pytest.raises(TraceError, match="not a trace"):
+        load_trace(tmp_path / "t.npz")

@@ -1,0 +1,66 @@
+"""Commands: joint targets that add up, and what a motor cannot be given."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from sim_action.core.geometry import Twist
+from sim_action.state.command import BasePush, Command, JointTargets, is_finite
+
+
+def test_the_names_of_targets_are_those_of_all_groups() -> None:
+    targets = JointTargets(position={"a": 1}, velocity={"b": 2}, effort={"c": 3}, max_effort={"d": 4})
+    assert list(targets.names()) == ["a", "b", "c"]
+
+
+def test_a_joint_with_a_position_and_its_speed_is_named_once_and_replaced_as_one() -> None:
+    moving = JointTargets(position={"a": 1}, velocity={"a": 2, "b": 3})
+    assert list(moving.names()) == ["a", "b"]
+    assert moving.updated_by(JointTargets(position={"a": 4})) == JointTargets(position={"a": 4}, velocity={"b": 3})
+
+
+def test_a_later_target_replaces_an_earlier_one_of_any_group() -> None:
+    earlier = JointTargets(position={"a": 1}, velocity={"b": 2}, max_effort={"a": 5, "b": 6})
+    later = JointTargets(effort={"a": 3}, max_effort={"c": 7})
+    assert earlier.updated_by(later) == JointTargets(velocity={"b": 2}, effort={"a": 3}, max_effort={"b": 6, "c": 7})
+
+
+def test_joints_that_are_not_named_keep_their_target() -> None:
+    earlier = JointTargets(position={"a": 1})
+    assert earlier.updated_by(JointTargets()) == earlier
+    assert JointTargets().updated_by(earlier) == earlier
+
+
+def test_a_push_of_the_base_stays_until_another() -> None:
+    one, other = (BasePush((speed, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0) for speed in (1.0, 2.0))
+    pushed = JointTargets(base=one)
+    assert pushed.updated_by(JointTargets(effort={"a": 3})) == JointTargets(effort={"a": 3}, base=one)
+    assert pushed.updated_by(JointTargets(base=other)).base == other
+    assert JointTargets(effort={"a": 3}).updated_by(pushed).base == one
+
+
+def test_updating_leaves_both_as_they_were() -> None:
+    earlier, later = JointTargets(position={"a": 1}), JointTargets(position={"a": 2})
+    assert earlier.updated_by(later).position == {"a": 2}
+    assert (earlier.position, later.position) == ({"a": 1}, {"a": 2})
+
+
+@pytest.mark.parametrize(
+    ("command", "finite"),
+    [
+        (Twist.planar(1, 2), True),
+        (Twist.planar(math.nan), False),
+        (JointTargets(base=BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0)), True),
+        (JointTargets(base=BasePush((1.0, math.nan), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0)), False),
+        (JointTargets(base=BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), math.inf, 1.0)), False),
+        (Twist((0, 0, 0), (0, math.inf, 0)), False),
+        (JointTargets(), True),
+        (JointTargets(position={"a": 1.0}), True),
+        (JointTargets(effort={"a": math.nan}), False),
+        (JointTargets(position={"a": 1.0}, max_effort={"a": math.inf}), False),
+    ],
+)
+def test_a_command_is_finite_if_all_its_numbers_are(command: Command, finite: bool) -> None:
+    assert is_finite(command) is finite

@@ -1,0 +1,57 @@
+"""What controllers ask readings for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_action.state.readings import LidarScan
+
+SCAN = LidarScan(0.0, -math.pi, math.pi / 2, 0.1, 10.0, np.array([4.0, 3.0, 2.0, 5.0]))
+"""Behind, to the right, ahead, to the left."""
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "nearest"),
+    [
+        (0, 0, 2.0),
+        (-90, 90, 2.0),
+        (-90, -90, 3.0),
+        (45, 180, 4.0),
+        (90, 270, 3.0),
+        (170, -170, 4.0),
+        (-190, -170, 4.0),
+        (530, 550, 4.0),
+        (90, -90, 3.0),
+        (10, 80, 2.0),
+        (50, 80, 5.0),
+        (-60, -60, 3.0),
+        (-45, -45, 2.0),
+        (225, 225, 3.0),
+        (-46, -46, 3.0),
+        (-180, 180, 2.0),
+        (1, 361, 2.0),
+        (0, 1000, 2.0),
+    ],
+)
+def test_the_nearest_is_sought_counter_clockwise(start: float, end: float, nearest: float) -> None:
+    assert SCAN.nearest(math.radians(start), math.radians(end)) == nearest
+
+
+FORWARD = LidarScan(0.0, -math.pi / 4, math.pi / 4, 0.1, 10.0, np.array([4.0, 3.0, 2.0]))
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "nearest"),
+    [(46, 60, 2.0), (60, 80, 2.0), (91, 269, math.inf), (100, 100, math.inf), (46, -46, math.inf)],
+)
+def test_where_no_ray_looks_nothing_is_seen_but_beside_a_ray(start: float, end: float, nearest: float) -> None:
+    assert FORWARD.nearest(math.radians(start), math.radians(end)) == nearest
+
+
+def test_what_is_too_near_is_the_nearest() -> None:
+    scan = LidarScan(0.0, 0.0, 0.1, 0.1, 10.0, np.array([np.inf, -np.inf, 3.0]))
+    assert scan.nearest(0.0, 1.0) == -math.inf
+    assert scan.nearest(0.0, 0.0) == math.inf

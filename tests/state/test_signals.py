@@ -1,0 +1,45 @@
+"""Curves of expectations, and the windows that their limits hold for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_action.state.signals import Signal
+
+TIME = np.array([0.0, 1.0, 2.0])
+
+
+def curve(lower: float | None = None, upper: float | None = None) -> Signal:
+    return Signal("tilt", "rad", TIME, TIME, lower, upper)
+
+
+def test_the_limits_of_what_must_not_hold_are_on_the_other_side() -> None:
+    away = curve(upper=0.5).contrary()
+    assert (away.lower, away.upper) == (0.5, None)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "window"),
+    [
+        (0.0, 2.0, (0.0, 2.0)),
+        (0.5, 1.5, (0.5, 1.5)),
+        (3.0, 2.0, (3.0, 3.0)),
+    ],
+)
+def test_limits_hold_within_the_window_of_the_expectation(
+    start: float, end: float, window: tuple[float, float]
+) -> None:
+    signal = curve().within(start, end)
+    assert (signal.start, signal.end) == window
+
+
+def test_limits_that_hold_when_all_is_over_hold_at_the_end_of_the_window() -> None:
+    signal = curve().at_end().within(0.5, 1.5)
+    assert (signal.start, signal.end) == (1.5, 1.5)
+
+
+def test_without_a_window_limits_hold_throughout() -> None:
+    assert (curve().start, curve().end) == (0.0, math.inf)

@@ -1,0 +1,178 @@
+"""Traces: slicing, derived signals, digest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core.geometry import Pose, Twist
+from sim_action.state.digest import Digest
+from sim_action.state.observation import JointState, Observation
+from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace import COLUMNS, Trace
+from tests.traces import SEEN, assert_same, columns, trace
+
+
+def times(seen: Trace) -> list[float]:
+    return [float(time) for time in seen.time]
+
+
+def contact_times(seen: Trace) -> list[float]:
+    return [touch.time for touch in seen.contacts]
+
+
+def test_a_trace_is_as_long_as_its_moments() -> None:
+    assert len(SEEN) == 4
+    assert len(trace([])) == 0
+
+
+def test_the_first_moments_come_with_the_contacts_up_to_the_last_of_them() -> None:
+    assert times(SEEN.first(2)) == [0.1, 0.2]
+    assert contact_times(SEEN.first(2)) == [0.1]
+    assert contact_times(SEEN.first(3)) == [0.1, 0.25, 0.3]
+
+
+def test_rows_leave_all_contacts() -> None:
+    every_other = SEEN.rows(slice(None, None, 2))
+    assert times(every_other) == [0.1, 0.3]
+    assert every_other.base_position_xyz.tolist() == [[1, 0, 0], [3, 4, 0]]
+    assert every_other.contacts == SEEN.contacts
+    assert SEEN.rows(slice(0)).contacts == SEEN.contacts
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "moments", "touches"),
+    [
+        (0.0, math.inf, [0.1, 0.2, 0.3, 0.4], [0.1, 0.25, 0.3]),
+        (0.2, 0.3, [0.2, 0.3], [0.25, 0.3]),
+        (0.2 + 1e-12, 0.3 - 1e-12, [0.2, 0.3], [0.25, 0.3]),
+        (0.21, 0.29, [], [0.25]),
+        (0.0, 0.05, [], []),
+        (0.5, math.inf, [], []),
+        (0.4, 0.4, [0.4], []),
+    ],
+)
+def test_between_keeps_both_ends(start: float, end: float, moments: list[float], touches: list[float]) -> None:
+    inside = SEEN.between(start, end)
+    assert times(inside) == moments
+    assert contact_times(inside) == touches
+
+
+def test_between_drops_contacts_outside_though_all_moments_are_inside() -> None:
+    assert contact_times(SEEN.rows(slice(1, 3)).between(0.2, 0.3)) == [0.25, 0.3]
+
+
+def test_between_of_nothing_is_nothing() -> None:
+    assert len(trace([]).between(0.0, 1.0)) == 0
+
+
+def test_speeds_are_magnitudes() -> None:
+    assert SEEN.speed.tolist() == [1.0, 2.0, 0.0, 0.5]
+    assert SEEN.turn_rate.tolist() == [0.0, 0.5, 0.0, 0.0]
+
+
+def test_tilt_is_the_angle_to_the_vertical_whatever_the_heading() -> None:
+    assert SEEN.tilt == pytest.approx([0.0, 0.5, 1.0, math.pi])
+    assert trace([0.1], yaw=[2.0]).tilt == pytest.approx([0.0])
+
+
+def test_yaw_is_the_heading() -> None:
+    assert trace([0.1, 0.2], yaw=[1.0, -3.0]).yaw == pytest.approx([1.0, -3.0])
+
+
+def test_a_heading_error_takes_the_short_way_round() -> None:
+    turned = trace([0.1, 0.2], yaw=[3.0, -3.0])
+    assert turned.yaw_error_to(-3.0) == pytest.approx([2 * math.pi - 6.0, 0.0])
+    assert turned.yaw_error_to(3.0 + 4 * math.pi) == pytest.approx([0.0, 2 * math.pi - 6.0])
+
+
+def test_distances_are_in_space_or_on_the_ground() -> None:
+    assert SEEN.distance_to((0.0, 0.0, 0.0)).tolist() == [1.0, 2.0, 5.0, 13.0]
+    assert SEEN.planar_distance_to(0.0, 0.0).tolist() == [1.0, 2.0, 5.0, 5.0]
+
+
+def test_arc_length_begins_where_the_robot_was() -> None:
+    path = trace([0.1, 0.2, 0.3], x=[1.0, 1.0, 0.0], y=[0.0, 2.0, 2.0])
+    assert path.arc_length_from((0.0, 0.0, 0.0)).tolist() == [1.0, 3.0, 4.0]
+    assert path.arc_length_from((0.0, 0.0, 0.0), 10.0).tolist() == [11.0, 13.0, 14.0]
+
+
+def test_an_observation_is_a_trace_of_one_moment() -> None:
+    joints = {"a": JointState(1.0, 2.0, 3.0), "b": JointState(4.0, 5.0, 6.0)}
+    seen = Observation(0.5, Pose((1, 2, 3), (0, 0, 1, 0)), Twist((4, 5, 6), (7, 8, 9)), joints, SEEN.contacts)
+    one = Trace.of_observation(seen)
+    assert (len(one), one.joint_names, one.contacts) == (1, ("a", "b"), ())
+    assert one.state.tolist() == [[0.5, 1, 2, 3, 0, 0, 1, 0, 4, 5, 6, 7, 8, 9, 1, 4, 2, 5, 3, 6]]
+    assert one.joint_velocity.tolist() == [[2, 5]]
+
+
+def test_an_observation_without_joints_is_a_trace_too() -> None:
+    assert Trace.of_observation(Observation(0.0, Pose(), Twist(), {})).state.shape == (1, 14)
+
+
+cuts = st.lists(st.integers(0, 4), max_size=5)
+
+
+def pieces(seen: Trace, at: list[int]) -> list[Trace]:
+    """The trace cut before the rows named, with each contact in the piece of the next moment."""
+    found = []
+    for start, end in pairwise(sorted({0, *at, len(seen)})):
+        since = seen.time[start - 1] if start else -math.inf
+        here = tuple(c for c in seen.contacts if since < c.time <= seen.time[end - 1])
+        found.append(replace(seen.rows(slice(start, end)), contacts=here))
+    return found
+
+
+@given(cuts)
+def test_pieces_put_together_are_the_whole(at: list[int]) -> None:
+    assert_same(Trace.concatenate(pieces(SEEN, at)), SEEN)
+
+
+@given(cuts)
+def test_a_digest_is_the_same_however_the_steps_are_cut(at: list[int]) -> None:
+    whole, cut = Digest(), Digest()
+    whole.add(SEEN)
+    for piece in pieces(SEEN, at):
+        cut.add(piece)
+    assert cut.hexdigest() == whole.hexdigest()
+    assert len(whole.hexdigest()) == 64
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_digest_tells_states_apart_that_differ_in_one_bit(name: str) -> None:
+    changed = {key: value.copy() for key, value in columns(SEEN).items()}
+    changed[name].flat[0] = np.nextafter(changed[name].flat[0], 1e9)
+    one, other = Digest(), Digest()
+    one.add(SEEN)
+    other.add(Trace.of_columns(joint_names=SEEN.joint_names, **changed))
+    assert one.hexdigest() != other.hexdigest()
+
+
+def test_a_digest_of_fewer_steps_is_another() -> None:
+    one, other = Digest(), Digest()
+    one.add(SEEN)
+    other.add(SEEN.first(3))
+    assert one.hexdigest() != other.hexdigest()
+
+
+RECORD = SensorRecord("contact", np.array([0.0, 0.2, 0.4]), {"force": np.array([1.0, 2.0, 3.0])})
+
+
+def told(seen: Trace) -> list[float]:
+    return [] if not seen.sensors else seen.sensors["a/b"].columns["force"].tolist()
+
+
+def test_readings_are_cut_and_joined_with_the_moments() -> None:
+    seen = replace(SEEN, sensors={"a/b": RECORD})
+    assert told(seen.first(2)) == [1.0, 2.0]
+    assert told(seen.between(0.2, 0.3)) == [2.0]
+    assert told(Trace.concatenate((seen.between(0, 0.3), SEEN.rows(slice(0)), seen.between(0.31, 0.5)))) == [1, 2, 3]
+    # What is read at a moment is told with the next one.
+    assert told(seen.between(0.31, 0.4)) == []
+    assert told(Trace.concatenate((SEEN.rows(slice(1)), seen))) == [1, 2, 3]

@@ -1,0 +1,110 @@
+"""What follows from a scenario and its model together: what is bolted, where it begins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.core.placement import Placement
+from sim_action.core.workspace import Workspace
+from sim_action.robot.spec import Robot
+from sim_action.robot.urdf import read_urdf
+from sim_action.scenario.loading import build_scene
+from sim_action.world import Physics, World
+from sim_action.world.scene import Fitting, Scene
+from tests.robot.bad_models import GOOD
+from tests.scenarios import LEAST, load
+
+FOLLOWER = """
+<link name="finger"/>
+<joint name="bend" type="prismatic"><parent link="upper"/><child link="finger"/>
+  <limit lower="-9" upper="9" effort="1" velocity="1"/><mimic joint="shoulder" multiplier="-2" offset="0.5"/></joint>
+<link name="tip"/>
+<joint name="curl" type="revolute"><parent link="finger"/><child link="tip"/>
+  <limit lower="-9" upper="9" effort="1" velocity="1"/><mimic joint="bend"/></joint>
+"""
+
+
+def scene(folder: Path, text: str = GOOD, **robot: Any) -> Scene:
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    spec = Robot.model_validate({"model": "robot.urdf", **robot})
+    return Scene(spec, read_urdf(path), World(), Physics(), Workspace(folder, folder))
+
+
+@pytest.mark.parametrize(
+    ("root", "base", "bolted"),
+    [
+        ("base", None, False),
+        ("base", "fixed", True),
+        ("world", None, True),
+        ("world", "fixed", True),
+        ("world", "free", False),
+    ],
+)
+def test_a_base_is_bolted_by_the_scenario_or_else_by_its_name(
+    root: str, base: str | None, bolted: bool, tmp_path: Path
+) -> None:
+    assert scene(tmp_path, GOOD.replace('"base"', f'"{root}"'), base=base).bolted is bolted
+
+
+def test_the_world_is_where_the_world_is(tmp_path: Path) -> None:
+    world = GOOD.replace('"base"', '"world"')
+    assert scene(tmp_path, world, pose={"x": 1}).placement == Placement(x=1, z=0)
+    assert scene(tmp_path, world, pose={"z": 2}).placement == Placement(z=2)
+    assert scene(tmp_path, world, base="free").placement == Placement()
+    assert scene(tmp_path, base="fixed").placement == Placement()
+
+
+@pytest.mark.parametrize(
+    ("limits", "home"),
+    [
+        ('lower="-1" upper="2"', 0),
+        ('lower="0" upper="2"', 0),
+        ('lower="-2.7" upper="-0.9"', -1.8),
+        ('lower="0.5" upper="1.5"', 1.0),
+        ('lower="0.5" upper="0.5"', 0.5),
+        ('lower="0.5" upper="1e16"', 0.5),
+        ('lower="-1e16" upper="-0.5"', -0.5),
+        ('lower="-1e16" upper="0.5"', 0),
+        ('lower="-1e16" upper="1e16"', 0),
+        ('upper="1.5"', 0),
+        ('lower="-1.5"', 0),
+    ],
+)
+def test_a_joint_that_cannot_be_at_zero_begins_amid_its_limits(limits: str, home: float, tmp_path: Path) -> None:
+    text = GOOD.replace('lower="-1" upper="2"', limits)
+    assert scene(tmp_path, text).joint_positions == {"shoulder": pytest.approx(home)}
+    assert scene(tmp_path, text, joints={"shoulder": 0.5}).joint_positions == {"shoulder": 0.5}
+
+
+def test_limits_that_are_the_wrong_way_round_move_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace('lower="-1" upper="2"', 'lower="2" upper="1"'))
+    assert read_urdf(path, allow=["reversed-limits"]).joints[0].home == 0
+
+
+def test_followers_begin_where_their_leader_wants_them(tmp_path: Path) -> None:
+    there = scene(tmp_path, GOOD.replace("</robot>", f"{FOLLOWER}</robot>"), joints={"shoulder": 1.0})
+    assert there.joint_positions == {"shoulder": 1.0, "bend": -1.5, "curl": -1.5}
+
+
+def test_what_is_drawn_at_random_depends_on_seed_and_purpose_alone(tmp_path: Path) -> None:
+    first, second = (replace(scene(tmp_path), seed=seed) for seed in (1, 2))
+    drawn = first.generator("scan").random(3).tolist()
+    first.generator("imu").random(7)
+    assert first.generator("scan").random(3).tolist() == drawn
+    assert first.generator("imu").random(3).tolist() != drawn
+    assert second.generator("scan").random(3).tolist() != drawn
+
+
+def test_a_scene_knows_where_the_sensors_of_its_scenario_sit(tmp_path: Path) -> None:
+    loaded = load(tmp_path, f"{LEAST}sensors: [{{lidar: {{}}, link: base_scan, rate: 5 Hz}}, contact]\n")
+
+    assert build_scene(loaded).sensors == (
+        Fitting("lidar", "lidar", "base_scan", 5.0),
+        Fitting("contact", "contact", "base_footprint", 10.0),
+    )
