@@ -85,7 +85,7 @@ picture: $(VENV)/.dev ## the README's pictures
 screenshots: $(VENV)/.dev viewer ## the README's pictures of report.html
 	$(BIN)/python docs/screenshots.py
 
-bench: $(VENV)/.dev ## ratios against the raw engine
+bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be measured here is named with its reason
 	$(BIN)/python -m bench.run
 
 fuzz: $(VENV)/.dev ## a quarter of an hour of robot models that nobody has written

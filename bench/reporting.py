@@ -1,7 +1,8 @@
-"""What report.html costs and weighs: of one run of 30 s, and of a hundred of 10 s, which a browser opens."""
+"""The cost of report.html: its size, the time to write it, and the time until a browser shows it."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from bench.table import NotMeasuredError
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import page
 from sim_action.results.file import Results
@@ -28,17 +30,23 @@ time_limit: {seconds} s
 
 
 class ReportCost(NamedTuple):
-    """Of reports: s to write one of one run and s of the run's own loop; bytes of both; s until the second is open."""
+    """Costs of two reports: of one run of 30 s and of 100 runs of 10 s.
+
+    Attributes:
+        written: s to write the report of one run.
+        run: s of that run's own loop.
+        size: bytes of the report of one run.
+        size_of_many: bytes of the report of 100 runs.
+    """
 
     written: float
     run: float
     size: int
     size_of_many: int
-    opened: float | None
 
 
 def report_cost() -> ReportCost:
-    """The least of several rounds; `opened` is None where there is no browser or no Node.js."""
+    """Measure both reports; times are the least of several rounds."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         results = _run(folder, 30)
@@ -48,23 +56,38 @@ def report_cost() -> ReportCost:
         assert outcome.sim_time
         assert outcome.real_time_factor
         loop = outcome.sim_time / outcome.real_time_factor
-        return ReportCost(written, loop, len(text.encode()), *_of_many(folder))
+        return ReportCost(written, loop, len(text.encode()), len(_report_of_many(folder).encode()))
 
 
-def _of_many(folder: Path) -> tuple[int, float | None]:
-    """Bytes of the report of a hundred runs, and s until a browser shows its first."""
+def opening_cost() -> float:
+    """Return s until a headless browser shows the first of 100 runs. Raises NotMeasuredError."""
+    command = opening_command()
+    with tempfile.TemporaryDirectory() as name:
+        file = Path(name) / "many.html"
+        file.write_text(_report_of_many(Path(name)), encoding="utf-8")
+        browser = command.pop()
+        printed = subprocess.run([*command, str(file), browser], check=True, capture_output=True, text=True)
+    return float(printed.stdout) / 1000
+
+
+def opening_command(web: Path = ROOT / "web") -> list[str]:
+    """Return Node.js, the script that opens a page, and the browser. Raises NotMeasuredError naming what is missing."""
+    node = shutil.which("node", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    if node is None:
+        raise NotMeasuredError("Node.js is not installed")
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        raise NotMeasuredError("neither chromium nor google-chrome is installed")
+    if not (web / "node_modules/playwright-core").is_dir():
+        raise NotMeasuredError(f"the Node package playwright-core is missing; install it with: npm ci --prefix {web}")
+    return [node, str(web / "tests/opening.mjs"), browser]
+
+
+def _report_of_many(folder: Path) -> str:
     [outcome] = _run(folder, 10).outcomes
     results = Results.read(folder / "sim-results/results.json")
     many = tuple(outcome.model_copy(update={"name": f"run {number}"}) for number in range(MANY))
-    text = page(results.model_copy(update={"outcomes": many}), _options(folder)).text()
-    file = folder / "many.html"
-    file.write_text(text, encoding="utf-8")
-    browser, node = shutil.which("chromium") or shutil.which("google-chrome"), shutil.which("node")
-    if browser is None or node is None:
-        return len(text.encode()), None
-    command = [node, str(ROOT / "web/tests/opening.mjs"), str(file), browser]
-    told = subprocess.run(command, check=True, capture_output=True, text=True)
-    return len(text.encode()), float(told.stdout) / 1000
+    return page(results.model_copy(update={"outcomes": many}), _options(folder)).text()
 
 
 def _run(folder: Path, seconds: int) -> Results:

@@ -6,24 +6,24 @@ are printed for orientation only.
 
 from __future__ import annotations
 
-import itertools
 import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
 from bench.lidar import lidar_cost
 from bench.recording_cost import recording_cost
-from bench.reporting import report_cost
+from bench.reporting import opening_cost, report_cost
 from bench.ros1 import command as command_of_rostest
 from bench.ros1 import parts, ros
 from bench.script_cost import script_costs
+from bench.table import Measurement, NotMeasuredError, Ratio, print_table
 from bench.watching import watching_cost
 from bench.world_cost import BOXES, world_costs
 
@@ -43,36 +43,6 @@ expect: [{{travel: {{at_least: 1.5 m}}}}]
 duration: 30 s
 time_limit: 30 s
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Ratio:
-    """Two measured times in s, and what the one may be of the other; `at_most` tells which way is good.
-
-    Or two sizes in MB, which are told in the thousandth of that.
-    """
-
-    name: str
-    ours: float
-    theirs: float
-    target: float
-    at_most: bool = True
-    unit: str = "ms"
-
-    @property
-    def value(self) -> float:
-        """Ours over theirs."""
-        return self.ours / self.theirs
-
-    @property
-    def met(self) -> bool:
-        """Whether the target is met."""
-        return self.value <= self.target if self.at_most else self.value >= self.target
-
-    def __str__(self) -> str:
-        bound = "at most" if self.at_most else "at least"
-        times = f"{self.ours * 1000:.3g} {self.unit} / {self.theirs * 1000:.3g} {self.unit}"
-        return f"{'ok  ' if self.met else 'MISS'} {self.name}: {self.value:.2f} ({bound} {self.target:g}; {times})"
 
 
 def command(*arguments: str, cwd: Path | None = None) -> Callable[[], object]:
@@ -258,17 +228,19 @@ def filming() -> Iterator[Ratio]:
 
 
 def reporting() -> Iterator[Ratio]:
-    """What report.html takes, weighs, and keeps whoever opens it waiting for."""
+    """The cost of writing report.html, and its size."""
     cost = report_cost()
     yield Ratio("report.html of a run of 30 s, against the run", cost.written, cost.run, 0.25)
     one, many = cost.size / 1e6, cost.size_of_many / 1e6
     yield Ratio("report.html of a run of 30 s, against what it may weigh", one, 0.3, 1, unit="kB")
     yield Ratio("report.html of 100 runs of 10 s, against what it may weigh", many, 4, 1, unit="kB")
     yield Ratio("what a further run of 10 s adds, against what it may", (many - one) / 99, 0.025, 1, unit="kB")
-    if cost.opened is not None:
-        yield Ratio(
-            "report.html of 100 runs shows verdict and plots in a headless browser, against 3 s", cost.opened, 3, 1
-        )
+
+
+def opening() -> Iterator[Ratio]:
+    """The time until a headless browser shows a report. Raises NotMeasuredError."""
+    name = "report.html of 100 runs shows verdict and plots in a headless browser, against 3 s"
+    yield Ratio(name, opening_cost(), 3, 1)
 
 
 def recordings() -> Iterator[Ratio]:
@@ -282,42 +254,53 @@ def recordings() -> Iterator[Ratio]:
 
 
 def rostest() -> Iterator[Ratio]:
-    """A package of ROS 1 on real ROS, if it is installed here."""
+    """A package of ROS 1 on real ROS. Raises NotMeasuredError where ROS 1 is not installed."""
     if (installed := ros()) is None:
-        print("     no ROS 1 here: a rostest is not measured")
-        return
+        raise NotMeasuredError("ROS 1 is not installed")
     split = parts(installed)
     print(split)
     yield Ratio("sim time of a rostest, against its wall time", split.sim_time, split.sim, 4, at_most=False)
     yield Ratio("sim-action rostest, against 6 s", command_of_rostest(), 6, 1)
 
 
-def side_by_side(folder: Path) -> Iterator[SideBySide]:
-    """Both engines."""
+def side_by_side(folder: Path) -> Iterator[SideBySide | str]:
+    """Both engines, for orientation: no bound."""
+    yield "\nboth engines, for orientation:"
     suite = str(write_suite(folder / "both", 1))
-    return engines(
+    yield from engines(
         {engine: command("sim-action", "run", "--backend", engine, suite, cwd=folder) for engine in PACKAGES}
     )
 
 
+def measurements(folder: Path) -> Sequence[Measurement]:
+    """All measurements in the order of the table."""
+    return [
+        Measurement("start-up", partial(start_up, folder)),
+        Measurement("models", models),
+        Measurement("whole process", lambda: [whole_process(folder)]),
+        Measurement("each further scenario", lambda: [further_scenario(folder)]),
+        Measurement("variations", lambda: [variations(folder)]),
+        Measurement("two jobs", lambda: [parallel(folder)]),
+        Measurement("scripts", scripts),
+        Measurement("lidars", lidars),
+        Measurement("worlds", worlds),
+        Measurement("watching", watching),
+        Measurement("replays", filming),
+        Measurement("recordings", recordings),
+        Measurement("reports", reporting),
+        Measurement("a report in a browser", opening),
+        Measurement("rostest", rostest),
+        Measurement("both engines, for orientation", partial(side_by_side, folder)),
+    ]
+
+
 def main() -> None:
-    """Prints a line a ratio; exits with 1 if one is missed."""
-    # A shell that forbids bytecode would have each call compile this package anew, but not what it is measured against.
+    """Print one line for each ratio; exit with 1 if a bound is missed or a measurement fails."""
+    # A shell that forbids bytecode would have each call compile this package, but not the raw script.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        ratios = []
-        single = (measure(folder) for measure in (whole_process, further_scenario, variations, parallel))
-        told = itertools.chain(
-            scripts(), lidars(), worlds(), watching(), filming(), recordings(), reporting(), rostest()
-        )
-        for ratio in itertools.chain(start_up(folder), models(), single, told):
-            print(ratio, flush=True)
-            ratios.append(ratio)
-        print("\nboth engines, for orientation:")
-        for measure in side_by_side(folder):
-            print(measure, flush=True)
-    sys.exit(not all(ratio.met for ratio in ratios))
+        kept = print_table(measurements(Path(name)))
+    sys.exit(not kept)
 
 
 if __name__ == "__main__":
