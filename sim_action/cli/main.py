@@ -85,7 +85,12 @@ def _blame_variable(error: click.ClickException) -> None:
             error.param_hint = f"the variable {error.param.envvar}"
 
 
-@click.group(commands=SUBCOMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    commands=SUBCOMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    invoke_without_command=True,
+    subcommand_metavar="COMMAND [ARGS]...",
+)
 @click.version_option(__version__, prog_name="sim-action")
 @click.pass_context
 def program(context: click.Context) -> None:
@@ -94,6 +99,10 @@ def program(context: click.Context) -> None:
     PATHS are scenario files, folders (every *.sim.yml in and below them) or globs; left out: the current folder.
     Options may be variables, such as SIM_ACTION_BACKEND, or stand below [tool.sim-action] in pyproject.toml.
     """
+    if context.invoked_subcommand is None:
+        # As click 8.2 and later do by themselves: a missing command is an error of usage, and its message is the help.
+        click.echo(context.get_help(), err=True)
+        context.exit(ExitCode.INVALID)
     if context.invoked_subcommand in TAKE_DEFAULTS:
         from pathlib import Path
 
