@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sim_action.core.errors import UsageError
-from sim_action.core.interruption import Interruption
+from sim_action.core.process import Interruption
 from sim_action.ros.ros1.exchange import PROCESS_FILE, RUN_FILE
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launching import Call

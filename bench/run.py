@@ -88,7 +88,7 @@ def further_scenario(folder: Path) -> Ratio:
     """What a scenario costs once everything is imported: read, run in a child of its own, its outcome read back."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
-    from sim_action.core.interruption import Interruption
+    from sim_action.core.process import Interruption
     from sim_action.reports.progress import ProgressListener
     from sim_action.runner.execution import execute
     from sim_action.scenario.loading import load_scenario
@@ -109,8 +109,8 @@ def variations(folder: Path) -> Ratio:
     """What one of many variations of a scenario costs, with its part of the reading, against the raw loop."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
-    from sim_action.core.interruption import Interruption
-    from sim_action.core.permissions import Permissions
+    from sim_action.core.process import Interruption
+    from sim_action.core.workspace import Permissions
     from sim_action.reports.progress import ProgressListener
     from sim_action.runner.execution import execute
     from sim_action.scenario.files import read_file

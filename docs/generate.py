@@ -22,8 +22,8 @@ from sim_action.cli.default_options import Defaults
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
 from sim_action.core.errors import ExitCode
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.placement import Placement
 from sim_action.core.registry import Table
 from sim_action.core.verdict import Verdict
 from sim_action.drives import DRIVES

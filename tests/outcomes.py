@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.verdict import Verdict
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.errors import InvalidScenario
-from sim_action.core.location import Problem
+from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 

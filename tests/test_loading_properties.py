@@ -12,8 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_action.core.errors import InvalidScenario
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from tests.scenarios import FULL, LEAST

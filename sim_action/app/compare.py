@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.files import whole_file
 from sim_action.core.messages import escaped_line
-from sim_action.core.whole_files import whole_file
 from sim_action.reports.comparison_markdown import comparison_markdown
 from sim_action.reports.comparison_terminal import print_comparison
 from sim_action.reports.outputs import append_outputs

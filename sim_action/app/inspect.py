@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
-from sim_action.core.quantities import FrozenModel
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise
 from sim_action.drives.diff import DiffDrive

@@ -16,7 +16,7 @@ from typing import Final
 
 from sim_action.app.inspect import Inspection, inspect_model
 from sim_action.core.errors import ModelError
-from sim_action.core.quantities import FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.workspace import Workspace
 from sim_action.robot.spec import Robot
 from sim_action.runner.isolation.child import environment

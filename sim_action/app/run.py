@@ -11,7 +11,7 @@ from itertools import islice
 from pathlib import Path
 
 from sim_action import __version__
-from sim_action.core.interruption import Interruption
+from sim_action.core.process import Interruption
 from sim_action.reports import ReportOptions
 from sim_action.reports.progress import ProgressListener
 from sim_action.reports.writing import ReportRequest, make_ready, report_options, write_reports

@@ -14,8 +14,8 @@ from sim_action.app import run as running
 from sim_action.app.run import RunRequest
 from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.interruption import Interruption
 from sim_action.core.messages import log_line
+from sim_action.core.process import Interruption
 from sim_action.reports.comparison_rows import rows
 from sim_action.reports.comparison_terminal import print_comparison
 from sim_action.results.comparison import Thresholds, compared

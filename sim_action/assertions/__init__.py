@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, TypeGuard
 
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.channels import Channels
 from sim_action.world.scene import Scene
 

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from sim_action.assertions import Assertion
-from sim_action.core.quantities import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
+from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
 
 
 class AtRest(Assertion):

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from sim_action.assertions import Assertion, State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.core import units
-from sim_action.core.quantities import NonNegativeMetres, PositiveMetres
+from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.verdict import Verdict
 from sim_action.state.signals import Signal
 

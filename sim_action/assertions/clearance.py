@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import bounds_title, check_bounds
+from sim_action.core.field_types import PositiveMetres
 from sim_action.core.messages import FirstFew, did_you_mean
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import PositiveMetres
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.channels import Channels, ClearanceWatch
 from sim_action.world import GROUND

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from sim_action.assertions import Assertion, Monitor, State, is_decisive, is_follower
 from sim_action.assertions.fold import joined, joined_by_any
-from sim_action.core.problem_list import SpecProblems
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.channels import Channels
 from sim_action.state.marks import Mark
 from sim_action.state.signals import Signal

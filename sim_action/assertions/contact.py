@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_order
 from sim_action.core import units
+from sim_action.core.field_types import PositiveNewtons, PositiveSeconds
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import PositiveNewtons, PositiveSeconds
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.channels import Channels, ClearanceWatch
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene

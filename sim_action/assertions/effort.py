@@ -12,8 +12,8 @@ from sim_action.assertions.combined import short
 from sim_action.assertions.every import Every
 from sim_action.assertions.joint_choice import as_written, choice_problems, chosen, reading_of, unit_problem
 from sim_action.core import units
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import JointEffort
+from sim_action.core.field_types import JointEffort
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS
 from sim_action.world.scene import Scene
 

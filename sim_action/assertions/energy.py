@@ -11,8 +11,8 @@ from sim_action.assertions.bounds import Bounds
 from sim_action.assertions.combined import short
 from sim_action.assertions.joint_choice import choice_problems, chosen
 from sim_action.core import units
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import NonNegativeJoules
+from sim_action.core.field_types import NonNegativeJoules
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

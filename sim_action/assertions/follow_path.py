@@ -14,11 +14,11 @@ from pydantic import Field, model_validator
 from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.reference_path import Point, ReferencePath, smoothed
 from sim_action.core import units
+from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveMetres
+from sim_action.core.files import read_at_most
 from sim_action.core.messages import did_you_mean, shown
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import FrozenModel, Metres, NamesFile, PositiveMetres
-from sim_action.core.regular_files import read_at_most
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.marks import Circle, Mark, Polyline
 from sim_action.world.scene import Scene
 

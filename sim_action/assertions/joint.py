@@ -13,9 +13,9 @@ from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
 from sim_action.assertions.joint_choice import as_written, reading_of
 from sim_action.assertions.nearest import Nearest
 from sim_action.core import units
+from sim_action.core.field_types import JointQuantity
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import JointQuantity
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS, Reading
 from sim_action.state.signals import Signal
 from sim_action.world.scene import Scene

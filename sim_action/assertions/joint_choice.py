@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from sim_action.core import units
 from sim_action.core.messages import FirstFew, did_you_mean
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint, Reading, RobotModel
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from sim_action.assertions.combined import short
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
 from sim_action.assertions.joint_choice import as_written, chosen, name_problem, reading_of, unit_problem
 from sim_action.core import units
+from sim_action.core.field_types import JointEffort, JointPosition, JointVelocity
 from sim_action.core.messages import FirstFew
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import JointEffort, JointPosition, JointVelocity
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS, Reading
 from sim_action.world.scene import Scene
 

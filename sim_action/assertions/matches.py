@@ -13,9 +13,7 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.combined import short
 from sim_action.assertions.joint_choice import as_written, chosen, name_problem, unit_problem
 from sim_action.core import units
-from sim_action.core.messages import FirstFew, shown
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import (
+from sim_action.core.field_types import (
     JointPosition,
     NamesFile,
     NonNegativeSeconds,
@@ -23,7 +21,9 @@ from sim_action.core.quantities import (
     PositiveMetres,
     PositiveRadians,
 )
+from sim_action.core.messages import FirstFew, shown
 from sim_action.core.workspace import PathError
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint
 from sim_action.state.golden_form import RESOLUTION, GoldenError, GoldenForm
 from sim_action.state.marks import Mark, Polyline

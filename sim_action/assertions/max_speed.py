@@ -10,7 +10,7 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import Bounds, SignalMonitor
 from sim_action.assertions.every import Every
 from sim_action.core import units
-from sim_action.core.quantities import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
+from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
 from sim_action.core import units
+from sim_action.core.field_types import PositiveMetres, PositiveRadians, PositiveShare
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import PositiveMetres, PositiveRadians, PositiveShare
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.channels import Channels
 from sim_action.world.scene import Scene
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.nearest import Nearest
 from sim_action.core import units
-from sim_action.core.quantities import Metres, PositiveMetres, PositiveRadians, Radians
+from sim_action.core.field_types import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.state.marks import Mark, goal
 from sim_action.state.signals import Signal
 from sim_action.world.scene import Scene

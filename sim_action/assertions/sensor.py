@@ -11,10 +11,10 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_bounds
 from sim_action.assertions.joint_choice import as_written
 from sim_action.core import units
+from sim_action.core.field_types import SensorQuantity
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import SensorQuantity
 from sim_action.core.units import Dimension
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.channels import Channels
 from sim_action.state.reading_columns import READING_COLUMNS, ReadingColumn
 from sim_action.world.scene import Scene

@@ -11,7 +11,7 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.assertions.bounds import check_interval
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
 from sim_action.core import units
-from sim_action.core.quantities import Metres
+from sim_action.core.field_types import Metres
 from sim_action.state.marks import Mark, line, rectangle
 from sim_action.world.scene import Scene
 

@@ -10,9 +10,9 @@ from sim_action.assertions import Monitor
 from sim_action.assertions.at_rest import AtRest
 from sim_action.assertions.bounds import check_interval
 from sim_action.core import units
+from sim_action.core.field_types import NonNegativeMetres
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import NonNegativeMetres
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.channels import Channels, ClearanceWatch
 from sim_action.world.scene import Scene
 

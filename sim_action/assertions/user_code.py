@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, Monitor
+from sim_action.core.field_types import NamesFile
 from sim_action.core.messages import did_you_mean, shown
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.python_files import ANYTHING, ScriptProblem, read_script
-from sim_action.core.quantities import NamesFile
+from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.channels import Channels
 from sim_action.state.signals import Signal
 from sim_action.world.scene import Scene

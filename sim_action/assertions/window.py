@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from sim_action.assertions import Monitor, State, is_drawn, is_follower
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 from sim_action.state.signals import Signal
 
 if TYPE_CHECKING:

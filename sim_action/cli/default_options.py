@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sim_action.core.quantities import FrozenModel
+from sim_action.core.field_types import FrozenModel
 
 
 class Defaults(FrozenModel):

@@ -12,10 +12,9 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.discovery import file_name
-from sim_action.core.errors import UsageError
-from sim_action.core.location import Location
+from sim_action.core.errors import Location, UsageError
+from sim_action.core.files import read_at_most
 from sim_action.core.messages import escaped_line
-from sim_action.core.regular_files import read_at_most
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document, KeyPath
 
@@ -119,7 +118,7 @@ def _validated(document: Document, folder: Path) -> Defaults:
     from pydantic import ValidationError
 
     from sim_action.cli.default_options import Defaults
-    from sim_action.core.spec_errors import spec_errors
+    from sim_action.core.yaml_errors import spec_errors
 
     data = document.data
     if isinstance(data, dict):

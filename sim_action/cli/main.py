@@ -12,8 +12,8 @@ import click
 from sim_action import __version__
 from sim_action.cli import SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.cli.paths import complain
-from sim_action.core import gc_tuning as garbage
 from sim_action.core.errors import ExitCode, SimActionError
+from sim_action.core.process import collect_garbage_rarely
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,7 @@ _BEFORE_IMPORTS = {
 
 def main() -> NoReturn:
     """The entry point."""
-    garbage.look_rarely()
+    collect_garbage_rarely()
     _open_closed_streams()
     leave(call(sys.argv[1:]))
 

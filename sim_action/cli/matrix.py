@@ -48,7 +48,7 @@ def _files(suite: Suite) -> list[FileOfScenarios]:
     """Those of which something is meant."""
     from sim_action.app.matrix import FileOfScenarios
     from sim_action.core.discovery import file_name
-    from sim_action.core.permissions import Permissions
+    from sim_action.core.workspace import Permissions
 
     read = suite.read(Permissions()).items()
     numbers = {path: [each.number for each in scenarios if suite.numbered(each)] for path, scenarios in read}

@@ -29,7 +29,7 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     selected of these, too. Exit code: as of `run`.
     """
     from sim_action.app import merge as merging
-    from sim_action.core.permissions import Permissions
+    from sim_action.core.workspace import Permissions
     from sim_action.results.shards import Listing
 
     selection = taken_selection(flags)

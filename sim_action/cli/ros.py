@@ -86,7 +86,7 @@ def roslaunch(**flags: Any) -> ExitCode:
 def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     from pathlib import Path
 
-    from sim_action.core.interruption import Interruption
+    from sim_action.core.process import Interruption
 
     if sys.platform != "linux":
         raise UsageError("ROS 1 has packages for Linux alone: Debian 12, and Ubuntu")

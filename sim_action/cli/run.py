@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.core.permissions import AllowScripts
+    from sim_action.core.workspace import AllowScripts
     from sim_action.runner.planning import PlanRequest
     from sim_action.scenario.source import Refused, Source
 
@@ -106,11 +106,11 @@ def run(
     sim-action, 5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1. A shard that has no
     scenario, of a list that has some, passes.
     """
-    from sim_action.core.interruption import Interruption
+    from sim_action.core.process import Interruption
 
     with Interruption() as interruption:
         from sim_action.app import run as running
-        from sim_action.core.permissions import Permissions, scripts_refused
+        from sim_action.core.workspace import Permissions, scripts_refused
         from sim_action.recording.export import wanted_formats
         from sim_action.runner.planning import PlanRequest
 

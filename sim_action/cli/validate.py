@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     """Find everything that is wrong with scenarios without running them."""
     from sim_action.core.messages import log_line
-    from sim_action.core.permissions import Permissions
+    from sim_action.core.workspace import Permissions
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.source import Refused
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import FrozenModel, PositiveHertz
+from sim_action.core.field_types import FrozenModel, PositiveHertz
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer, JointTargets
 from sim_action.world.scene import Scene
 

@@ -9,7 +9,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from sim_action.core import units
-from sim_action.core.quantities import FrozenModel, JointEffort, JointPosition, JointVelocity, NonNegativeSeconds
+from sim_action.core.field_types import FrozenModel, JointEffort, JointPosition, JointVelocity, NonNegativeSeconds
 from sim_action.robot.robot_model import Reading
 from sim_action.world.scene import Scene
 

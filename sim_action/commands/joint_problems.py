@@ -12,7 +12,7 @@ from sim_action.commands.joint_path import Blend
 from sim_action.commands.joint_points import JointPoint, Knot, in_si, knots
 from sim_action.core import units
 from sim_action.core.messages import FirstFew
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.joint_limits import beyond_limits, too_fast, too_strong
 from sim_action.robot.robot_model import Joint
 from sim_action.world.scene import Scene

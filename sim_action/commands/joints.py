@@ -12,9 +12,9 @@ from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.commands.joint_path import BLENDS, Interpolation, JointPath
 from sim_action.commands.joint_points import JointPoint, in_si, knots
 from sim_action.commands.joint_problems import misfits, order_problems, two_kinds_problems
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import PositiveHertz
+from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Reading
 from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene

@@ -17,9 +17,9 @@ from sim_action.commands.program import program_of
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import ScriptError
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import NamesFile, PositiveSeconds
+from sim_action.core.field_types import NamesFile, PositiveSeconds
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import Answer
 from sim_action.world.scene import Scene

@@ -15,10 +15,10 @@ from sim_action.commands.playback import Playback
 from sim_action.commands.replay_problems import is_csv, kind_problems, log_problems
 from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import RecordingError
+from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveSeconds
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import NamesFile, NonNegativeSeconds, PositiveSeconds
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import Command, JointTargets
 from sim_action.world.scene import Scene

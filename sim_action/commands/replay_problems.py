@@ -10,7 +10,7 @@ from sim_action.commands.logs import csv_log, ros_log
 from sim_action.commands.logs.ros_types import TWISTS
 from sim_action.core.errors import RecordingError
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 
 _CSV: Final = ".csv"
 

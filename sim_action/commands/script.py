@@ -18,12 +18,11 @@ from sim_action.commands.script_file import (
     class_problem,
     controller_name,
 )
-from sim_action.core.errors import ScriptError
-from sim_action.core.location import Location
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.python_files import ScriptProblem, read_script, run_file, script_error, told_at
-from sim_action.core.quantities import NamesFile
+from sim_action.core.errors import Location, ScriptError
+from sim_action.core.field_types import NamesFile
+from sim_action.core.user_scripts import ScriptProblem, read_script, run_file, script_error, told_at
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer
 from sim_action.world.scene import Scene
 

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import Final
 
 from sim_action.core.messages import did_you_mean
-from sim_action.core.python_files import ANYTHING, Script, ScriptProblem
+from sim_action.core.user_scripts import ANYTHING, Script, ScriptProblem
 
 FUNCTION: Final = "control"
 CLASS: Final = "Controller"

@@ -9,11 +9,11 @@ from typing import Annotated, ClassVar, Final
 from pydantic import Field
 
 from sim_action.commands import CommandSource, Controller, OpenLoop
+from sim_action.core.field_types import FrozenModel, MetresPerSecond, PositiveSeconds, RadiansPerSecond
 from sim_action.core.geometry import Twist
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import FrozenModel, MetresPerSecond, PositiveSeconds, RadiansPerSecond
 from sim_action.core.units import display
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Command
 from sim_action.world.scene import Scene
 

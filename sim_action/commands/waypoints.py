@@ -11,8 +11,7 @@ from pydantic import Field
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.path_following import PathFollower, Pursuit
 from sim_action.core import units
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import (
+from sim_action.core.field_types import (
     FrozenModel,
     Metres,
     PositiveHertz,
@@ -21,6 +20,7 @@ from sim_action.core.quantities import (
     PositiveRadiansPerSecond,
 )
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world import FASTEST_PHYSICS
 from sim_action.world.scene import Scene
 

@@ -16,8 +16,8 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Final
 
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import escaped_line
-from sim_action.core.quantities import FrozenModel
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _SYSCTL: Final = ("/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string")

@@ -1,6 +1,7 @@
 """Quantities as people write them ("30 s", "90 deg", "1.5 m") to and from SI floats.
 
-A bare number is SI already. Prefixes and symbols are those of the SI brochure (BIPM, 9th edition).
+A bare number is SI already. Prefixes and symbols are those of the SI brochure (BIPM, 9th edition). At the end: the
+rounding of sim times to physics steps.
 """
 
 from __future__ import annotations
@@ -139,3 +140,15 @@ def display_apart(value: float, limit: float, unit: str) -> tuple[str, str]:
             break
         texts = display(value, unit, digits), display(limit, unit, digits)
     return texts
+
+
+TIME_EPSILON: Final = 1e-9
+"""In s. Sim time is step / rate: two ways to the same moment differ by rounding alone."""
+
+STEP_EPSILON: Final = 1e-6
+"""Of a step: a time that is no later than this after a step is that of the step."""
+
+
+def first_step(time: float, rate: float) -> int:
+    """The first physics step at or after a sim time in s, at `rate` Hz."""
+    return math.ceil(time * rate - STEP_EPSILON)

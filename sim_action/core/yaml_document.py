@@ -13,8 +13,7 @@ from typing import Any, Final
 
 import yaml
 
-from sim_action.core.errors import InvalidScenario
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.messages import escaped_line
 
 MAX_BYTES: Final = 1_000_000

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
 
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Twist
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import FrozenModel
 from sim_action.core.registry import Table
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.mobility import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets

@@ -9,13 +9,13 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, ValidationError
 
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import (
+from sim_action.core.field_types import (
     PositiveMetres,
     PositiveMetresPerSecondSquared,
     PositiveRadians,
     PositiveRadiansPerSecond,
 )
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive
 from sim_action.drives.ackermann_motion import AckermannMotion
 from sim_action.drives.ackermann_ways import AckermannWays

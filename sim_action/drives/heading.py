@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives.wheels import Wheel
 
 # Of a unit vector: from here on, an axle is not level, or does not lie across the heading.

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_action.core.quantities import PositiveMetres, PositiveNewtonMetres, Radians
+from sim_action.core.field_types import PositiveMetres, PositiveNewtonMetres, Radians
 
 WheelRadius = Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")]
 

@@ -10,9 +10,9 @@ from typing import Annotated, ClassVar, Final, Self
 from pydantic import Field
 
 from sim_action.core import units
+from sim_action.core.field_types import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.core.geometry import Vector3
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import PositiveMetresPerSecondSquared, PositiveNewtons
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling
 from sim_action.drives.keys import Heading, WheelRadius

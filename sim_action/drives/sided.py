@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import PositiveMetres, PositiveMetresPerSecondSquared
+from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondSquared
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive
 from sim_action.drives.heading import Rolling, along, axle_problems, heading_of, rolling, turned_forward
 from sim_action.drives.keys import Heading, MotorTorque, WheelRadius

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Self
 from pydantic import Field
 
 from sim_action.core import units
-from sim_action.core.quantities import NonNegativeKilogramSquareMetres, PositiveRatio
+from sim_action.core.field_types import NonNegativeKilogramSquareMetres, PositiveRatio
 from sim_action.drives.plugins import SKID_PLUGINS, StatedSides
 from sim_action.drives.sided import SidedDrive
 from sim_action.drives.sides import sides_on_ground

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from sim_action.core import units
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 

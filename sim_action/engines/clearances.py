@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim_action.core.time_rounding import first_step
+from sim_action.core.units import first_step
 from sim_action.engines.foresight import Eye, Near
 from sim_action.engines.odometer import Odometer, PoseOdometer
 from sim_action.state.channels import Channels, ClearanceWatch

@@ -10,7 +10,7 @@ from typing import Final, Protocol, Self
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.time_rounding import first_step
+from sim_action.core.units import first_step
 from sim_action.engines.stage import Stage, Target
 from sim_action.world import Body, Disturbance
 from sim_action.world.pose_path import PosePath

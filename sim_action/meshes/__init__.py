@@ -12,8 +12,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Vector3
-from sim_action.core.regular_files import read_at_most
 from sim_action.meshes.clean import CleanMesh, clean_name, known_mesh, written_mesh
 from sim_action.meshes.collada import read_collada
 from sim_action.meshes.hulls import MeshFacts, facts_of

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sim_action.core.files import whole_file
 from sim_action.core.geometry import Box, Vector3
-from sim_action.core.whole_files import whole_file
 from sim_action.meshes.hulls import MeshFacts, hull_points
 from sim_action.meshes.mesh import Mesh, MeshError
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.messages import log_line
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import (

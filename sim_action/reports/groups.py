@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.reports.wording import Mood, moment, mood, quantity
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 

@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.whole_files import whole_file
+from sim_action.core.files import whole_file
 from sim_action.recording.replay import Replay
 from sim_action.recording.replay.storage import ReplayError, read
 from sim_action.reports import ReportOptions

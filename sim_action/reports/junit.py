@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Final
 
-from sim_action.core.location import Location
-from sim_action.core.whole_files import whole_file
+from sim_action.core.errors import Location
+from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.groups import Group, groups

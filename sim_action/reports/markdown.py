@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from urllib.parse import quote
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.paths import place, seen_from

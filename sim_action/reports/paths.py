@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.results.outcome import Outcome
 
 

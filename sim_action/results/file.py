@@ -8,10 +8,9 @@ from typing import Final, Literal
 from pydantic import ValidationError
 
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.messages import escaped_line
-from sim_action.core.quantities import FrozenModel
-from sim_action.core.regular_files import read_at_most
-from sim_action.core.whole_files import whole_file
 from sim_action.results.outcome import NotNegative, Outcome, Status
 from sim_action.scenario.sharding import Shard
 

@@ -7,11 +7,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
-from sim_action.core.errors import ExitCode, Fault, InvalidScenario
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import ExitCode, Fault, InvalidScenario, Location, Problem
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance
-from sim_action.core.quantities import FrozenModel
 from sim_action.core.verdict import Verdict
 from sim_action.scenario.model import Severity
 from sim_action.scenario.source import Refused, Varied

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.regular_files import open_regular
-from sim_action.core.whole_files import whole_file
+from sim_action.core.files import open_regular, whole_file
 
 TRACE_FOLDER: Final = "traces"
 REPLAY_FOLDER: Final = "replays"

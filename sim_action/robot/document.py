@@ -11,9 +11,8 @@ from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
 from sim_action.core.discovery import file_name
-from sim_action.core.errors import ModelError
-from sim_action.core.location import Location
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.errors import Location, ModelError
+from sim_action.core.files import read_at_most
 from sim_action.robot.findings import finding, refuse_errors
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.xml_errors import explained

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.robot.document import ModelDocument, shown_file, shown_place
 from sim_action.robot.findings import finding, refuse_errors
 from sim_action.robot.packages import Packages

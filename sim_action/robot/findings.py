@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
-from sim_action.core.errors import RefusedModel
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import Location, Problem, RefusedModel
 from sim_action.core.messages import escaped_line
 from sim_action.robot.robot_model import Finding, Level
 

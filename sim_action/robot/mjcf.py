@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from sim_action.core.errors import ModelError
-from sim_action.core.location import Location
+from sim_action.core.errors import Location, ModelError
 from sim_action.robot.document import ModelDocument, read_document, shown_file
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import RobotModel

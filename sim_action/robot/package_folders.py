@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.files import read_at_most
 
 PACKAGE_FILE: Final = "package.xml"
 _MODEL_FILES: Final = frozenset({"model.config", "model.sdf"})

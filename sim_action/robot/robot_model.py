@@ -10,8 +10,8 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 from sim_action.core import units
+from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose, Vector3
-from sim_action.core.location import Location
 from sim_action.core.messages import did_you_mean
 from sim_action.core.units import Dimension
 

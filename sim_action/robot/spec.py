@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sim_action.core.placement import Placement
-from sim_action.core.quantities import FrozenModel, JointPosition, NamesFile
+from sim_action.core.field_types import FrozenModel, JointPosition, NamesFile, Placement
 
 
 class Robot(FrozenModel):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 from xml.dom.minidom import Element, Node
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.robot.document import shown_file, shown_place
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of

@@ -11,8 +11,8 @@ from xml.dom.expatbuilder import ExpatBuilderNS
 from xml.dom.minidom import Document, Node
 from xml.parsers import expat
 
-from sim_action.core.location import Location
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.errors import Location
+from sim_action.core.files import read_at_most
 from sim_action.robot.xml_errors import explained
 
 _MAX_BYTES: Final = 5_000_000

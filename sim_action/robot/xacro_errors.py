@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Final
 from xml.dom.minidom import Element, Node
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.robot.document import shown_place
 from sim_action.robot.packages import PackageError
 from sim_action.robot.xacro_documents import XacroError, place_of

@@ -21,7 +21,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any, Final
 from xml.dom.minidom import Document
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.messages import did_you_mean
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of, read_bytes

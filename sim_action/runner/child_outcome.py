@@ -19,9 +19,9 @@ from pydantic import ValidationError
 from sim_action import __version__
 from sim_action.core import units
 from sim_action.core.discovery import file_name
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
+from sim_action.core.files import open_regular
 from sim_action.core.provenance import Provenance, provenance
-from sim_action.core.regular_files import open_regular
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
 from sim_action.engines import PACKAGES, chosen

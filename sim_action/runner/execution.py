@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, Protocol
 
-from sim_action.core.interruption import Interruption
+from sim_action.core.process import Interruption
 from sim_action.engines import BACKENDS, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome

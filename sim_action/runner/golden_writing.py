@@ -7,8 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from sim_action.assertions.matches import Matches
-from sim_action.core.errors import InvalidScenario
-from sim_action.core.location import Problem
+from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.workspace import PathError
 from sim_action.scenario.model import Expectation, LoadedScenario
 from sim_action.scenario.source import Refused

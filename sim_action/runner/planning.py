@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from sim_action.core.errors import Fault, InvalidScenario, UsageError
-from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Permissions
 from sim_action.runner.engine_choice import runs_of
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of
 from sim_action.scenario.model import LoadedScenario

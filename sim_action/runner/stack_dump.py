@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 
 # What is looked at is about to be ended, in s: as a part of its time, no less than it takes to look.
 _BEFORE: Final = 0.2

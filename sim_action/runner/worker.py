@@ -22,15 +22,16 @@ from sim_action.core.errors import (
     EngineError,
     Fault,
     InvalidScenario,
+    Location,
     ModelError,
+    Problem,
     RefusedModel,
     RunError,
     ScriptError,
     SimulationUnstable,
 )
-from sim_action.core.location import Location, Problem
-from sim_action.core.permissions import Permissions
-from sim_action.core.whole_files import whole_file
+from sim_action.core.files import whole_file
+from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.runner.artifacts import store_evidence, to_record

@@ -13,8 +13,7 @@ from pydantic.fields import FieldInfo
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS
 from sim_action.core import units
-from sim_action.core.bounds import bounds_text
-from sim_action.core.quantities import Quantity
+from sim_action.core.field_types import Quantity, bounds_text
 from sim_action.drives import DRIVES
 from sim_action.robot import BUILT_IN
 from sim_action.sensors import SENSORS

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 from sim_action.core import units
-from sim_action.core.problem_list import SpecProblem, SpecProblems
+from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.world import GROUND, Body, World, placed
 from sim_action.world.overlap_depth import Solid, depth, inner_solids
 from sim_action.world.parts import lowest

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.yaml_document import Document, KeyPath
 
 

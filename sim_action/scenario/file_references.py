@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
-from sim_action.core.quantities import NamesFile
+from sim_action.core.field_types import NamesFile
 from sim_action.core.yaml_document import Document
 from sim_action.drives import DRIVES
 from sim_action.robot import BUILT_IN

@@ -15,13 +15,11 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.discovery import file_name
-from sim_action.core.errors import Fault, InvalidScenario
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import Fault, InvalidScenario, Location, Problem
+from sim_action.core.field_types import is_plain_name
+from sim_action.core.files import read_at_most
 from sim_action.core.messages import escaped_line, nearest, shown
-from sim_action.core.permissions import Permissions
-from sim_action.core.quantities import is_plain_name
-from sim_action.core.regular_files import read_at_most
-from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.workspace import PathError, Permissions, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
 from sim_action.scenario.extends import entries_of, merged, without
 from sim_action.scenario.file_references import seen_from

@@ -8,10 +8,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.errors import Fault, InvalidScenario, ModelError, RefusedModel, UsageError
-from sim_action.core.location import Problem
-from sim_action.core.permissions import Permissions
-from sim_action.core.problem_list import ProblemList, SpecProblems
+from sim_action.core.errors import Fault, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
+from sim_action.core.workspace import Permissions
+from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.robot import check_text, load_model
 from sim_action.robot.library import ModelLibrary
 from sim_action.robot.robot_model import RobotModel

@@ -11,8 +11,8 @@ from pydantic import Field, JsonValue, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
-from sim_action.core.location import Location
-from sim_action.core.quantities import (
+from sim_action.core.errors import Location
+from sim_action.core.field_types import (
     FrozenModel,
     Name,
     NonNegativeSeconds,
@@ -23,7 +23,7 @@ from sim_action.core.quantities import (
     PositiveSeconds,
     Tag,
 )
-from sim_action.core.time_rounding import STEP_EPSILON, first_step
+from sim_action.core.units import STEP_EPSILON, first_step
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.drives import Drive

@@ -12,12 +12,10 @@ from pydantic import BaseModel, ValidationError
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.messages import did_you_mean, shown
-from sim_action.core.permissions import Permissions
-from sim_action.core.problem_list import ProblemList, SpecProblems
 from sim_action.core.registry import Table
-from sim_action.core.spec_errors import spec_errors
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import Permissions, Workspace
 from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.core.yaml_errors import ProblemList, SpecProblems, spec_errors
 from sim_action.drives import DRIVES, Drive
 from sim_action.scenario.model import Expectation, ExpectationOptions
 from sim_action.sensors import SENSORS

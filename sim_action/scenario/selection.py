@@ -7,8 +7,7 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from sim_action.core.errors import UsageError
-from sim_action.core.location import Location
+from sim_action.core.errors import Location, UsageError
 from sim_action.core.messages import counted, did_you_mean, escaped_line
 from sim_action.engines import BACKENDS
 from sim_action.scenario.source import Refused, Source

@@ -10,8 +10,8 @@ from typing import Annotated, Final, Self, TypeVar
 from pydantic import Field, model_validator
 
 from sim_action.core.errors import UsageError
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import escaped_line
-from sim_action.core.quantities import FrozenModel
 from sim_action.scenario.numbering import ranges_text
 
 MOST_SHARDS: Final = 256

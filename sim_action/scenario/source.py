@@ -9,8 +9,7 @@ from typing import Final
 
 from pydantic import JsonValue
 
-from sim_action.core.errors import Fault, InvalidScenario
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import Fault, InvalidScenario, Location, Problem
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import UsageError
 from sim_action.core.messages import escaped_line
-from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Permissions
 from sim_action.scenario.files import read_file
 from sim_action.scenario.numbering import numbered
 from sim_action.scenario.selection import Scenarios, Selection, selected

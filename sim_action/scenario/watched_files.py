@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import InvalidScenario
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.files import read_at_most
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, read_document
 from sim_action.robot.packages import PackageError, Packages

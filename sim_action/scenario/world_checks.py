@@ -8,9 +8,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
+from sim_action.core.field_types import Placement
 from sim_action.core.messages import did_you_mean
-from sim_action.core.placement import Placement
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.model import Scenario
 from sim_action.world import Body, Disturbance, Physics, placed
 from sim_action.world.scene import Scene

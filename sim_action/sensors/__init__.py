@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Pose
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import FrozenModel
 from sim_action.core.registry import Table
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

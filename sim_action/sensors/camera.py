@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
+from sim_action.core.field_types import Metres, PositiveRadians
 from sim_action.core.geometry import compose
-from sim_action.core.quantities import Metres, PositiveRadians
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import CameraImage
 

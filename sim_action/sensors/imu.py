@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from pydantic import Field
 
 from sim_action.core import geometry
+from sim_action.core.field_types import NonNegativeMetresPerSecondSquared, NonNegativeRadiansPerSecond
 from sim_action.core.geometry import Pose, Quaternion, Vector3
-from sim_action.core.quantities import NonNegativeMetresPerSecondSquared, NonNegativeRadiansPerSecond
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import ImuReading
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
 
+from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, PositiveRadians, Radians
 from sim_action.core.geometry import compose, rotate
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import NonNegativeMetres, PositiveMetres, PositiveRadians, Radians
 from sim_action.core.units import display
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import LidarScan
 from sim_action.world.scene import Scene

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
+from sim_action.core.field_types import FrozenModel, Metres, Name, PositiveHertz, Radians
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.core.quantities import FrozenModel, Metres, Name, PositiveHertz, Radians
 from sim_action.sensors import Sensor
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from pydantic import Field
 
 from sim_action.core import geometry
+from sim_action.core.field_types import NonNegativeMetres, Ratio
 from sim_action.core.geometry import Pose
-from sim_action.core.quantities import NonNegativeMetres, Ratio
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import OdometryReading
 from sim_action.state.wheel_motion import PlanarWay, WheelMotion

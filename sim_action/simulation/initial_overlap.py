@@ -13,7 +13,7 @@ from typing import Final
 from sim_action.core import geometry, units
 from sim_action.core.errors import BadStart
 from sim_action.core.geometry import Pose
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.clash_checks import DEPTH, clash_problem
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, placed

@@ -9,7 +9,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 
 FRAME_RATE: Final = 30.0
 """Hz: how often bodies are looked at, and a replay shows them."""

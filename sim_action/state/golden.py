@@ -16,9 +16,8 @@ from typing import Final, NoReturn, Self
 
 import numpy as np
 
+from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.messages import escaped_line, shown
-from sim_action.core.regular_files import read_at_most
-from sim_action.core.whole_files import whole_file
 from sim_action.state.golden_form import RESOLUTION, TITLE, VERSION, GoldenError, GoldenForm
 from sim_action.state.trace import FloatArray, Trace
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 from sim_action.state.readings import Reading
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 from sim_action.state.body_record import BodyRecord
 from sim_action.state.channels import ClearanceWatch
 from sim_action.state.clearance_record import ClearanceRecord

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from sim_action.core.regular_files import open_regular
-from sim_action.core.whole_files import whole_file
+from sim_action.core.files import open_regular, whole_file
 from sim_action.state.body_record import BodyRecord
 from sim_action.state.channels import ClearanceWatch
 from sim_action.state.clearance_record import ClearanceRecord

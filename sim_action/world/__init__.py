@@ -10,8 +10,8 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
-from sim_action.core.quantities import FrozenModel
 from sim_action.world.body import Body, placed
 from sim_action.world.disturbance import Disturbance
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap

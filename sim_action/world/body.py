@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
+from sim_action.core.field_types import FrozenModel, Name, Placement, PositiveKilograms, PositiveSeconds
 from sim_action.core.geometry import Pose
-from sim_action.core.placement import Placement
-from sim_action.core.quantities import FrozenModel, Name, PositiveKilograms, PositiveSeconds
 from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
 from sim_action.world.ground import Friction
 from sim_action.world.shapes import Cylinder, Ramp, Size, Sphere, Stairs

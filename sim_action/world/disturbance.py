@@ -7,8 +7,15 @@ from typing import Annotated, Final, Self
 from pydantic import Field, model_validator
 
 from sim_action.core import units
-from sim_action.core.placement import Coordinate
-from sim_action.core.quantities import FrozenModel, MetresPerSecond, Name, NonNegativeSeconds, PositiveSeconds, Quantity
+from sim_action.core.field_types import (
+    Coordinate,
+    FrozenModel,
+    MetresPerSecond,
+    Name,
+    NonNegativeSeconds,
+    PositiveSeconds,
+    Quantity,
+)
 from sim_action.world.physics import FASTEST
 
 # In N and N m: a thousand times what the heaviest body weighs; more is a mistake that no engine's numbers hold.

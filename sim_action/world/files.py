@@ -6,7 +6,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.core.quantities import FrozenModel, Metres, NamesFile, PositiveRatio
+from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveRatio
 from sim_action.world.shapes import LARGEST, Size
 
 Factor = Annotated[PositiveRatio, Field(le=1e6)]

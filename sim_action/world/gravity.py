@@ -7,8 +7,8 @@ from typing import Annotated, Final
 from pydantic import BeforeValidator, Field
 
 from sim_action.core import units
+from sim_action.core.field_types import MetresPerSecondSquared
 from sim_action.core.geometry import Vector3
-from sim_action.core.quantities import MetresPerSecondSquared
 
 GRAVITY: Final = 9.80665
 """m/s^2, standard gravity (CGPM 1901)."""

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from sim_action.core.quantities import FrozenModel, Metres, NonNegativeRatio
+from sim_action.core.field_types import FrozenModel, Metres, NonNegativeRatio
 
 GROUND: Final = "ground"
 

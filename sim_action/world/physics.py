@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from sim_action.core.quantities import (
+from sim_action.core.field_types import (
     FrozenModel,
     MetresPerSecond,
     NonNegativeSeconds,

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.core.placement import Placement
 from sim_action.world.timed_path import PathPoint, placements
 
 Numbers = tuple[float, float, float, float, float, float]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from sim_action.core import units
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.robot.mobility import Mobility
 from sim_action.robot.robot_model import WORLD, RobotModel

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
+from sim_action.core.field_types import FrozenModel, Metres, PositiveRadians
 from sim_action.core.geometry import Pose
-from sim_action.core.quantities import FrozenModel, Metres, PositiveRadians
 
 if TYPE_CHECKING:
     from sim_action.world.parts import BoxPart, HullPart

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from sim_action.core.placement import Coordinate, Placement
-from sim_action.core.quantities import FrozenModel, NonNegativeSeconds, Radians
+from sim_action.core.field_types import Coordinate, FrozenModel, NonNegativeSeconds, Placement, Radians
 
 if TYPE_CHECKING:
     from sim_action.world.body import Body

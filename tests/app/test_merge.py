@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.app.merge import MergeRequest, merge
-from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem, UsageError
 from sim_action.reports.writing import ReportRequest
 from sim_action.results.file import Results
 from sim_action.results.outcome import Failure, Outcome

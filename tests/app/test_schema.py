@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from sim_action.app.schema import results_schema, scenario_schema, schema_text
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.verdict import Verdict
 from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.app import watch as watching
 from sim_action.app.watch import _wait, _Watched
-from sim_action.core.interruption import Interruption
+from sim_action.core.process import Interruption
 from sim_action.scenario.watched_files import stamps
 
 

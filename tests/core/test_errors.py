@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_action.core import errors
-from sim_action.core.errors import ExitCode, InvalidScenario, ModelError
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import ExitCode, InvalidScenario, Location, ModelError, Problem
 from sim_action.core.messages import did_you_mean, escaped_line, log_line, nearest, shown
 
 

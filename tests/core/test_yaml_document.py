@@ -10,8 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import InvalidScenario
-from sim_action.core.location import Problem
+from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.yaml_document import MAX_DEPTH, MAX_VALUES, Document, KeyPath, read_document
 
 

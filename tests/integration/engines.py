@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from sim_action.core import geometry
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
-from sim_action.core.placement import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.engines import BACKENDS, Backend
 from sim_action.robot.spec import Robot

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.robot.spec import Robot
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.command import JointTargets

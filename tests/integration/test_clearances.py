@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.engines import BACKENDS
 from sim_action.engines.clearances import Clearances
 from sim_action.robot.spec import Robot

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.robot.spec import Robot
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 from sim_action.state.trace import Trace

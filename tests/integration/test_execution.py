@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.interruption import Interruption
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
+from sim_action.core.process import Interruption
 from sim_action.results.outcome import Outcome
 from sim_action.runner.execution import execute
 from sim_action.runner.isolation.child import Child

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
-from sim_action.core.placement import Placement
 from sim_action.engines import installed
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import build_scene

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.errors import RunError
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import simulate

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.robot import load_model
 from sim_action.robot.spec import Robot

@@ -11,7 +11,7 @@ from typing import Final
 
 import pytest
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.engines import installed
 from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome

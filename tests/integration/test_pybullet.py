@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf

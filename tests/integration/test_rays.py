@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.robot import load_model
 from sim_action.robot.spec import Robot

@@ -15,7 +15,7 @@ import pytest
 
 from bench.robots import DATA
 from sim_action.core.errors import ModelError, RefusedModel
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.engines import BACKENDS, Backend, chosen
 from sim_action.robot import load_model

@@ -14,8 +14,8 @@ from sim_action.assertions import ASSERTIONS, Assertion, State
 from sim_action.assertions.combined import Combined
 from sim_action.assertions.negation import Negation
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.permissions import Permissions
 from sim_action.core.verdict import Verdict
+from sim_action.core.workspace import Permissions
 from sim_action.reports import ReportOptions
 from sim_action.reports.evidence import curve, replay_of
 from sim_action.reports.mermaid import chart

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
-from sim_action.core.placement import Placement
 from sim_action.meshes.convex_hull import mass_properties
 from sim_action.world import GRAVITY, Body, Heightfield, MeshFile, OccupancyMap, Ramp, Stairs, World
 from sim_action.world.parts import HullPart

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance
 from sim_action.core.verdict import Verdict
 from sim_action.reports import ReportOptions

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.annotations import complaint, write_annotations
 from sim_action.results.file import Results

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.verdict import Verdict
 from sim_action.reports.groups import groups, relative_margin, worst_first
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.whole_files import whole_file
+from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions, html
 from sim_action.reports.html import page, write_html
 from sim_action.reports.page import packing

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, TestSuite
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import plain_text
 from sim_action.reports.junit import write_junit

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.paths import place, seen_from
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import ExitCode
-from sim_action.core.location import Location
+from sim_action.core.errors import ExitCode, Location
 from sim_action.core.provenance import Provenance
 from sim_action.core.verdict import Verdict
 from sim_action.results.comparison import Change, Comparison, Shrunk, Slower, Thresholds, Turn, compared

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.location import Location
+from sim_action.core.errors import ExitCode, Location, UsageError
 from sim_action.core.verdict import Verdict
 from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from sim_action.core.errors import ExitCode, InvalidScenario
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.core.verdict import Verdict
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 

@@ -13,7 +13,7 @@ import pytest
 import xacro
 import xacro.substitution_args
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.robot import xacro_documents, xacro_files
 from sim_action.robot.xacro_check import check_xacro
 from sim_action.robot.xacro_documents import XacroError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Permissions
 from sim_action.runner.engine_choice import runs_of
 from sim_action.runner.golden_writing import with_own_goldens
 from sim_action.runner.planning import Plan

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.discovery import file_name
-from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Permissions
 from sim_action.runner.planning import Planned, PlanRequest, planned, source_of
 from sim_action.scenario.source import Refused
 from sim_action.scenario.suite import Suite

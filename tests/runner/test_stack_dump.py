@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.runner.stack_dump import note_before, noted_place
 
 ROOT = Path(__file__).parents[2]

@@ -15,7 +15,7 @@ from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.user_code import UserAssertion
 from sim_action.core.errors import InvalidScenario
-from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Permissions
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import Scenario
 from sim_action.state.channels import Channels

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import InvalidScenario, UsageError
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import InvalidScenario, Location, Problem, UsageError
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.scenario.selection import Scenarios, Selection, listing, selected

@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import UsageError
-from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Permissions
 from sim_action.scenario.selection import Selection
 from sim_action.scenario.suite import Suite
 from tests.scenarios import LEAST

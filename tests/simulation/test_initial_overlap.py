@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sim_action.core.errors import BadStart
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.core.placement import Placement
 from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.clash_checks import DEPTH

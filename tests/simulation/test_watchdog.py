@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.errors import BadStart, SimulationUnstable
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
-from sim_action.core.placement import Placement
 from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.robot.urdf import read_urdf
 from sim_action.scenario.loading import build_scene, load_scenario

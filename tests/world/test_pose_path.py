@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.world.pose_path import Numbers, PosePath
 from sim_action.world.timed_path import PathPoint
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.world import Body
 
 GATE: dict[str, Any] = {"name": "gate", "box": (0.1, 1, 1), "pose": {"x": 1, "y": 2}}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
-from sim_action.core.placement import Placement
 from sim_action.robot.spec import Robot
 from sim_action.world import (
     GRAVITY,

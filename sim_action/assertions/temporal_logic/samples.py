@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from sim_action.assertions.temporal_logic.formula import Signal
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 from sim_action.state.trace import FloatArray, Trace
 
 

@@ -22,11 +22,10 @@ from typing import Final
 from sim_action.commands.logs import Moment
 from sim_action.commands.logs.csv_header import TIME, TWIST, Header, HeaderError
 from sim_action.commands.logs.joint_columns import followed, targets
-from sim_action.core.errors import RecordingError
+from sim_action.core.errors import Location, RecordingError
+from sim_action.core.files import open_regular
 from sim_action.core.geometry import Twist
-from sim_action.core.location import Location
 from sim_action.core.messages import escaped_line, shown
-from sim_action.core.regular_files import open_regular
 from sim_action.state.command import Command
 
 MOST_BYTES: Final = 25_000_000

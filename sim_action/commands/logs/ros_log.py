@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 from sim_action.commands.logs import Moment
 from sim_action.commands.logs.ros_messages import TYPES, MessageError, command_of
 from sim_action.core.errors import RecordingError, RunError
+from sim_action.core.files import read_at_most
 from sim_action.core.messages import did_you_mean, escaped_line
-from sim_action.core.regular_files import read_at_most
 from sim_action.state.command import Command
 
 if TYPE_CHECKING:

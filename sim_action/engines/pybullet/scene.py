@@ -10,8 +10,8 @@ from typing import Final
 import pybullet
 
 from sim_action.core import geometry
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.core.placement import Placement
 from sim_action.engines.pybullet.bodies import pieces
 from sim_action.robot.robot_model import Mimic, Surface
 from sim_action.world import FASTEST, Body, World, placed

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core.time_rounding import TIME_EPSILON, first_step
+from sim_action.core.units import TIME_EPSILON, first_step
 from sim_action.sensors.mounting import MountedSensor
 from sim_action.state.commanded_twists import CommandedTwists
 from sim_action.state.trace import FloatArray, Trace

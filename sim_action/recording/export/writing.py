@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from sim_action.core.files import whole_file
 from sim_action.core.messages import escaped_line
-from sim_action.core.whole_files import whole_file
 from sim_action.recording.export import EXPORTS
 from sim_action.recording.export.recorded_run import RecordedRun
 

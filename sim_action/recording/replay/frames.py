@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
 from sim_action.recording.replay.models import Frames, PoseColumns
 from sim_action.state.body_record import BodyRecord

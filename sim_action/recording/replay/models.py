@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.core.quantities import FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.recording.replay.columns import Column, Index
 from sim_action.recording.replay.consistency import problem_of
 from sim_action.recording.replay.marks import MarkData

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from sim_action.core.quantities import FrozenModel
+from sim_action.core.field_types import FrozenModel
 
 IntArray = NDArray[np.int64]
 

@@ -9,8 +9,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from sim_action.core.regular_files import open_regular
-from sim_action.core.whole_files import whole_file
+from sim_action.core.files import open_regular, whole_file
 from sim_action.recording.replay.models import Replay
 
 MOST_BYTES: Final = 8_000_000

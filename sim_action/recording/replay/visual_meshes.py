@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.core.whole_files import whole_file
+from sim_action.core.files import whole_file
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.hull_file import hull_points
 from sim_action.recording.replay.hulls import hull_surface

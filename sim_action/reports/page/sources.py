@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from urllib.parse import quote, urlsplit
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.page.markup import Html, element
 from sim_action.reports.paths import place, seen_from

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.robot.findings import finding
 from sim_action.robot.robot_model import Finding
 

@@ -8,8 +8,8 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
+from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.core.location import Location
 from sim_action.robot.document import ModelDocument
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.messages import escaped_line
 from sim_action.results.outcome import Failure
 from sim_action.ros.ros1.findings import Findings, Run, TestFound

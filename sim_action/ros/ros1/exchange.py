@@ -15,8 +15,8 @@ from typing import Final, Literal
 
 from pydantic import Field, ValidationError
 
-from sim_action.core.quantities import FrozenModel
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.files import read_at_most
 from sim_action.results.outcome import Failure
 
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.files import read_at_most
 from sim_action.ros.ros1.exchange import PROCESS_FILE, REQUEST_FILE, NodeRun, Request, runs_in
 from sim_action.ros.ros1.launch_file import TestTag
 from sim_action.ros.ros1.node_logs import BadCallback, bad_callbacks

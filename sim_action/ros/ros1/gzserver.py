@@ -8,13 +8,13 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from sim_action.core import gc_tuning as garbage
+from sim_action.core.process import collect_garbage_rarely
 from sim_action.ros.ros1.exchange import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, Request, new_run
 
 
 def main() -> NoReturn:
     """The entry of a fresh interpreter."""
-    garbage.look_rarely()
+    collect_garbage_rarely()
     # Before any thread is there, an engine's too: whichever does not block them may be given them (node.leaving).
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     folder = Path(os.environ[FOLDER_VARIABLE])

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from sim_action import __version__
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.verdict import Verdict

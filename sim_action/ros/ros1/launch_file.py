@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.files import read_at_most
 
 _MOST_BYTES: Final = 4_000_000
 _SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")

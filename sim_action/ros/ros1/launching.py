@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.errors import InvalidScenario
-from sim_action.core.interruption import Interruption
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.messages import did_you_mean, escaped_line
+from sim_action.core.process import Interruption
 from sim_action.ros.ros1.exchange import REQUEST_FILE, Request
 from sim_action.ros.ros1.findings import LOGS, RESULTS, Findings, Places, find
 from sim_action.ros.ros1.installation import Ros

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
+from sim_action.core.files import read_at_most
 from sim_action.core.messages import escaped_line
-from sim_action.core.regular_files import read_at_most
 from sim_action.ros.ros1.traceback_text import location_in
 
 _MOST_BYTES: Final = 16_000_000

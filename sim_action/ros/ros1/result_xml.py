@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.files import read_at_most
 
 _MOST_BYTES: Final = 16_000_000
 _MOST_CASES: Final = 1_000

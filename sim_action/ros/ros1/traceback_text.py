@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.discovery import file_name
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 
 _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
 

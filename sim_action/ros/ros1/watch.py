@@ -10,7 +10,7 @@ from os import kill
 from pathlib import Path
 from typing import Final, Literal
 
-from sim_action.core.interruption import Interruption
+from sim_action.core.process import Interruption
 from sim_action.ros.ros1.exchange import PROCESS_FILE, NodeRun, runs_in
 from sim_action.ros.ros1.launch import Launch
 from sim_action.ros.ros1.siblings import descendants

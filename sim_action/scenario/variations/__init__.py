@@ -16,8 +16,7 @@ from typing import Any, Final, cast
 
 from pydantic import JsonValue
 
-from sim_action.core.errors import InvalidScenario
-from sim_action.core.location import Location, Problem
+from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.messages import shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.scenario.extends import without

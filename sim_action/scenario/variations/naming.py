@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from sim_action.core.quantities import is_plain_name
+from sim_action.core.field_types import is_plain_name
 from sim_action.scenario.variations.values import ValueList
 
 _LONGEST_TEXT: Final = 40

@@ -12,10 +12,10 @@ from typing import Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, ValidationError, model_validator
 
 from sim_action.core import units
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import did_you_mean, shown
-from sim_action.core.quantities import FrozenModel
-from sim_action.core.spec_errors import spec_errors
 from sim_action.core.yaml_document import KeyPath
+from sim_action.core.yaml_errors import spec_errors
 
 _QUANTITY: Final = re.compile(
     r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*((?:[A-Za-z][A-Za-z0-9/^ ]{0,19})?)\s*"

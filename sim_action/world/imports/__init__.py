@@ -9,8 +9,8 @@ from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from sim_action.core.problem_list import SpecProblem
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblem
 from sim_action.world import Body, World
 from sim_action.world.imports.problems import ShapeError
 

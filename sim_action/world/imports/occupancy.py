@@ -13,12 +13,12 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from sim_action.core import geometry
 from sim_action.core.errors import InvalidScenario
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Pose
 from sim_action.core.messages import escaped_line
-from sim_action.core.quantities import FrozenModel
-from sim_action.core.spec_errors import spec_errors
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
+from sim_action.core.yaml_errors import spec_errors
 from sim_action.world import OccupancyMap
 from sim_action.world.imports.images import MAX_BYTES, Grey, ImageError, read_image
 from sim_action.world.imports.problems import ShapeError, found_file, read_bytes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.files import read_at_most
 from sim_action.core.workspace import PathError, Workspace
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.core.placement import Placement
+from sim_action.core.field_types import Placement
 from sim_action.robot.spec import Robot
 from sim_action.world import Body, World
 from tests import traces

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.core.placement import Placement
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar

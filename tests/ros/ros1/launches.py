@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import UsageError
-from sim_action.core.interruption import Interruption
+from sim_action.core.process import Interruption
 from sim_action.ros.ros1.exchange import NodeRun
 from sim_action.ros.ros1.findings import Findings
 from sim_action.ros.ros1.installation import Ros, find_ros

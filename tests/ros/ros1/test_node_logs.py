@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.ros.ros1.node_logs import bad_callbacks
 from tests.ros_workspace import written
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.location import Location
+from sim_action.core.errors import Location
 from sim_action.ros.ros1.traceback_text import first_line, location_in
 
 WAY = """\

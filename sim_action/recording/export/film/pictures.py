@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 from sim_action.recording.export.film.digits import write
 from sim_action.recording.export.film.follow_camera import FollowCamera
 from sim_action.recording.export.recorded_run import RecordedRun

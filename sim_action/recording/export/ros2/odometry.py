@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.core.time_rounding import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.cdr import CdrForm
 from sim_action.recording.export.ros2.frames import Frames

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from sim_action.core.quantities import FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.ros.ros1.printed import Death
 
 

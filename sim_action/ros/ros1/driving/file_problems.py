@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.ros1.catkin_packages import packages_of
 from sim_action.ros.ros1.driving.launch_arguments import argument_problems
 from sim_action.ros.ros1.driving.node_spec import NodeSpec

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
+from sim_action.core.files import read_at_most
 from sim_action.core.messages import did_you_mean
-from sim_action.core.regular_files import read_at_most
 
 _MOST_BYTES: Final = 4_000_000
 

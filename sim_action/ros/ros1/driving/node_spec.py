@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
 from pydantic_core import CoreSchema
 
-from sim_action.core.quantities import FrozenModel
+from sim_action.core.field_types import FrozenModel
 from sim_action.ros.ros1.driving.graph_names import BaseName, GraphName
 
 

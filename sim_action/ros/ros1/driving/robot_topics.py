@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from sim_action.core.messages import did_you_mean
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Fitting
 
 COMMANDS: Final = "cmd_vel"

@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from sim_action.commands import CommandSource, Controller
-from sim_action.core.problem_list import SpecProblems
-from sim_action.core.quantities import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
+from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.ros1.driving.graph_names import GraphName
 from sim_action.ros.ros1.driving.node_spec import NodeSpec
 from sim_action.world.scene import Scene

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import ClassVar, Final, Self
 
 from sim_action.core.geometry import Twist, Vector3
-from sim_action.core.problem_list import SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, is_level
 from sim_action.drives.mecanum_motion import NOT_LEVEL
 from sim_action.drives.wheels import centre_of_mass

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3, rpy_from_quaternion
-from sim_action.core.placement import Placement
 from sim_action.world import Body, Disturbance, World
 
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario, SourceProblem
-from sim_action.core.permissions import Permissions
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import Permissions, Workspace
 from sim_action.ros.ros1 import installation
 from sim_action.ros.ros1.driving.file_problems import why_no_ros
 from sim_action.ros.ros1.driving.spec import RosCommands

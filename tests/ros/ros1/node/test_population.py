@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy, rotate
-from sim_action.core.placement import Placement
 from sim_action.ros.ros1.node.population import Population, SpawnedRobot, placement_of
 from sim_action.world import Body, Disturbance, World
 

@@ -10,10 +10,24 @@ from typing import Annotated, Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
-from sim_action.core import quantities, units
-from sim_action.core.quantities import FrozenModel, JointPosition, Metres, Name, PositiveSeconds, Quantity
+from sim_action.core import field_types, units
+from sim_action.core.field_types import (
+    FrozenModel,
+    JointPosition,
+    Metres,
+    Name,
+    PositiveHertz,
+    PositiveMetres,
+    PositiveRadians,
+    PositiveSeconds,
+    Quantity,
+    Ratio,
+    bound_text,
+    bounds_text,
+    unit_of,
+)
 
 
 class Spec(FrozenModel):
@@ -118,11 +132,11 @@ def test_the_schema_takes_the_units_that_are_read(kind: Any, text: str, fits: bo
 
 
 def test_the_schema_of_a_ratio_is_a_number() -> None:
-    assert TypeAdapter(quantities.NonNegativeRatio).json_schema() == {"minimum": 0, "type": "number"}
+    assert TypeAdapter(field_types.NonNegativeRatio).json_schema() == {"minimum": 0, "type": "number"}
 
 
 def test_the_schema_of_every_quantity_is_json() -> None:
-    for kind in vars(quantities).values():
+    for kind in vars(field_types).values():
         if any(isinstance(part, Quantity) for part in getattr(kind, "__metadata__", ())):
             assert json.dumps(TypeAdapter(kind).json_schema())
 
@@ -132,3 +146,51 @@ def test_a_quantity_of_several_dimensions_says_all_of_them() -> None:
     assert adapter.validate_python("180 deg") == pytest.approx(math.pi)
     with pytest.raises(ValidationError, match="not a unit of angle or length"):
         adapter.validate_python("1 kg")
+
+
+class BoundedSpec(FrozenModel):
+    plain: float
+    positive: PositiveMetres
+    pixels: Annotated[int, Field(ge=1, le=1920)]
+    angle: Annotated[PositiveRadians, Field(le=math.radians(170))]
+    optional: Annotated[PositiveRadians | None, Field(lt=math.pi / 2)] = None
+    nested: Annotated[PositiveSeconds, Field(le=86_400)] | None = None
+    rate: Annotated[PositiveHertz, Field(ge=1, le=100_000)]
+    far: Annotated[Metres, Field(ge=-1e6, le=1e6)]
+    near: Annotated[Metres, Field(ge=0.001)]
+    error: Annotated[Ratio, Field(gt=-1)]
+    many: tuple[PositiveMetres, ...]
+    joint: JointPosition
+    shares: Annotated[tuple[Ratio, ...], Field(min_length=2)]
+
+
+@pytest.mark.parametrize(
+    ("name", "bounds", "unit"),
+    [
+        ("plain", "", ""),
+        ("positive", "", "m"),
+        ("pixels", "1 to 1920", ""),
+        ("angle", "at most 170 deg", "rad"),
+        ("optional", "less than 90 deg", "rad"),
+        ("nested", "at most 86,400 s", "s"),
+        ("rate", "1 to 100,000 Hz", "Hz"),
+        ("far", "-1,000,000 to 1,000,000 m", "m"),
+        ("near", "at least 0.001 m", "m"),
+        ("error", "more than -1", ""),
+        ("many", "", "m"),
+        ("joint", "", ""),
+        ("shares", "", ""),
+    ],
+)
+def test_bounds_of_a_key(name: str, bounds: str, unit: str) -> None:
+    field = BoundedSpec.model_fields[name]
+    assert bounds_text(field.annotation, field.metadata) == bounds
+    assert unit_of(field.annotation, field.metadata) == unit
+
+
+def test_a_bound_has_all_its_digits() -> None:
+    assert bound_text(1_000_000_000, "") == "1,000,000,000"
+    assert bound_text(2**63 - 1, "") == "9,223,372,036,854,775,807"
+    assert bound_text(0.0, "m") == "0"
+    assert [bound_text(size, "B") for size in (512 * 2**20, 2**40, 1000)] == ["512 MiB", "1024 GiB", "1000 B"]
+    assert bound_text(math.pi, "rad/s") == "180 deg/s"

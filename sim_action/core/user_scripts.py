@@ -16,9 +16,8 @@ from pathlib import Path
 from types import CodeType
 from typing import Any, Final
 
-from sim_action.core.errors import ScriptError
-from sim_action.core.location import Location
-from sim_action.core.regular_files import read_at_most
+from sim_action.core.errors import Location, ScriptError
+from sim_action.core.files import read_at_most
 
 ANYTHING: Final = "*"
 """Among the names that a script binds: it imports all names of another module."""

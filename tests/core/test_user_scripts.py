@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from sim_action.core.errors import ScriptError
-from sim_action.core.python_files import ScriptProblem, read_script, run_file, script_error
+from sim_action.core.user_scripts import ScriptProblem, read_script, run_file, script_error
 
 
 def names(folder: Path, text: str) -> set[str]:

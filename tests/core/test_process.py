@@ -16,7 +16,7 @@ print(gc.get_stats()[0]["collections"] - told)
 
 @pytest.mark.parametrize(
     ("before", "is_looking"),
-    [("", True), ("from sim_action import garbage\ngarbage.look_rarely()", False)],
+    [("", True), ("from sim_action.core.process import collect_garbage_rarely\ncollect_garbage_rarely()", False)],
 )
 def test_what_is_made_is_not_looked_through(before: str, is_looking: bool) -> None:
     code = MAKING.format(before=before)

@@ -1,4 +1,4 @@
-"""pydantic's findings, as sentences for the person who wrote the file."""
+"""The errors of a YAML file: collected, each with its line and column, and pydantic's findings as sentences."""
 
 from __future__ import annotations
 
@@ -9,11 +9,55 @@ from typing import TYPE_CHECKING, Any, Final, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from sim_action.core.bounds import bound_text, unit_of
+from sim_action.core.errors import InvalidScenario, Problem
+from sim_action.core.field_types import bound_text, unit_of
 from sim_action.core.messages import FirstFew, did_you_mean, shown
+from sim_action.core.yaml_document import Document, KeyPath
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
+
+
+# The keys that lead to a problem in a scenario, and its message.
+SpecProblem = tuple[tuple[str | int, ...], str]
+SpecProblems = Iterator[SpecProblem]
+
+
+class ProblemList:
+    """Problems at places of a document, each of them once."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._problems: dict[tuple[KeyPath, str], Problem] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._problems)
+
+    def note(self, path: KeyPath, message: str) -> None:
+        """Something is wrong at the keys that lead to it."""
+        self._problems.setdefault((path, message), self._document.problem(path, message))
+
+    def note_all(self, path: KeyPath, problems: SpecProblems) -> None:
+        """Problems of a part of the document, which `path` leads to."""
+        for below, message in problems:
+            self.note((*path, *below), message)
+
+    def note_elsewhere(self, problem: Problem) -> None:
+        """Something is wrong in another file, where it has to be mended."""
+        self._problems.setdefault(((problem.location.file,), str(problem)), problem)
+
+    def has_below(self, path: KeyPath) -> bool:
+        """Whether something is wrong further down the same way."""
+        return any(len(noted) > len(path) and noted[: len(path)] == path for noted, _ in self._problems)
+
+    def error(self) -> InvalidScenario:
+        """All of it, those of the document first, in the order of its lines."""
+        return InvalidScenario(sorted(self._problems.values(), key=self._place))
+
+    def _place(self, problem: Problem) -> tuple[bool, int, int]:
+        where = problem.location
+        return where.file != self._document.file, where.line or 0, where.column or 0
+
 
 # What stands in a list of YAML as it is.
 _PLAIN: Final = re.compile(r"[A-Za-z_][\w./*-]*")

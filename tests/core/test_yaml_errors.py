@@ -1,4 +1,4 @@
-"""pydantic's findings as sentences."""
+"""Problems of one file are collected: each once, those of the file first, in the order of its lines."""
 
 from __future__ import annotations
 
@@ -8,8 +8,40 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field, ValidationError
 
-from sim_action.core.quantities import FrozenModel, Metres, Name, NonNegativeSeconds, PositiveMetres, PositiveRadians
-from sim_action.core.spec_errors import spec_errors
+from sim_action.core.errors import Location, Problem
+from sim_action.core.field_types import FrozenModel, Metres, Name, NonNegativeSeconds, PositiveMetres, PositiveRadians
+from sim_action.core.yaml_document import read_document
+from sim_action.core.yaml_errors import ProblemList, spec_errors
+
+TEXT = "name: a\nrobot:\n  model: b\nexpect: []\n"
+
+
+def problems() -> ProblemList:
+    return ProblemList(read_document("a.sim.yml", TEXT))
+
+
+def test_none_is_none() -> None:
+    assert not problems()
+
+
+def test_each_is_told_once_and_in_the_order_of_lines() -> None:
+    found = problems()
+    found.note_elsewhere(Problem(Location("b.urdf", 1), "broken"))
+    found.note(("expect",), "is empty")
+    found.note_all(("robot",), iter([(("model",), "is not there"), (("model",), "is not there")]))
+    assert [str(problem) for problem in found.error().problems] == [
+        "a.sim.yml:3:3: robot.model: is not there",
+        "a.sim.yml:4:1: expect: is empty",
+        "b.urdf:1: broken",
+    ]
+
+
+def test_what_is_wrong_further_down_is_known() -> None:
+    found = problems()
+    found.note(("robot", "model"), "is not there")
+    assert found.has_below(("robot",))
+    assert not found.has_below(("robot", "model"))
+    assert not found.has_below(("expect",))
 
 
 class Inner(FrozenModel):
