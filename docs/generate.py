@@ -25,7 +25,6 @@ from sim_action.core.errors import ExitCode
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
-from sim_action.core.verdict import Verdict
 from sim_action.drives import DRIVES
 from sim_action.recording.export import EXPORTS
 from sim_action.robot.findings import RULES
@@ -38,8 +37,9 @@ from sim_action.sensors.mounting import Mounting
 from sim_action.state import readings
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Contact, JointState, Observation
-from sim_action.state.reading_columns import READING_COLUMNS, ReadingColumn
+from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, World
 
 ROOT = Path(__file__).resolve().parent.parent

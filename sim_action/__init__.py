@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.core.geometry import Pose, Twist
-    from sim_action.core.verdict import Verdict
     from sim_action.state.command import Command, JointTargets
     from sim_action.state.observation import Contact, JointState, Observation
     from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
 
 __version__ = "0.1.0"
 
@@ -57,7 +57,7 @@ _HOMES = {
     "RobotDescription": "sim_action.commands.robot_description",
     "Trace": "sim_action.state.trace",
     "Twist": "sim_action.core.geometry",
-    "Verdict": "sim_action.core.verdict",
+    "Verdict": "sim_action.state.verdict",
 }
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_action.core.errors import Location
-from sim_action.core.verdict import Verdict
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.scenario.sharding import Shard
 from sim_action.scenario.source import Source
+from sim_action.state.verdict import Verdict
 
 
 def outcome(

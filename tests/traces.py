@@ -13,7 +13,6 @@ import numpy as np
 from sim_action.assertions import Assertion, Monitor
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.core.verdict import Verdict
 from sim_action.core.workspace import Workspace
 from sim_action.robot import load_model
 from sim_action.robot.robot_model import RobotModel
@@ -21,6 +20,7 @@ from sim_action.robot.spec import Robot
 from sim_action.scenario.model import DrivenRobot, Expectation, Scenario
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import COLUMNS, FloatArray, Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world import Body, Physics, Sphere, World
 from sim_action.world.scene import Scene
 

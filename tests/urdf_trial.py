@@ -31,7 +31,7 @@ from sim_action.robot.robot_model import Joint, Link, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
 from sim_action.simulation.watchdog import Watchdog
-from sim_action.state.channels import Channels
+from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 

@@ -16,15 +16,13 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.state.channels import Channels
+from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
-    from sim_action.state.marks import Mark
     from sim_action.state.observation import Observation
-    from sim_action.state.signals import Signal
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Mark, Signal, Verdict
 
 
 class State(Enum):

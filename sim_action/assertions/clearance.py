@@ -12,7 +12,7 @@ from sim_action.core.field_types import PositiveMetres
 from sim_action.core.messages import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel
-from sim_action.state.channels import Channels, ClearanceWatch
+from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 

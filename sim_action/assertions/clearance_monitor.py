@@ -9,9 +9,8 @@ from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.assertions.least_distance import least_so_far
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
-from sim_action.state.signals import Signal
+from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.assertions.clearance import Clearance

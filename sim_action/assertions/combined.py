@@ -13,15 +13,14 @@ from sim_action.assertions import Assertion, Monitor, State, is_decisive, is_fol
 from sim_action.assertions.fold import joined, joined_by_any
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.state.channels import Channels
-from sim_action.state.marks import Mark
-from sim_action.state.signals import Signal
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Mark, Signal
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
 
 _LONGEST_TITLE: Final = 100
 Place = tuple[str | int, ...]

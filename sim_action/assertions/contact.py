@@ -14,7 +14,7 @@ from sim_action.core import units
 from sim_action.core.field_types import PositiveNewtons, PositiveSeconds
 from sim_action.core.messages import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.state.channels import Channels, ClearanceWatch
+from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 

@@ -15,9 +15,8 @@ from sim_action.assertions.least_distance import least_so_far, nearest_of
 from sim_action.assertions.stepwise import forces, with_zeros
 from sim_action.assertions.stretch import Stretch
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.clearance_record import Nearness
-from sim_action.state.signals import Signal
+from sim_action.state.trace_records import Nearness
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.assertions.contact import Touch

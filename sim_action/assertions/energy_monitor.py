@@ -9,12 +9,12 @@ import numpy as np
 
 from sim_action.assertions import State
 from sim_action.assertions.bounds import Bounds
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 
 if TYPE_CHECKING:
     from sim_action.assertions.energy import Braking
-    from sim_action.core.verdict import Verdict
     from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.verdict import Verdict
 
 
 @dataclass(frozen=True, slots=True)

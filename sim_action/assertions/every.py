@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Self
 
 from sim_action.assertions import Monitor, State, is_drawn
 from sim_action.assertions.fold import joined
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from sim_action.assertions.nearest import Nearest
 from sim_action.core import units
 from sim_action.core.field_types import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.core.geometry import Pose
-from sim_action.state.marks import Mark, goal, line
+from sim_action.state.verdict import Mark, goal, line
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

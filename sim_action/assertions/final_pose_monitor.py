@@ -12,8 +12,7 @@ from sim_action.assertions import State
 from sim_action.assertions.nearest import Nearest
 from sim_action.core import units
 from sim_action.core.geometry import Pose
-from sim_action.core.verdict import Verdict
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.assertions.final_pose import FinalPose

@@ -19,7 +19,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.messages import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.state.marks import Circle, Mark, Polyline
+from sim_action.state.verdict import Circle, Mark, Polyline
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from sim_action.assertions import State
 from sim_action.assertions.fold import Invariant
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace

@@ -17,13 +17,13 @@ from sim_action.core.field_types import JointQuantity
 from sim_action.core.messages import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS, Reading
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.verdict import Verdict
 
 
 class JointReading(Assertion):

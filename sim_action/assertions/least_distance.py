@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import Nearness
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import Nearness
 
 if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace

@@ -25,13 +25,13 @@ from sim_action.core.messages import FirstFew, shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint
-from sim_action.state.golden_form import RESOLUTION, GoldenError, GoldenForm
-from sim_action.state.marks import Mark, Polyline
+from sim_action.state.golden_trajectory import RESOLUTION, GoldenError, GoldenForm
 from sim_action.state.observation import Observation
+from sim_action.state.verdict import Mark, Polyline
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.golden import Golden
+    from sim_action.state.golden_trajectory import Golden
 
 # What is rounded must still match itself.
 _FINEST: Final = 2 * RESOLUTION
@@ -127,7 +127,7 @@ class Matches(Assertion):
 
     def golden_in(self, scene: Scene) -> Golden:
         """What the run is held against. Raises GoldenError."""
-        from sim_action.state.golden import Golden
+        from sim_action.state.golden_trajectory import Golden
 
         name, write = self.file_in(scene), f"'sim-action run --update-golden {scene.file}' writes it"
         try:

@@ -9,11 +9,10 @@ import numpy as np
 
 from sim_action.assertions import State
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.golden import Golden, interpolated, rows_of, wrapped
+from sim_action.state.golden_trajectory import Golden, interpolated, rows_of, wrapped
 from sim_action.state.observation import Observation
-from sim_action.state.signals import Signal
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray

@@ -12,13 +12,13 @@ from pydantic import Field
 
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.combined import Combined, Place, begun, is_decided, short
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
 
 
 class Negation(Combined):

@@ -10,10 +10,9 @@ from pydantic import Field
 from sim_action.assertions import Assertion, Monitor, State
 from sim_action.core import units
 from sim_action.core.messages import FirstFew, did_you_mean
-from sim_action.core.verdict import Verdict
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.state.channels import Channels
-from sim_action.state.signals import Signal
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from sim_action.assertions import State
 from sim_action.assertions.fold import Invariant, joined
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.sensor_record import SensorRecord
-from sim_action.state.signals import Signal
+from sim_action.state.trace_records import SensorRecord
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from sim_action.assertions import Monitor, State
 from sim_action.assertions.bounds import Bounds, LengthBounds
 from sim_action.core.geometry import Vector3
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
 
 
 class PathLength(LengthBounds):

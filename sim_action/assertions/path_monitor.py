@@ -12,8 +12,7 @@ from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant, joined
 from sim_action.assertions.reference_path import Foot, Point, ReferencePath
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace

@@ -12,14 +12,13 @@ from sim_action.assertions import Assertion, Monitor, State
 from sim_action.assertions.nearest import Nearest
 from sim_action.core import units
 from sim_action.core.field_types import Metres, PositiveMetres, PositiveRadians, Radians
-from sim_action.state.marks import Mark, goal
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Mark, Signal, goal
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.verdict import Verdict
 
 
 class Reach(Assertion):

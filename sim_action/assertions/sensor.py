@@ -15,8 +15,8 @@ from sim_action.core.field_types import SensorQuantity
 from sim_action.core.messages import did_you_mean
 from sim_action.core.units import Dimension
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.state.channels import Channels
-from sim_action.state.reading_columns import READING_COLUMNS, ReadingColumn
+from sim_action.state.readings import READING_COLUMNS, ReadingColumn
+from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -11,10 +11,9 @@ import numpy as np
 from sim_action.assertions import State
 from sim_action.assertions.fold import Goal, Invariant
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.reading_columns import READING_COLUMNS
-from sim_action.state.sensor_record import SensorRecord
-from sim_action.state.signals import Signal
+from sim_action.state.readings import READING_COLUMNS
+from sim_action.state.trace_records import SensorRecord
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace

@@ -12,7 +12,7 @@ from sim_action.assertions.bounds import check_interval
 from sim_action.assertions.intervals import Interval, IntervalsMonitor
 from sim_action.core import units
 from sim_action.core.field_types import Metres
-from sim_action.state.marks import Mark, line, rectangle
+from sim_action.state.verdict import Mark, line, rectangle
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

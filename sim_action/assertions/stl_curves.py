@@ -11,7 +11,7 @@ from sim_action.assertions.stl_parts import Part
 from sim_action.assertions.temporal_logic.formula import Comparison, Formula, Implies, Not, Sum, parts, signals
 from sim_action.assertions.temporal_logic.robustness import values
 from sim_action.assertions.temporal_logic.samples import Samples
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 
 # To fold a formula that is judged at the end takes as long at each moment as all that came before.
 _MOST_MOMENTS: Final = 60

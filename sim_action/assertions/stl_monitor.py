@@ -31,8 +31,8 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.assertions.temporal_logic.robustness import Cause
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.signals import Signal as Curve
+from sim_action.state.verdict import Signal as Curve
+from sim_action.state.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace

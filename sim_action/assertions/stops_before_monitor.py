@@ -12,9 +12,8 @@ from sim_action.assertions import State
 from sim_action.assertions.least_distance import distances, nearest_of
 from sim_action.assertions.stretch import Stretch
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
-from sim_action.state.clearance_record import Nearness
-from sim_action.state.signals import Signal
+from sim_action.state.trace_records import Nearness
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     from sim_action.assertions.stops_before import StopsBefore

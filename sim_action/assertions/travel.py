@@ -9,8 +9,8 @@ from sim_action.assertions.bounds import Bounds, LengthBounds, SignalMonitor
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.marks import Mark
     from sim_action.state.observation import Observation
+    from sim_action.state.verdict import Mark
 
 
 class Travel(LengthBounds):
@@ -26,7 +26,7 @@ class Travel(LengthBounds):
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See Assertion.marks: as far as it has to get, and may."""
-        from sim_action.state.marks import Circle
+        from sim_action.state.verdict import Circle
 
         x, y, _ = start.pose.position_xyz
         return tuple(Circle(x, y, radius) for radius in (self.at_least, self.at_most) if radius)

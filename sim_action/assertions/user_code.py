@@ -14,8 +14,8 @@ from sim_action.core.messages import did_you_mean, shown
 from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.state.channels import Channels
-from sim_action.state.signals import Signal
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from sim_action.assertions.history import History
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.messages import escaped_line, shown, with_article
 from sim_action.core.user_scripts import run_file, script_error, told_at
-from sim_action.core.verdict import Verdict
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 
 Kind = Literal["end", "invariant", "goal"]
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Self
 
 from sim_action.assertions import Monitor, State, is_drawn, is_follower
 from sim_action.core.units import TIME_EPSILON
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 
 if TYPE_CHECKING:
-    from sim_action.core.verdict import Verdict
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.core.errors import UsageError
 from sim_action.core.registry import Table
-from sim_action.state.channels import Channels
-from sim_action.state.probe import Probe
+from sim_action.state.observation import EngineQueries
+from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ UNLIMITED_EFFORT: Final = 1e6
 """N m or N: what a motor may use whose model states no limit. Ten times what turns the wheels of a mining truck."""
 
 
-class Backend(Probe, Protocol):
+class Backend(EngineQueries, Protocol):
     """One engine with one scene in it.
 
     Until told otherwise, a joint between limits is held where it began, as its servo would; a continuous joint rolls.

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.state.body_record import BodyRecord, frame_stride
+from sim_action.state.trace_records import BodyRecord, frame_stride
 
 _NUMBERS: Final = 7
 

@@ -17,9 +17,9 @@ import numpy as np
 from sim_action.core.units import first_step
 from sim_action.engines.foresight import Eye, Near
 from sim_action.engines.odometer import Odometer, PoseOdometer
-from sim_action.state.channels import Channels, ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord
 from sim_action.state.trace import FloatArray
+from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord
 from sim_action.world import Body
 from sim_action.world.scene import Scene
 

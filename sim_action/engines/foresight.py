@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import Nearness
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import Nearness
 
 Near = Callable[[str, Collection[str] | None, float], dict[str, float]]
 """Asks the engine how far a body is from some links (None: all), in m; what is farther than a limit is left out."""

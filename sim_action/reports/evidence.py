@@ -6,13 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.core.verdict import Verdict
 from sim_action.recording.replay.models import Replay, SignalData
 from sim_action.recording.replay.storage import ReplayError, read
 from sim_action.reports import ReportOptions
 from sim_action.results.outcome import Outcome
 from sim_action.results.trace_files import stored_file
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal, Verdict
 
 # Limits are stored as they are; a verdict's went through other arithmetic.
 _SAME_LIMIT: Final = 1e-9

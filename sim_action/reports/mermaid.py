@@ -12,8 +12,8 @@ import numpy as np
 
 from sim_action.core import units
 from sim_action.reports.escaping import one_line, shortened
-from sim_action.state.signals import Signal
 from sim_action.state.trace import FloatArray
+from sim_action.state.verdict import Signal
 
 _MOST_POINTS: Final = 60
 _MOST_IN_TEXT: Final = 80

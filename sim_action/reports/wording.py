@@ -6,10 +6,10 @@ from typing import Literal
 
 from sim_action.core import units
 from sim_action.core.provenance import Provenance
-from sim_action.core.verdict import Verdict
 from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.sharding import Shard
+from sim_action.state.verdict import Verdict
 
 Mood = Literal["passed", "warned", "failed", "flaky", "error", "skipped"]
 """A status, with passing and warning told apart."""

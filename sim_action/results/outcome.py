@@ -11,9 +11,9 @@ from sim_action.core.errors import ExitCode, Fault, InvalidScenario, Location, P
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance
-from sim_action.core.verdict import Verdict
 from sim_action.scenario.model import Severity
 from sim_action.scenario.source import Refused, Varied
+from sim_action.state.verdict import Verdict
 
 Status = Literal["passed", "failed", "flaky", "error", "skipped"]
 """failed: an assertion did not hold; flaky: of several runs, not all were the same; error: there is no verdict;

@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.trace_files import stored_file
 from sim_action.scenario.model import Agreement, LoadedScenario
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_storage import TraceError, load_trace
+from sim_action.state.verdict import Verdict
 
 _KEY: Final = "agreement"
 # Of sim time in s: two ways to one moment differ by rounding alone.

@@ -11,8 +11,7 @@ from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.workspace import PathError
 from sim_action.scenario.model import Expectation, LoadedScenario
 from sim_action.scenario.source import Refused
-from sim_action.state.golden import Golden
-from sim_action.state.golden_form import GoldenError
+from sim_action.state.golden_trajectory import Golden, GoldenError
 from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene
 

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode
-from sim_action.core.verdict import Verdict
 from sim_action.results.outcome import Failure, Outcome, Repeats
 from sim_action.results.trace_files import stored_file
 from sim_action.scenario.model import LoadedScenario
-from sim_action.state.divergence import Divergence, first_divergence
+from sim_action.state.reproducibility import Divergence, first_divergence
 from sim_action.state.trace import Trace
 from sim_action.state.trace_storage import TraceError, load_trace
+from sim_action.state.verdict import Verdict
 
 _CAUSES: Final = (
     "look in its code for the wall clock, for random numbers of a generator of its own, for the order of a set or of "

@@ -32,15 +32,14 @@ from sim_action.robot.spec import Robot
 from sim_action.scenario.source import Source
 from sim_action.scenario.variations.values import Normal, Uniform
 from sim_action.sensors.mounting import MountedSensor
-from sim_action.state.channels import Channels
+from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.marks import Mark
     from sim_action.state.observation import Observation
-    from sim_action.state.signals import Signal
     from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Mark, Signal
     from sim_action.world.parts import Part
 
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.

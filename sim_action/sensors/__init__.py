@@ -21,8 +21,7 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from sim_action.state.observation import Observation
-    from sim_action.state.probe import Probe
+    from sim_action.state.observation import EngineQueries, Observation
     from sim_action.state.readings import Reading
     from sim_action.state.wheel_motion import WheelMotion
 
@@ -37,7 +36,7 @@ class Sight:
     """
 
     time: float
-    probe: Probe
+    probe: EngineQueries
     look: Callable[[], Observation]
 
     @cached_property

@@ -13,7 +13,7 @@ from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import CameraImage
 
 if TYPE_CHECKING:
-    from sim_action.state.probe import Probe
+    from sim_action.state.observation import EngineQueries
 
 
 class Camera(Sensor):
@@ -67,7 +67,7 @@ class Camera(Sensor):
         pinhole = Pinhole(self.width, self.height, self.field_of_view, self.near, self.far)
         links, bodies = list(robot_parts(mount.scene.model)), list(world_parts(mount.scene))
 
-        def placed(probe: Probe) -> list[Placed]:
+        def placed(probe: EngineQueries) -> list[Placed]:
             found = []
             for parts, pose_of in ((links, probe.link_pose), (bodies, probe.body_pose)):
                 frames = {owner: pose_of(owner) for owner in {part.owner for part in parts}}

@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 
 from sim_action.core.errors import RunError, SourceOver
-from sim_action.core.verdict import Verdict
 from sim_action.drives import Drive, recognise
 from sim_action.engines import BACKENDS, Backend, chosen
 from sim_action.scenario.model import Scenario
@@ -23,9 +22,10 @@ from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.spawn_checks import Arrivals
 from sim_action.simulation.unreached_events import missed
 from sim_action.simulation.watchdog import Watchdog
-from sim_action.state.channels import Channels
-from sim_action.state.digest import Digest
+from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
 
 BOLTED: Final = "the base is fixed: twists turn the wheels, and the robot stays where it is"

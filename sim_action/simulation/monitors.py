@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal, Self
 from sim_action.assertions import Monitor, State
 from sim_action.assertions.window import Window
 from sim_action.core.units import TIME_EPSILON
-from sim_action.core.verdict import Verdict
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation
+from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist
 from sim_action.scenario.model import Scenario
-from sim_action.state.body_record import FRAME_RATE, frame_stride
-from sim_action.state.channels import Channels
-from sim_action.state.commanded_twists import CommandedTwists
 from sim_action.state.observation import Contact, Observation
-from sim_action.state.sensor_record import SensorRecord
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, SensorRecord, frame_stride
 from sim_action.world import World
 
 # Of a run that lasts for hours: what is kept is still to fit into memory.

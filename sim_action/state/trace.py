@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.units import TIME_EPSILON
-from sim_action.state.body_record import BodyRecord
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord
 from sim_action.state.observation import Contact, Observation
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRecord
 
 FloatArray = NDArray[np.float64]
 

@@ -10,12 +10,10 @@ from typing import Any, Final
 import numpy as np
 
 from sim_action.core.files import open_regular, whole_file
-from sim_action.state.body_record import BodyRecord
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord
 from sim_action.state.observation import Contact
-from sim_action.state.sensor_record import SensorRecord
 from sim_action.state.trace import COLUMNS, Trace
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRecord
 
 _BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")

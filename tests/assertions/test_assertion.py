@@ -14,10 +14,10 @@ from pydantic import ValidationError
 from sim_action.assertions import Monitor, State
 from sim_action.assertions.user_code import UserAssertion
 from sim_action.core.errors import ScriptError
-from sim_action.core.verdict import Verdict
 from sim_action.core.workspace import Workspace
 from sim_action.simulation.monitors import Panel
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
 from tests.traces import START, expectation, piece, scenario, scene, trace
 

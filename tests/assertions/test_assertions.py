@@ -32,8 +32,7 @@ from sim_action.assertions.stl import Stl
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from tests.traces import WHEELS, monitor, scene, trace
 
 PATH = (PathPoint(x=0, y=0), PathPoint(x=3, y=0))

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 
 from sim_action.assertions import State
 from sim_action.assertions.clearance import Clearance
-from sim_action.core.verdict import Verdict
-from sim_action.state.channels import Channels, ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.verdict import Verdict
 from sim_action.world import World
 from tests.traces import judged, monitor, scene, trace
 

@@ -20,9 +20,9 @@ from sim_action.assertions.reach import Reach
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
-from sim_action.core.verdict import Verdict
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
 from tests.traces import contact, judged, monitor, piece, scene, trace
 

@@ -11,11 +11,11 @@ from pydantic import ValidationError
 from sim_action.assertions import State
 from sim_action.assertions.combined import is_decided
 from sim_action.assertions.contact import Touch
-from sim_action.core.verdict import Verdict
-from sim_action.state.channels import Channels, ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.verdict import Verdict
 from tests.traces import contact, judged, monitor, scene, trace
 
 RATE = 240

@@ -37,11 +37,10 @@ from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
-from sim_action.state.channels import Channels, ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
 from sim_action.state.observation import Contact
-from sim_action.state.sensor_record import SensorRecord
 from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from tests.traces import WHEELS, contact, monitor, piece
 
 STEPS = 60

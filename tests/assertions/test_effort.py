@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from sim_action.assertions import State
 from sim_action.assertions.effort import Effort
-from sim_action.core.verdict import Verdict
+from sim_action.state.verdict import Verdict
 from tests.traces import WHEELS, judged, monitor, scene, trace
 
 WHEEL = WHEELS[0]

@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from sim_action.assertions.energy import Energy
 from sim_action.assertions.window import Window
-from sim_action.core.verdict import Verdict
 from sim_action.state.observation import JointState
+from sim_action.state.verdict import Verdict
 from tests.traces import START, WHEELS, judged, monitor, scene, trace
 
 # Steps of 2 s: from 0 to 1 rad/s with 3 N m, 1 to 2 with 2 N m, then braked from 2 to 0 with 1 N m.

@@ -13,8 +13,8 @@ from sim_action.assertions import State
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.window import Window
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.core.verdict import Verdict
 from sim_action.simulation.monitors import Panel
+from sim_action.state.verdict import Verdict
 from tests.traces import START, expectation, judged, monitor, scenario, scene, trace
 
 PAST = trace([1.0, 2.0, 3.0], x=[0.0, 1.75, 3.0], z=[0.5, 0.5, 0.5], yaw=[0.0, 0.5, 1.0])

@@ -13,9 +13,9 @@ from pydantic import ValidationError
 from sim_action.assertions import State
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.window import Window
-from sim_action.core.verdict import Verdict
 from sim_action.core.workspace import Workspace
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, monitor, scene, trace
 
 LINE = (PathPoint(x=0, y=0), PathPoint(x=4, y=0))

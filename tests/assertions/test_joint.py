@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.joint import JointReading
-from sim_action.core.verdict import Verdict
+from sim_action.state.verdict import Verdict
 from tests.traces import burger, judged, monitor, scene, trace
 
 WHEEL = "wheel_left_joint"

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.joint_within import JointWithin
-from sim_action.core.verdict import Verdict
+from sim_action.state.verdict import Verdict
 from tests.traces import WHEELS, judged, scene, trace
 
 WHEEL = WHEELS[0]

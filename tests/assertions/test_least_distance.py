@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sim_action.assertions.least_distance import nearest_of
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness
 from tests.traces import trace
 
 WALL = ClearanceWatch(bodies=("wall",))

@@ -17,12 +17,11 @@ from pydantic import ValidationError
 from sim_action.assertions import State
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.window import Window
-from sim_action.core.verdict import Verdict
 from sim_action.core.workspace import Workspace
-from sim_action.state.golden import Golden
-from sim_action.state.marks import Polyline
+from sim_action.state.golden_trajectory import Golden
 from sim_action.state.observation import JointState
 from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.verdict import Polyline, Verdict
 from sim_action.world.scene import Scene
 from tests.traces import START, WHEELS, scene, trace
 

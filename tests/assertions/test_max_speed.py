@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.core.verdict import Verdict
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, trace
 
 FASTER = trace([1.0, 2.0, 3.0], speed=[0.25, -0.5, 0.75], turn_rate=[0.0, -2.0, 1.0])

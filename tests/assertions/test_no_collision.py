@@ -6,7 +6,7 @@ import pytest
 
 from sim_action.assertions import State
 from sim_action.assertions.no_collision import NoCollision
-from sim_action.core.verdict import Verdict
+from sim_action.state.verdict import Verdict
 from tests.traces import contact, judged, monitor, scene, trace
 
 TOUCHED = trace([1.0, 2.0, 3.0], contacts=[contact(2.0), contact(2.0, link="base_scan"), contact(3.0)])

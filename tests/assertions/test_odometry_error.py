@@ -16,10 +16,10 @@ from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.window import Window
 from sim_action.core import units
 from sim_action.core.geometry import quaternion_from_rpy
-from sim_action.core.verdict import Verdict
-from sim_action.state.channels import Channels
-from sim_action.state.sensor_record import SensorRecord
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import SensorRecord
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, monitor, trace
 
 

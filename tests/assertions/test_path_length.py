@@ -7,8 +7,8 @@ import pytest
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.window import Window
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.verdict import Verdict
 from sim_action.state.observation import Observation
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, monitor, piece, trace
 
 SQUARE = trace([1.0, 2.0, 3.0, 4.0], x=[1.0, 1.0, 0.0, 0.0], y=[0.0, 1.0, 1.0, 0.0])

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.reach import Reach
-from sim_action.core.verdict import Verdict
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, monitor, trace
 
 PAST = trace([1.0, 2.0, 3.0], x=[0.0, 1.75, 3.0], z=[0.5, 0.5, 0.5], yaw=[0.0, 0.5, 1.0])

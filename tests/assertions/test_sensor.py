@@ -13,12 +13,12 @@ from pydantic import ValidationError
 
 from sim_action.assertions import State
 from sim_action.assertions.sensor import SensorReading
-from sim_action.core.verdict import Verdict
 from sim_action.sensors import SENSORS
-from sim_action.state.channels import Channels
-from sim_action.state.reading_columns import READING_COLUMNS
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.readings import READING_COLUMNS
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import SensorRecord
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, monitor, trace
 
 KINDS = {"scan": "lidar", "bumper": "contact", "imu": "imu", "eye": "camera"}

@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.settled import Settled
-from sim_action.core.verdict import Verdict
 from sim_action.scenario.model import DrivenRobot
+from sim_action.state.verdict import Verdict
 from tests.traces import BURGER, START, judged, scene, trace
 
 SLOWING = trace([1.0, 2.0, 3.0, 4.0, 5.0], speed=[1.0, 0.25, 0.125, 0.0, 0.0], turn_rate=[0.0, 0.0, 1.0, 0.0, 0.0])

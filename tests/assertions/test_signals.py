@@ -37,12 +37,10 @@ from sim_action.assertions.upright import Upright
 from sim_action.assertions.user_code import UserAssertion
 from sim_action.assertions.window import Window
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
-from sim_action.state.marks import Arrow, Circle, Mark, Polygon, Polyline
-from sim_action.state.sensor_record import SensorRecord
-from sim_action.state.signals import Signal
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.verdict import Arrow, Circle, Mark, Polygon, Polyline, Signal
 from tests.assertions.test_cuts import SPECS, random_trace
 from tests.traces import START, WHEELS, contact, expectation, scene, trace
 

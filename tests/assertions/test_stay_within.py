@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.stay_within import StayWithin
-from sim_action.core.verdict import Verdict
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, trace
 
 CURVE = trace([1.0, 2.0, 3.0], x=[0.5, 1.0, 1.5], y=[0.0, -0.5, -2.0])

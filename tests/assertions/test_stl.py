@@ -22,8 +22,8 @@ from sim_action.assertions.temporal_logic.formula import Formula
 from sim_action.assertions.temporal_logic.robustness import Cause
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.window import Window
-from sim_action.core.verdict import Verdict
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from tests.assertions.temporal_logic.formulas import meaning, plain_formulas, walks
 from tests.traces import judged, monitor, piece, scene, trace
 

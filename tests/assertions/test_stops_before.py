@@ -11,10 +11,10 @@ from pydantic import ValidationError
 
 from sim_action.assertions import State
 from sim_action.assertions.stops_before import StopsBefore
-from sim_action.core.verdict import Verdict
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
+from sim_action.state.trace_records import ClearanceRecord, Nearness
+from sim_action.state.verdict import Verdict
 from tests.traces import contact, judged, monitor, scene, trace
 
 

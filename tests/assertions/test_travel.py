@@ -7,8 +7,8 @@ import pytest
 from sim_action.assertions import State
 from sim_action.assertions.travel import Travel
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.verdict import Verdict
 from sim_action.state.observation import Observation
+from sim_action.state.verdict import Verdict
 from tests.traces import judged, monitor, trace
 
 THERE_AND_BACK = trace([1.0, 2.0, 3.0], x=[0.5, 1.25, 0.25])

@@ -15,10 +15,9 @@ from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.window import Window
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
-from sim_action.state.sensor_record import SensorRecord
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from tests.traces import START, contact, monitor, piece, scene, trace
 from tests.work import work_of
 

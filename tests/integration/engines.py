@@ -16,9 +16,9 @@ from sim_action.core.workspace import Workspace
 from sim_action.engines import BACKENDS, Backend
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
-from sim_action.state.channels import Channels, ClearanceWatch
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 

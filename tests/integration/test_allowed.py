@@ -12,8 +12,8 @@ from sim_action.engines import BACKENDS, Backend, chosen, installed
 from sim_action.robot.findings import ALLOWABLE
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
-from sim_action.state.channels import Channels
 from sim_action.state.command import JointTargets
+from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 from tests.robot.bad_models import BAD_MODELS, GOOD, BadModel

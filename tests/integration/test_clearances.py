@@ -14,10 +14,10 @@ from sim_action.core.field_types import Placement
 from sim_action.engines import BACKENDS
 from sim_action.engines.clearances import Clearances
 from sim_action.robot.spec import Robot
-from sim_action.state.channels import Channels, ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.world import Body, Cylinder, PathPoint, Sphere, World
 from sim_action.world.scene import Scene
 from sim_action.world.shapes import Ramp

@@ -11,7 +11,7 @@ import pytest
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace_records import SensorRecord
 from sim_action.world import GRAVITY
 from tests.scenarios import load
 from tests.traces import burger

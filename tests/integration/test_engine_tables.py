@@ -14,9 +14,9 @@ from sim_action.engines import BACKENDS
 from sim_action.robot.audit.engine_tables import MOST_JOINTS, MOST_MOVING_JOINTS
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
-from sim_action.state.channels import Channels
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
+from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 

@@ -17,7 +17,7 @@ from sim_action.sensors import Mount
 from sim_action.sensors.imu import Imu
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.command import JointTargets
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace_records import SensorRecord
 from sim_action.world import GRAVITY
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.integration.test_probe import ARM

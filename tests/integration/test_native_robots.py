@@ -14,8 +14,8 @@ from sim_action.robot import load_model
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
-from sim_action.state.channels import ClearanceWatch
 from sim_action.state.command import JointTargets
+from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.world import GRAVITY, Body, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, push, running

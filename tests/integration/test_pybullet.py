@@ -14,9 +14,9 @@ from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
-from sim_action.state.channels import Channels
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
 from sim_action.world import GRAVITY, Body, Ground, Physics, Sphere, World
 from sim_action.world.scene import Scene
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.verdict import Verdict
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import page, write_html
 from sim_action.reports.page import document
 from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.state.verdict import Verdict
 from tests.integration.test_examples import sim_action
 from tests.outcomes import outcome, results
 from tests.replays import drive, kept

@@ -14,7 +14,6 @@ from sim_action.assertions import ASSERTIONS, Assertion, State
 from sim_action.assertions.combined import Combined
 from sim_action.assertions.negation import Negation
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.verdict import Verdict
 from sim_action.core.workspace import Permissions
 from sim_action.reports import ReportOptions
 from sim_action.reports.evidence import curve, replay_of
@@ -24,8 +23,8 @@ from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import Expectation
 from sim_action.simulation.loop import simulate
 from sim_action.state.observation import JointState, Observation
-from sim_action.state.signals import Signal
 from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 from tests.integration.test_examples import ROOT, in_failing_form, sim_action
 

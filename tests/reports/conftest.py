@@ -12,12 +12,12 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance
-from sim_action.core.verdict import Verdict
 from sim_action.reports import ReportOptions
 from sim_action.results.file import Results
 from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
 from sim_action.scenario.sharding import Shard
 from sim_action.scenario.source import Varied
+from sim_action.state.verdict import Verdict
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.core.verdict import Verdict
 from sim_action.recording.replay.models import Replay
 from sim_action.recording.replay.storage import write
 from sim_action.reports import ReportOptions
 from sim_action.reports.evidence import curve, replay_of
 from sim_action.results.file import Results
+from sim_action.state.verdict import Verdict
 from tests.reports.replays import replay, signal
 
 Samples = dict[str, Results]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from sim_action.core.errors import Location
-from sim_action.core.verdict import Verdict
 from sim_action.reports.groups import groups, relative_margin, worst_first
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
+from sim_action.state.verdict import Verdict
 
 
 def expected(margin: float | None = None, limit: float | None = None, *, passed: bool = False) -> ExpectationOutcome:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.reports.mermaid import chart, sampled
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 
 TIME = np.linspace(0.0, 6.0, 7)
 VALUES = np.array([0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0])

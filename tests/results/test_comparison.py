@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import ExitCode, Location
 from sim_action.core.provenance import Provenance
-from sim_action.core.verdict import Verdict
 from sim_action.results.comparison import Change, Comparison, Shrunk, Slower, Thresholds, Turn, compared
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Repeats, Status
+from sim_action.state.verdict import Verdict
 
 STATUSES: tuple[Status, ...] = ("passed", "failed", "flaky", "error", "skipped")
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import ExitCode, Location, UsageError
-from sim_action.core.verdict import Verdict
 from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.scenario.sharding import Shard
+from sim_action.state.verdict import Verdict
 
 
 def outcome(name: str = "a", kind: FailureKind | None = None, *, passed: bool = True) -> Outcome:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
-from sim_action.core.verdict import Verdict
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.state.verdict import Verdict
 
 
 def test_what_was_named_and_holds_nothing_is_invalid() -> None:

@@ -18,7 +18,7 @@ from sim_action.core.errors import InvalidScenario
 from sim_action.core.workspace import Permissions
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import Scenario
-from sim_action.state.channels import Channels
+from sim_action.state.trace_channels import Channels
 from tests.scenarios import LEAST, load, told
 
 JUDGE = "class Mine:\n    def judge(self, trace): ...\n"

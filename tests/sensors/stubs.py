@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.sensors import Sight
-from sim_action.state.observation import Observation
-from sim_action.state.probe import Probe
+from sim_action.state.observation import EngineQueries, Observation
 
 
 class OneLink:
@@ -33,5 +32,5 @@ class OneLink:
 NO_PROBE = OneLink()
 
 
-def sight_of(robot: Observation, probe: Probe) -> Sight:
+def sight_of(robot: Observation, probe: EngineQueries) -> Sight:
     return Sight(robot.time, probe, lambda: robot)

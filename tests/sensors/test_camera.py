@@ -13,7 +13,7 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.sensors import Mount
 from sim_action.sensors.camera import Camera
 from sim_action.state.readings import CameraImage
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace_records import SensorRecord
 from sim_action.state.trace_storage import load_trace, save_trace
 from tests.scenarios import LEAST, load, told
 from tests.sensors.stubs import OneLink, sight_of

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Twist
-from sim_action.state.digest import Digest
 from sim_action.state.observation import JointState, Observation
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import COLUMNS, Trace
+from sim_action.state.trace_records import SensorRecord
 from tests.traces import SEEN, assert_same, columns, trace
 
 

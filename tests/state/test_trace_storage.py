@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.state.sensor_record import SensorRecord
 from sim_action.state.trace import Trace
+from sim_action.state.trace_records import SensorRecord
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import SEEN, assert_same, columns, contact, trace
 

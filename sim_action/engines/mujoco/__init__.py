@@ -35,10 +35,10 @@ from sim_action.engines.mujoco.stage import MuJoCoStage
 from sim_action.engines.mujoco.states import States
 from sim_action.engines.mujoco.wording import in_users_words
 from sim_action.engines.timetable import Timetable
-from sim_action.state.channels import Channels
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
 WARNING: Final = "mujoco warning: "
@@ -123,19 +123,19 @@ class MuJoCoBackend:
         return self._states.now(step, touching)
 
     def link_pose(self, link: str) -> Pose:
-        """See Probe.link_pose."""
+        """See EngineQueries.link_pose."""
         return self._links.pose(link)
 
     def link_twist(self, link: str) -> Twist:
-        """See Probe.link_twist."""
+        """See EngineQueries.link_twist."""
         return self._links.twist(link)
 
     def body_pose(self, body: str) -> Pose:
-        """See Probe.body_pose."""
+        """See EngineQueries.body_pose."""
         return self._objects.pose(body)
 
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See Probe.cast_rays."""
+        """See EngineQueries.cast_rays."""
         return self._rays.cast(start_xyz, ends_xyz)
 
     def overlaps(self) -> tuple[Overlap, ...]:

@@ -30,7 +30,7 @@ class Rays:
         groups[list(compiled.bodies)] = _SEEN
 
     def cast(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See Probe.cast_rays."""
+        """See EngineQueries.cast_rays."""
         data, start = self._present(), np.array(start_xyz)
         ways = ends_xyz - start
         shares, around = _cast(self._model, data, start, ways)

@@ -42,10 +42,10 @@ from sim_action.engines.pybullet.scene import (
 from sim_action.engines.pybullet.stage import PyBulletStage
 from sim_action.engines.pybullet.tracks import looking_at
 from sim_action.engines.timetable import Timetable
-from sim_action.state.channels import Channels
 from sim_action.state.command import BasePush, JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
@@ -143,23 +143,23 @@ class PyBulletBackend:
         )
 
     def link_pose(self, link: str) -> Pose:
-        """See Probe.link_pose."""
+        """See EngineQueries.link_pose."""
         index = self._links[link]
         return self._base_now()[0] if index == BASE else link_pose(self._client, self._robot, index)
 
     def link_twist(self, link: str) -> Twist:
-        """See Probe.link_twist."""
+        """See EngineQueries.link_twist."""
         index = self._links[link]
         return self._base_now()[1] if index == BASE else link_twist(self._client, self._robot, index)
 
     def body_pose(self, body: str) -> Pose:
-        """See Probe.body_pose."""
+        """See EngineQueries.body_pose."""
         number, piece = self._objects[body][0]
         found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
         return geometry.compose(found, geometry.inverse(piece)) if piece != Pose() else found
 
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See Probe.cast_rays."""
+        """See EngineQueries.cast_rays."""
         return cast_rays(self._client, start_xyz, ends_xyz)
 
     def _base_now(self) -> tuple[Pose, Twist]:

@@ -37,7 +37,7 @@ def hide_from_rays(client: int, robot: int, *, fixed: bool) -> None:
 
 
 def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """See Probe.cast_rays."""
+    """See EngineQueries.cast_rays."""
     shares: NDArray[np.float64] = np.empty(len(ends_xyz))
     for first in range(0, len(ends_xyz), _BATCH):
         # Lists are what the engine's Python reads fastest.

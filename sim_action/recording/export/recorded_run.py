@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from sim_action.core.units import TIME_EPSILON, first_step
 from sim_action.sensors.mounting import MountedSensor
-from sim_action.state.commanded_twists import CommandedTwists
 from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace_records import CommandedTwists
 from sim_action.world import Body, placed
 from sim_action.world.scene import Scene
 

@@ -17,10 +17,9 @@ from sim_action.recording.replay.marks import ArrowMark, CircleMark, MarkData, P
 from sim_action.recording.replay.models import MAX_MARKS, MAX_SIGNALS, MOST_LETTERS, SignalData
 from sim_action.recording.replay.shapes import FARTHEST
 from sim_action.scenario.model import Scenario
-from sim_action.state.marks import Circle, Mark, Polygon, Polyline
 from sim_action.state.observation import Observation
-from sim_action.state.signals import Signal
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Circle, Mark, Polygon, Polyline, Signal
 from sim_action.world.scene import Scene
 
 # Of what comes at a rate of its own, as many moments as a screen can show.

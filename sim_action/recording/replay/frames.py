@@ -11,8 +11,8 @@ import numpy as np
 from sim_action.core.units import TIME_EPSILON
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
 from sim_action.recording.replay.models import Frames, PoseColumns
-from sim_action.state.body_record import BodyRecord
 from sim_action.state.trace import Trace
+from sim_action.state.trace_records import BodyRecord
 
 # Of a column's step: m, of quaternions, rad (or m, where joints slide), m/s.
 _LENGTH: Final = 1e-4

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from sim_action.core import units
-from sim_action.core.verdict import Verdict
 from sim_action.reports import ReportOptions
 from sim_action.reports.page.markup import Html, element, joined
 from sim_action.reports.page.sources import source
 from sim_action.reports.wording import moment
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.state.verdict import Verdict
 
 MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "flaky": "≠", "error": "✕", "skipped": "·"}
 

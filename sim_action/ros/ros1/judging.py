@@ -11,7 +11,6 @@ from sim_action import __version__
 from sim_action.core.errors import Location
 from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance, provenance
-from sim_action.core.verdict import Verdict
 from sim_action.engines import PACKAGES
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.ros.ros1.causes import cause_of, how_far, time_out
@@ -20,6 +19,7 @@ from sim_action.ros.ros1.printed import deaths, last_words
 from sim_action.ros.ros1.request import RosRequest
 from sim_action.ros.ros1.result_xml import Case
 from sim_action.ros.ros1.traceback_text import first_line, location_in
+from sim_action.state.verdict import Verdict
 
 _FEW: Final = 3
 

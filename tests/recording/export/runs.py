@@ -14,10 +14,8 @@ from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
 from sim_action.sensors.mounting import MountedSensor
 from sim_action.sensors.odometry import Odometry
-from sim_action.state.body_record import BodyRecord
-from sim_action.state.commanded_twists import CommandedTwists
-from sim_action.state.sensor_record import SensorRecord
 from sim_action.state.trace import FloatArray
+from sim_action.state.trace_records import BodyRecord, CommandedTwists, SensorRecord
 from sim_action.world.scene import Scene
 from tests.traces import contact, scene, trace
 

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core.geometry import Twist
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.state.commanded_twists import CommandedTwists
+from sim_action.state.trace_records import CommandedTwists
 from tests.recording.export.runs import MOMENTS, TIME, appearing, rolling, run, sensing_run
 from tests.traces import trace
 

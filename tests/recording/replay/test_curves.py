@@ -17,7 +17,7 @@ from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.curves import coarse, stored_marks, stored_signal, stored_signals
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Signal
 from tests.traces import START, expectation, scenario, scene, trace
 
 RATE = 240.0

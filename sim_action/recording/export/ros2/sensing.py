@@ -14,7 +14,7 @@ from sim_action.recording.export.ros2.frames import Frames
 from sim_action.recording.export.ros2.topics import Topic, nanoseconds, stamps
 from sim_action.sensors.lidar import Lidar
 from sim_action.sensors.mounting import MountedSensor
-from sim_action.state.sensor_record import SensorRecord
+from sim_action.state.trace_records import SensorRecord
 
 _NAMES: Final = {"lidar": "scan", "imu": "imu"}
 _UNKNOWN: Final = (0.0,) * 9

@@ -1,7 +1,9 @@
-"""Golden trajectories: where a robot was over sim time, in a small file of text that people read, commit and compare.
+"""Golden trajectories: the poses of a robot over sim time, in a small text file that people read, commit and compare.
 
-Its first line is a remark with the format's version and the robot, its second names the columns with their units.
-Values are rounded, so that a run that differs in what nobody can see gives the same file.
+The first line is a comment with the version of the format and the name of the robot. The second line names the columns
+with their units. Values are rounded, so that runs without a visible difference give the same file.
+
+Scenarios are checked without numpy: it is imported where numbers are computed.
 """
 
 from __future__ import annotations
@@ -12,14 +14,51 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NoReturn, Self
-
-import numpy as np
+from typing import TYPE_CHECKING, Final, NoReturn, Self
 
 from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.messages import escaped_line, shown
-from sim_action.state.golden_form import RESOLUTION, TITLE, VERSION, GoldenError, GoldenForm
-from sim_action.state.trace import FloatArray, Trace
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import FloatArray, Trace
+
+
+RESOLUTION: Final = 1e-4
+"""In m and rad: what values are rounded to."""
+
+TITLE: Final = "# sim-action golden trajectory "
+"""How the first line begins; the version of the format and the robot follow."""
+
+VERSION: Final = "1"
+_BASE: Final = ("time_s", "x_m", "y_m", "z_m", "yaw_rad")
+
+
+class GoldenError(ValueError):
+    """A file that is no golden trajectory of this robot; the message begins with its line."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoldenForm:
+    """What a golden trajectory is of: the robot's own name, and the joints that are kept, each with its unit."""
+
+    robot: str
+    joints: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The header, such as time_s, x_m, ..., elbow_rad."""
+        return (*_BASE, *(f"{name}_{unit}" for name, unit in self.joints))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """In the order of their columns."""
+        return tuple(name for name, _ in self.joints)
+
+    @property
+    def title(self) -> str:
+        """The first line of a file."""
+        return f"{TITLE}{VERSION}: {escaped_line(self.robot)}"
+
 
 _DECIMALS: Final = 4
 _TIME_DECIMALS: Final = 3
@@ -46,6 +85,8 @@ class Golden:
     @classmethod
     def of_trace(cls, form: GoldenForm, trace: Trace, rate: float) -> Self:
         """The trajectory of a run, from its first to its last moment; `rate`: rows in a second, in Hz."""
+        import numpy as np
+
         rows = rows_of(trace, form.joint_names)
         resolution = 10.0**-_TIME_DECIMALS
         first = math.ceil(rows[0, 0] / resolution - resolution) * resolution
@@ -60,6 +101,8 @@ class Golden:
     @classmethod
     def read(cls, path: Path, form: GoldenForm) -> Self:
         """Reads a file. Raises OSError, and GoldenError for one that is damaged or of something else."""
+        import numpy as np
+
         data = read_at_most(path, _MOST_BYTES)
         if data is None:
             raise GoldenError(f"1: more than {_MOST_BYTES // 1_000_000} MB are not read")
@@ -92,6 +135,8 @@ class Golden:
 
 def rows_of(trace: Trace, joints: Sequence[str]) -> FloatArray:
     """(T, 5 + J) what a golden trajectory holds, of each moment of a trace; yaw in (-pi, pi]."""
+    import numpy as np
+
     columns = [trace.joint_position[:, trace.joint_names.index(name)] for name in joints]
     return np.column_stack((trace.time, trace.base_position_xyz, trace.yaw, *columns))
 
@@ -101,6 +146,8 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
 
     What is before the first row or after the last is as that one. The rows farther away change no digit of it.
     """
+    import numpy as np
+
     after = np.clip(np.searchsorted(rows[:, 0], times), 0, len(rows) - 1)
     before = np.maximum(after - 1, 0)
     step = rows[after] - rows[before]
@@ -114,11 +161,15 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
 
 def wrapped(angle: FloatArray) -> FloatArray:
     """Angles in rad, in [-pi, pi)."""
+    import numpy as np
+
     return np.asarray(np.remainder(angle + np.pi, 2 * np.pi) - np.pi, dtype=np.float64)
 
 
 def _continuous(yaw: FloatArray) -> FloatArray:
     """Without jumps from pi to -pi; what begins there begins at pi, on which side of it that may be."""
+    import numpy as np
+
     turned = np.unwrap(yaw)
     return turned + 2 * np.pi if turned[0] < -np.pi + 10 * RESOLUTION else turned
 

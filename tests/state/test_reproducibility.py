@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim_action.state.divergence import Divergence, first_divergence
+from sim_action.state.reproducibility import Divergence, first_divergence
 from sim_action.state.trace import Trace
 from tests.traces import trace
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.state.channels import ClearanceWatch
-from sim_action.state.clearance_record import ClearanceRecord, Nearness
+from sim_action.state.readings import ContactReading
 from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import trace
 
@@ -66,3 +67,23 @@ def test_a_file_whose_columns_do_not_fit_is_no_trace(tmp_path: Path) -> None:
     save_trace(replace(trace([0.1]), clearances={WATCHES[0]: broken}), tmp_path / "t.npz")
     with pytest.raises(TraceError, match="not a trace"):
         load_trace(tmp_path / "t.npz")
+
+
+READINGS = [ContactReading(time, time > 0.1, 10 * time, ("wall",)) for time in (0.0, 0.1, 0.2, 0.3)]
+
+
+def test_readings_become_columns_at_their_own_times() -> None:
+    record = SensorRecord.of_readings("contact", READINGS)
+    assert len(record) == 4
+    assert record.time.tolist() == [0.0, 0.1, 0.2, 0.3]
+    assert record.columns["touching"].tolist() == [0, 0, 1, 1]
+    assert record.columns["force"].tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_a_record_in_pieces_is_the_record() -> None:
+    record = SensorRecord.of_readings("contact", READINGS)
+    pieces = record.between(-1, 0.15), record.between(0.15, 0.17), record.between(0.2, 0.3)
+    assert [len(piece) for piece in pieces] == [2, 0, 2]
+    joined = SensorRecord.concatenate(pieces)
+    assert joined.time.tolist() == record.time.tolist()
+    assert joined.columns["force"].tolist() == record.columns["force"].tolist()

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sim_action.state.signals import Signal
+from sim_action.state.verdict import Arrow, Circle, Signal, goal, line, rectangle
 
 TIME = np.array([0.0, 1.0, 2.0])
 
@@ -43,3 +43,17 @@ def test_limits_that_hold_when_all_is_over_hold_at_the_end_of_the_window() -> No
 
 def test_without_a_window_limits_hold_throughout() -> None:
     assert (curve().start, curve().end) == (0.0, math.inf)
+
+
+def test_a_place_to_come_to_is_a_circle_and_a_heading_there_an_arrow() -> None:
+    assert list(goal(1.0, 2.0, None, 0.25, None)) == [Circle(1.0, 2.0, 0.25)]
+    assert list(goal(1.0, 2.0, 3.0, 0.25, 0.5)) == [Circle(1.0, 2.0, 0.25, 3.0), Arrow(1.0, 2.0, 0.5)]
+
+
+def test_an_area_goes_round_its_corners() -> None:
+    assert rectangle((0.0, 1.0), (2.0, 3.0)).points == ((0.0, 2.0), (1.0, 2.0), (1.0, 3.0), (0.0, 3.0))
+
+
+def test_a_bound_of_one_axis_is_a_line_across_it() -> None:
+    assert {x for x, _, _ in line("x", 2.0, (0.0, 1.0)).points} == {2.0}
+    assert {y for _, y, _ in line("y", 2.0, (0.0, 1.0)).points} == {2.0}

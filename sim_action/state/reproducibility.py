@@ -1,13 +1,29 @@
-"""Where two runs that should be the same are no longer the same."""
+"""Reproducibility of runs: a digest of all states of a run, and the first difference between two runs."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_action.state.trace import COLUMNS, Trace
+
+
+class Digest:
+    """SHA-256 over the state at every step, however the steps are cut into traces."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def add(self, trace: Trace) -> None:
+        """Takes in the steps that follow."""
+        self._hash.update(trace.state.astype("<f8", order="C", copy=False).tobytes())
+
+    def hexdigest(self) -> str:
+        """64 hexadecimal digits."""
+        return self._hash.hexdigest()
 
 
 @dataclass(frozen=True, slots=True)

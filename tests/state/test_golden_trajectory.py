@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.state.golden import Golden, interpolated, wrapped
-from sim_action.state.golden_form import GoldenError, GoldenForm
+from sim_action.state.golden_trajectory import Golden, GoldenError, GoldenForm, interpolated, wrapped
 from sim_action.state.trace import Trace
 from tests.traces import WHEELS, trace
 

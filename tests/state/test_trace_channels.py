@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 
-from sim_action.state.channels import Channels, ClearanceWatch
+from sim_action.state.trace_channels import Channels, ClearanceWatch
 
 WALL = ClearanceWatch(bodies=("wall",))
 ALL = Channels(

@@ -1,0 +1,197 @@
+"""The records of a trace besides the robot's state: bodies, clearances, sensor readings; and commanded twists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core.geometry import Twist
+from sim_action.core.units import TIME_EPSILON
+from sim_action.state.readings import Reading
+
+FRAME_RATE: Final = 30.0
+"""Hz: how often bodies are looked at, and a replay shows them."""
+
+
+def frame_stride(rate: float) -> int:
+    """Physics steps at `rate` Hz from one look to the next."""
+    return max(1, round(rate / FRAME_RATE))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyRecord:
+    """The poses of one body in the world frame, at N moments, 30 a second.
+
+    Attributes:
+        time: (N,) s, rising.
+        position_xyz: (N, 3) m, of its frame's origin, as `pose` in its scenario.
+        orientation_xyzw: (N, 4) unit quaternions.
+    """
+
+    time: NDArray[np.float64]
+    position_xyz: NDArray[np.float64]
+    orientation_xyzw: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def concatenate(cls, records: Sequence[Self]) -> Self:
+        """Records of the same body, one after the other."""
+        return cls(
+            np.concatenate([record.time for record in records]),
+            np.concatenate([record.position_xyz for record in records]),
+            np.concatenate([record.orientation_xyzw for record in records]),
+        )
+
+    def between(self, start: float, end: float) -> Self:
+        """The moments with start <= time <= end."""
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
+        return self.rows(slice(int(first), int(last)))
+
+    def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
+        """Some of the moments."""
+        return type(self)(self.time[wanted], self.position_xyz[wanted], self.orientation_xyzw[wanted])
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether its columns fit each other."""
+        count = len(self.time)
+        shapes = (self.time.shape, self.position_xyz.shape, self.orientation_xyzw.shape)
+        return shapes == ((count,), (count, 3), (count, 4))
+
+
+class Nearness(NamedTuple):
+    """How near something is: sim time in s, distance in m (negative inside), and what is nearest to what."""
+
+    time: float
+    distance: float
+    link: str
+    body: str
+
+
+@dataclass(frozen=True, eq=False)
+class ClearanceRecord:
+    """Distances at N moments: at every step that came nearer than any before, or at all of them.
+
+    Attributes:
+        pairs: (link, body) that were nearest to each other at some moment.
+        time: (N,) s, rising.
+        distance: (N,) m, negative inside of each other.
+        pair: (N,) which of `pairs` it was.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    time: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    pair: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def of(cls, found: Sequence[Nearness]) -> Self:
+        """The record of these moments."""
+        pairs = tuple(dict.fromkeys((one.link, one.body) for one in found))
+        numbers = {pair: number for number, pair in enumerate(pairs)}
+        return cls(
+            pairs,
+            np.array([one.time for one in found], dtype=np.float64),
+            np.array([one.distance for one in found], dtype=np.float64),
+            np.array([numbers[one.link, one.body] for one in found], dtype=np.int64),
+        )
+
+    @classmethod
+    def concatenate(cls, records: Sequence[Self]) -> Self:
+        """Records of the same watch, one after the other."""
+        pairs = tuple(dict.fromkeys(pair for record in records for pair in record.pairs))
+        places = [np.array([pairs.index(pair) for pair in record.pairs], dtype=np.int64) for record in records]
+        return cls(
+            pairs,
+            np.concatenate([record.time for record in records]),
+            np.concatenate([record.distance for record in records]),
+            np.concatenate([place[record.pair] for place, record in zip(places, records, strict=True)]),
+        )
+
+    def between(self, start: float, end: float) -> Self:
+        """The moments with start <= time <= end."""
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
+        wanted = slice(int(first), int(last))
+        return type(self)(self.pairs, self.time[wanted], self.distance[wanted], self.pair[wanted])
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether its columns fit each other."""
+        shapes = {self.time.shape, self.distance.shape, self.pair.shape}
+        return shapes == {(len(self.time),)} and bool(((self.pair >= 0) & (self.pair < len(self.pairs))).all())
+
+    def at(self, index: int) -> Nearness:
+        """One of the moments."""
+        return Nearness(float(self.time[index]), float(self.distance[index]), *self.pairs[int(self.pair[index])])
+
+
+@dataclass(frozen=True, eq=False)
+class SensorRecord:
+    """The readings of one sensor, at its own rate.
+
+    Attributes:
+        kind: of sensor, as scenarios name it.
+        time: (N,) s, rising.
+        columns: name -> (N, ...) numbers; see the kind's reading.
+    """
+
+    kind: str
+    time: NDArray[np.float64]
+    columns: Mapping[str, NDArray[Any]]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def of_readings(cls, kind: str, readings: Sequence[Reading]) -> Self:
+        """The record of at least one reading."""
+        rows = [reading.columns() for reading in readings]
+        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return cls(kind, np.array([reading.time for reading in readings]), columns)
+
+    @classmethod
+    def concatenate(cls, records: Sequence[Self]) -> Self:
+        """Records of the same sensor, one after the other."""
+        columns = {name: np.concatenate([record.columns[name] for record in records]) for name in records[0].columns}
+        return cls(records[0].kind, np.concatenate([record.time for record in records]), columns)
+
+    def between(self, start: float, end: float) -> Self:
+        """The readings with start <= time <= end."""
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
+        columns = {name: column[first:last] for name, column in self.columns.items()}
+        return type(self)(self.kind, self.time[first:last], columns)
+
+
+def _none(width: int) -> NDArray[np.float64]:
+    return np.empty((0, width))
+
+
+@dataclass(frozen=True, eq=False)
+class CommandedTwists:
+    """N commands, in the order in which they were given.
+
+    Attributes:
+        time: (N,) s, rising.
+        values: (N, 6) linear x, y, z in m/s and angular x, y, z in rad/s, in the frame of the base.
+    """
+
+    time: NDArray[np.float64] = field(default_factory=lambda: _none(1)[:, 0])
+    values: NDArray[np.float64] = field(default_factory=lambda: _none(6))
+
+    @classmethod
+    def of(cls, told: Sequence[tuple[float, Twist]]) -> Self:
+        """From times in s and twists."""
+        values = [[*twist.linear_xyz, *twist.angular_xyz] for _, twist in told]
+        return cls(np.array([time for time, _ in told]), np.array(values).reshape(-1, 6))
+
+    def __len__(self) -> int:
+        return len(self.time)
