@@ -12,11 +12,10 @@ from typing import Final, NamedTuple
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
-from sim_action.ros.ros1.exchange import PROCESS_FILE, RUN_FILE
+from sim_action.ros.ros1.call import PROCESS_FILE, RUN_FILE, RosRequest
+from sim_action.ros.ros1.command import Call
 from sim_action.ros.ros1.installation import Ros, find_ros
-from sim_action.ros.ros1.launching import Call
-from sim_action.ros.ros1.overlay import build_overlay
-from sim_action.ros.ros1.request import RosRequest
+from sim_action.ros.ros1.launch.overlay import build_overlay
 
 EXAMPLES: Final = Path(__file__).resolve().parent.parent / "examples/ros1"
 ROUNDS: Final = 4

@@ -14,7 +14,7 @@ from sim_action.core.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.ros.ros1.request import Program
+    from sim_action.ros.ros1.call import Program
 
 Command = Callable[..., ExitCode]
 
@@ -93,8 +93,8 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     arguments: Sequence[str] = flags["arguments"]
     _check(arguments)
     with Interruption() as interruption:
-        from sim_action.ros.ros1 import testing
-        from sim_action.ros.ros1.request import RosRequest
+        from sim_action.ros.ros1 import command
+        from sim_action.ros.ros1.call import RosRequest
 
         request = RosRequest(
             program,
@@ -109,7 +109,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
             flags["wall_limit"],
             replays=flags["report"],
         )
-        return testing.run(request, report_request(flags), interruption)
+        return command.run(request, report_request(flags), interruption)
 
 
 def _check(arguments: Sequence[str]) -> None:

@@ -17,9 +17,8 @@ from junitparser import JUnitXml
 
 from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
-from sim_action.ros.ros1.exchange import TRACE_FILE, NodeRun
-from sim_action.ros.ros1.findings import Findings
-from sim_action.ros.ros1.request import RosRequest
+from sim_action.ros.ros1.call import TRACE_FILE, NodeRun, RosRequest
+from sim_action.ros.ros1.judging.findings import Findings
 from sim_action.state.trace_storage import load_trace
 from tests.ros.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
 from tests.ros.ros1.robotis import lay_out

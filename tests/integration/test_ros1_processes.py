@@ -125,7 +125,7 @@ def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
     [
         ("rostestmain", "the launcher was ended by SIGKILL"),
         ("sim_action.runner.isolation.keeper", "the launcher was ended by SIGKILL"),
-        ("sim_action.ros.ros1.gzserver", "the node 'gazebo' ended with SIGKILL"),
+        ("sim_action.ros.ros1.launch.programs gzserver", "the node 'gazebo' ended with SIGKILL"),
     ],
 )
 def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(tmp_path: Path, victim: str, cause: str) -> None:

@@ -13,12 +13,11 @@ import pytest
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
-from sim_action.ros.ros1.exchange import NodeRun
-from sim_action.ros.ros1.findings import Findings
+from sim_action.ros.ros1.call import NodeRun, RosRequest
+from sim_action.ros.ros1.command import Call
 from sim_action.ros.ros1.installation import Ros, find_ros
-from sim_action.ros.ros1.launching import Call
-from sim_action.ros.ros1.overlay import build_overlay
-from sim_action.ros.ros1.request import RosRequest
+from sim_action.ros.ros1.judging.findings import Findings
+from sim_action.ros.ros1.launch.overlay import build_overlay
 from tests.ros_workspace import ros_package, written
 
 ROOT = Path(__file__).parents[3]

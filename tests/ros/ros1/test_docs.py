@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.registry import Table
-from sim_action.ros.ros1.node.catalogue import CONTROLLERS, DEVICES, DRIVING
+from sim_action.ros.ros1.gazebo_plugins import DEVICES, DRIVING
+from sim_action.ros.ros1.ros_control import CONTROLLERS
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/ros1.md").read_text(encoding="utf-8")
@@ -28,7 +29,7 @@ def test_tables_list_what_is_known(heading: str, table: Table[object]) -> None:
 
 
 def test_services_are_those_that_are_offered() -> None:
-    modules = [NODE / f"{name}.py" for name in ("services", "pressing", "inquiries")]
+    modules = [NODE / f"{name}.py" for name in ("change_services", "query_services")]
     offered = re.findall(r'^ {12}\("(\w+)", ', "\n".join(path.read_text() for path in modules), re.MULTILINE)
 
     assert len(offered) > 20

@@ -3,14 +3,37 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import PurePosixPath
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
+from xml.etree import ElementTree as ET
 
-from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
+import yaml
+from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
 from pydantic_core import CoreSchema
 
 from sim_action.core.field_types import FrozenModel
-from sim_action.ros.ros1.driving.graph_names import BaseName, GraphName
+
+_BASE: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
+
+
+def _base_name(name: str) -> str:
+    """Raises ValueError."""
+    if not _BASE.fullmatch(name):
+        raise ValueError(f"a node's name is letters, digits and '_', a letter first, found {name!r}")
+    return name
+
+
+def _graph_name(name: str) -> str:
+    """Raises ValueError."""
+    if not _GRAPH.fullmatch(name):
+        raise ValueError(f"a name of ROS is letters, digits, '_' and '/', such as /arm/cmd_vel, found {name!r}")
+    return name
+
+
+BaseName = Annotated[str, AfterValidator(_base_name)]
+GraphName = Annotated[str, AfterValidator(_graph_name)]
 
 
 def _with_lists(value: Any) -> Any:
@@ -59,3 +82,28 @@ class NodeSpec(FrozenModel):
         """Its name among nodes."""
         plain = re.sub(r"\W", "_", PurePosixPath(self.type).stem)
         return self.name or (plain if plain[:1].isalpha() else f"node_{plain}")
+
+
+def launch_text(nodes: Iterable[NodeSpec]) -> str:
+    """What roslaunch is given in place of a file of the user's."""
+    launch = ET.Element("launch")
+    for node in nodes:
+        _add(launch, node)
+    ET.indent(launch)
+    return ET.tostring(launch, encoding="unicode") + "\n"
+
+
+def _add(launch: ET.Element, node: NodeSpec) -> None:
+    element = ET.SubElement(launch, "node", pkg=node.package, type=node.type, name=node.called)
+    if node.args:
+        element.set("args", node.args)
+    if node.namespace:
+        element.set("ns", node.namespace)
+    if node.required:
+        element.set("required", "true")
+    for name, other in node.remap.items():
+        # `from` is a word of Python's.
+        ET.SubElement(element, "remap", {"from": name, "to": other})
+    if node.params:
+        # As the same library writes it that roslaunch reads it by: to YAML 1.1, the 1e-6 of JSON is text.
+        ET.SubElement(element, "rosparam").text = yaml.safe_dump(node.params)

@@ -10,15 +10,12 @@ from typing import Final
 
 from sim_action.core.errors import SourceOver
 from sim_action.core.geometry import Pose, Twist
-from sim_action.ros.ros1.frames import ModelFrame
-from sim_action.ros.ros1.node.changes import BeginAnew, Changes
-from sim_action.ros.ros1.node.devices import TICKS, Device, Told
-from sim_action.ros.ros1.node.efforts import Efforts
-from sim_action.ros.ros1.node.lockstep import Lockstep
-from sim_action.ros.ros1.node.present import Present
-from sim_action.ros.ros1.node.publishing import Traffic
-from sim_action.ros.ros1.node.topics import Topics
-from sim_action.ros.ros1.node.world_states import states_in
+from sim_action.ros.lockstep import Lockstep
+from sim_action.ros.ros1.node.current_state import ModelFrame, Present
+from sim_action.ros.ros1.node.internal_sensors import states_in
+from sim_action.ros.ros1.node.plugins import TICKS, Device, Told
+from sim_action.ros.ros1.node.topics import Topics, Traffic
+from sim_action.ros.ros1.node.world_models import BeginAnew, Changes, Efforts
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 

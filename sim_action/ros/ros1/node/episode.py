@@ -16,15 +16,14 @@ from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
 from sim_action.robot import load_model
 from sim_action.robot.robot_model import RobotModel
-from sim_action.ros.ros1.exchange import Request
-from sim_action.ros.ros1.frames import ModelFrame
-from sim_action.ros.ros1.gazebo_tags import base_in_model, plugins_of
+from sim_action.ros.ros1.call import Request
+from sim_action.ros.ros1.gazebo_plugins import DEVICES, base_in_model, plugins_of
 from sim_action.ros.ros1.node.bridge import Bridge, Session
-from sim_action.ros.ros1.node.catalogue import DEVICES
-from sim_action.ros.ros1.node.devices import TICKS, Device, Told, Wiring
+from sim_action.ros.ros1.node.current_state import ModelFrame
+from sim_action.ros.ros1.node.internal_sensors import states_sensor
 from sim_action.ros.ros1.node.planar_move import PlanarMove
-from sim_action.ros.ros1.node.population import SpawnedRobot, placement_of
-from sim_action.ros.ros1.node.world_states import states_sensor
+from sim_action.ros.ros1.node.plugins import TICKS, Device, Told, Wiring
+from sim_action.ros.ros1.node.world_models import SpawnedRobot, placement_of
 from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import Footage

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 import time
 from collections import Counter
 from pathlib import Path
@@ -13,23 +15,19 @@ import rospy
 
 from sim_action.core.errors import BadStart, ModelError, RunError, SimulationUnstable, SourceOver
 from sim_action.results.outcome import Failure
-from sim_action.ros.ros1.exchange import End, NodeRun, Request
-from sim_action.ros.ros1.graph import Master
-from sim_action.ros.ros1.node import leaving
+from sim_action.ros.lockstep import Lockstep, TestOver
+from sim_action.ros.ros1.call import End, NodeRun, Request
+from sim_action.ros.ros1.gazebo_plugins import DRIVING
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, model_folders, read_world
+from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.bridge import Pace, Session
-from sim_action.ros.ros1.node.catalogue import DRIVING
-from sim_action.ros.ros1.node.changes import BeginAnew, Changes
-from sim_action.ros.ros1.node.efforts import Efforts
+from sim_action.ros.ros1.node.change_services import Pressing, Services
+from sim_action.ros.ros1.node.current_state import Present
 from sim_action.ros.ros1.node.episode import Episode, Stage
-from sim_action.ros.ros1.node.inquiries import Inquiries
-from sim_action.ros.ros1.node.lockstep import Lockstep, TestOver
-from sim_action.ros.ros1.node.population import Population, SpawnedRobot
-from sim_action.ros.ros1.node.present import Present
-from sim_action.ros.ros1.node.pressing import Pressing
-from sim_action.ros.ros1.node.record import Record
-from sim_action.ros.ros1.node.services import Services
+from sim_action.ros.ros1.node.episode_record import Record
+from sim_action.ros.ros1.node.query_services import Inquiries
 from sim_action.ros.ros1.node.topics import Topics
-from sim_action.ros.ros1.worlds import BadWorld, model_folders, read_world
+from sim_action.ros.ros1.node.world_models import BeginAnew, Changes, Efforts, Population, SpawnedRobot
 from sim_action.simulation.loop import SimulationRun
 from sim_action.world import World
 
@@ -40,10 +38,10 @@ _LOOK: Final = 0.01
 
 def serve(folder: Path, request: Request) -> None:
     """Runs the node until the launch is over; writes what became of the simulation when that is known."""
-    leaving.begin(NAME.strip("/"))
+    become_node(NAME.strip("/"))
     _Server(folder, request).run().write(folder)
     # Whoever is left may still ask; what tells it to leave is roslaunch.
-    leaving.wait()
+    await_shutdown()
 
 
 class _Server:
@@ -54,7 +52,7 @@ class _Server:
         self._record = Record()
         self._traffic = Counter[str]()
         self._changes, self._present = Changes(), Present(Population(World()))
-        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid())
+        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid(), rospy.is_shutdown)
         paused, topics = Event(), Topics(self._traffic)
         if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
             paused.set()
@@ -184,3 +182,26 @@ def _failure_of(error: Exception) -> Failure:
     if isinstance(error, ModelError | BadStart | BadWorld):
         return Failure(kind="invalid", title="the simulation cannot begin", message=str(error))
     return Failure(kind="engine", title="the simulation failed", message=str(error))
+
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_left: Final = threading.Event()
+
+
+def become_node(name: str) -> None:
+    """Makes this process a node that leaves when it is told to, with all its threads; before any other is started."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    rospy.init_node(name, disable_signals=True)
+    # Called after those of rospy itself: the master knows by then that this node has gone.
+    rospy.core.add_shutdown_hook(lambda _: _left.set())
+    threading.Thread(target=_await_signal, name="leaving", daemon=True).start()
+
+
+def await_shutdown() -> None:
+    """Returns once the node has left; rospy.spin() would look for that every half a second."""
+    _left.wait()
+
+
+def _await_signal() -> None:
+    told = signal.sigwait(_SIGNALS)
+    rospy.signal_shutdown(signal.Signals(told).name)

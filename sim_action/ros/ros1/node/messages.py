@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rospy import Time
+from sensor_msgs.msg import Image, Imu, LaserScan
 from std_msgs.msg import Header
 
 from sim_action.core import geometry
+from sim_action.state.readings import CameraImage, ImuReading, LidarScan
 
 _BILLION = 1_000_000_000
 
@@ -49,3 +51,34 @@ def in_frame_of(pose: geometry.Pose, twist: geometry.Twist) -> geometry.Twist:
     """A twist in the world frame, as it is seen in the frame of a pose (nav_msgs/Odometry's child frame)."""
     back = geometry.conjugate(pose.orientation_xyzw)
     return geometry.Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
+
+
+def scan_message(reading: LidarScan, head: Header, period: float) -> LaserScan:
+    """A scan; `period`: s from one to the next."""
+    return LaserScan(
+        header=head,
+        angle_min=reading.angle_min,
+        angle_max=reading.angle_min + reading.angle_increment * (len(reading.ranges) - 1),
+        angle_increment=reading.angle_increment,
+        scan_time=period,
+        range_min=reading.range_min,
+        range_max=reading.range_max,
+        ranges=reading.ranges.tolist(),
+    )
+
+
+def imu_message(reading: ImuReading, head: Header) -> Imu:
+    """How a sensor turns and accelerates."""
+    return Imu(
+        header=head,
+        orientation=Quaternion(*reading.orientation_xyzw),
+        angular_velocity=Vector3(*reading.angular_velocity_xyz),
+        linear_acceleration=Vector3(*reading.linear_acceleration_xyz),
+    )
+
+
+def image_message(reading: CameraImage, head: Header) -> Image:
+    """A picture in colours, without its depths."""
+    height, width, colours = reading.rgb.shape
+    data = reading.rgb.tobytes()
+    return Image(header=head, height=height, width=width, encoding="rgb8", step=width * colours, data=data)

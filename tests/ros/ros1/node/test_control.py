@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros1.request import RosRequest
+from sim_action.ros.ros1.call import RosRequest
 from tests.ros.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST

@@ -12,9 +12,9 @@ from typing import Any, Protocol
 import rospy
 
 from sim_action.robot.robot_model import Reading
-from sim_action.ros.ros1.node.devices import Device, Mover, Wiring
-from sim_action.ros.ros1.node.ears import Ear
-from sim_action.ros.ros1.transmissions import Transmissions
+from sim_action.ros.ros1.node.plugins import Device, Mover, Wiring
+from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.ros_control import Transmissions
 
 
 class BadController(Exception):

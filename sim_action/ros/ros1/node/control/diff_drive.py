@@ -14,10 +14,10 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.drives.wheels import wheel
 from sim_action.ros.ros1.node.control import BadController, Controller, Opening, Parameters
-from sim_action.ros.ros1.node.devices import TICKS, Device, period_of
-from sim_action.ros.ros1.node.ears import Ear
 from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message
-from sim_action.ros.ros1.transmissions import INTERFACES
+from sim_action.ros.ros1.node.plugins import TICKS, Device, period_of
+from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 

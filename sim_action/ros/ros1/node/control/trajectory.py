@@ -9,11 +9,10 @@ from typing import Any, Final
 from trajectory_msgs.msg import JointTrajectory
 
 from sim_action.robot.robot_model import Joint, Reading
-from sim_action.ros.ros1.joint_trajectory import JointCurve, Waypoint, curves
 from sim_action.ros.ros1.node.control import Controller, Opening
-from sim_action.ros.ros1.node.control.forward import GAINS, within_limits
-from sim_action.ros.ros1.node.ears import Ear
-from sim_action.ros.ros1.transmissions import INTERFACES
+from sim_action.ros.ros1.node.control.joint_controllers import GAINS, within_limits
+from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.ros_control import INTERFACES, JointCurve, Waypoint, curves
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 

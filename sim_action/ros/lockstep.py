@@ -1,0 +1,187 @@
+"""Sim time and nodes in step: nothing goes on before every node has dealt with all that it was told."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Protocol
+
+from sim_action.core.errors import SourceOver
+from sim_action.ros.processes import Children, descendants, is_written, name_of, test_result
+from sim_action.ros.quiescence import Watched
+
+# In s of wall time: how long nodes may compute between two ticks, and how long processes may take to become nodes.
+PATIENCE: Final = 10.0
+# Once lock-step is lost, nobody waits long for it to come back.
+_HURRY: Final = 0.05
+_LOOK: Final = 0.01
+# How long nothing may change if nobody commands the robot, until the clock starts all the same.
+_CALM: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """The nodes that are up.
+
+    Attributes:
+        publishers: topic -> names of the nodes that publish it.
+        subscribers: topic -> names of the nodes that subscribe to it.
+        pids: node name -> process id.
+        master: process id of the master.
+    """
+
+    publishers: Mapping[str, frozenset[str]]
+    subscribers: Mapping[str, frozenset[str]]
+    pids: Mapping[str, int]
+    master: int
+
+
+class GraphSource(Protocol):
+    """A source of the graph of nodes, such as the master of ROS 1."""
+
+    def graph(self) -> Graph:
+        """Return the current graph. Raises OSError if the source does not answer any more."""
+
+    def is_connected(self, graph: Graph) -> bool:
+        """Return True if every subscriber is connected to all publishers of its topics."""
+
+
+class TestOver(SourceOver):
+    """The test that rostest has started has judged."""
+
+
+def _nobody_asks(_: frozenset[int]) -> None:
+    """Whoever launches has nothing to hear of processes that have gone."""
+
+
+class Lockstep:
+    """Holds the clock until all nodes wait.
+
+    Args:
+        master: the source of the graph of nodes.
+        node: our own name among them.
+        launcher: the process that starts nodes.
+        is_shutdown: returns True once our own node was asked to leave.
+        gone: hears of each of its processes that has ended.
+        newcomers_within: s of wall time, that processes may take to become nodes.
+    """
+
+    def __init__(
+        self,
+        master: GraphSource,
+        node: str,
+        launcher: int,
+        is_shutdown: Callable[[], bool],
+        *,
+        gone: Callable[[frozenset[int]], None] = _nobody_asks,
+        newcomers_within: float = PATIENCE,
+    ) -> None:
+        self._master, self._node, self._is_shutdown = master, node, is_shutdown
+        self._gone, self._newcomers_within = gone, newcomers_within
+        self._watched = Watched(spared=threading.get_native_id())
+        self._launcher = Children(launcher)
+        self._siblings: frozenset[int] = frozenset()
+        self._given_up: set[int] = set()
+        self._tests: dict[int, Path] = {}
+        self._patience = PATIENCE
+        self.notes: list[str] = []
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether nodes were waited for all the time."""
+        return self._patience == PATIENCE
+
+    def begin(self, commands: Callable[[], frozenset[str]], is_wanted: Callable[[], bool]) -> None:
+        """Waits until everybody is there who is about to come.
+
+        `commands`: topics by which the robot is driven now; `is_wanted`: whether there is something better to do.
+        """
+        self._wait_for_newcomers(is_wanted)
+        calm_since = time.monotonic()
+        before: Graph | None = None
+        while not is_wanted():
+            graph = self._master.graph()
+            if graph != before:
+                before, calm_since = graph, time.monotonic()
+            calm = time.monotonic() - calm_since
+            is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands())
+            if calm > PATIENCE or (self._master.is_connected(graph) and (is_driven or calm > _CALM)):
+                break
+            self._end_if_over()
+            time.sleep(_LOOK)
+        self.settle(0.0)
+
+    def settle(self, seconds: float) -> None:
+        """Waits until nobody has anything to do at a sim time. Raises SourceOver when nobody is left to wait for."""
+        while True:
+            if not self._watched.wait(self._patience):
+                self._lose(seconds)
+                self._end_if_over()
+                return
+            self._end_if_over()
+            if not self._has_changed():
+                return
+            self._wait_for_newcomers()
+
+    def _has_changed(self) -> bool:
+        return self._launcher.look() != self._siblings
+
+    def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> None:
+        deadline = time.monotonic() + self._newcomers_within
+        while not self._is_everybody_there() and not is_wanted():
+            self._end_if_over()
+            if time.monotonic() > deadline:
+                self._give_up()
+            time.sleep(_LOOK)
+        graph = self._master.graph()
+        while not self._master.is_connected(graph) and time.monotonic() < deadline:
+            time.sleep(_LOOK)
+            graph = self._master.graph()
+
+    def _is_everybody_there(self) -> bool:
+        """Whether all processes beside ours are nodes, or have started one."""
+        siblings = self._launcher.look()
+        if ended := self._siblings - siblings:
+            self._gone(ended)
+        self._siblings = siblings
+        self._note_tests(siblings)
+        graph = self._master.graph()
+        nodes = frozenset(graph.pids.values())
+        self._watched.watch({*nodes, graph.master, os.getpid()})
+        missing = siblings - nodes - self._given_up - {graph.master}
+        return not any(nodes.isdisjoint(descendants(pid)) for pid in missing)
+
+    def _note_tests(self, siblings: frozenset[int]) -> None:
+        if self._tests and self._tests.keys().isdisjoint(siblings):
+            raise TestOver("the test is over")
+        self._tests = {pid: path for pid in siblings if (path := test_result(pid))}
+
+    def _give_up(self) -> None:
+        for pid in self._late():
+            self._given_up.add(pid)
+            within = f"within {self._newcomers_within:g} s of wall time"
+            self.notes.append(f"'{name_of(pid)}' has not become a node of ROS {within}; nobody waits for it")
+
+    def _late(self) -> Iterator[int]:
+        graph = self._master.graph()
+        nodes = frozenset(graph.pids.values())
+        missing = self._siblings - nodes - self._given_up - {graph.master}
+        return (pid for pid in missing if nodes.isdisjoint(descendants(pid)))
+
+    def _lose(self, seconds: float) -> None:
+        if self.is_kept:
+            self.notes.append(
+                f"lock-step was lost at {seconds:g} s of sim time: nodes were still busy after {PATIENCE:g} s of wall "
+                "time; from there on the run is not deterministic"
+            )
+        self._patience = _HURRY
+
+    def _end_if_over(self) -> None:
+        if self._is_shutdown():
+            raise SourceOver("the nodes were told to leave")
+        if self._tests and all(map(is_written, self._tests.values())):
+            raise TestOver("the test is over")

@@ -1,0 +1,192 @@
+"""`sim-action rostest` and `sim-action roslaunch`, from a file to reports: overlay -> launch -> judge -> report."""
+
+from __future__ import annotations
+
+import os
+import platform
+import socket
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from sim_action import __version__
+from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
+from sim_action.core.messages import did_you_mean, escaped_line
+from sim_action.core.process import Interruption
+from sim_action.reports import ReportOptions
+from sim_action.reports.writing import ReportRequest, make_ready, report_options, write_reports
+from sim_action.results.file import Results
+from sim_action.results.outcome import Outcome
+from sim_action.results.trace_files import copy_stored, replay_path, trace_paths
+from sim_action.ros.ros1.call import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, Request, RosRequest
+from sim_action.ros.ros1.installation import Ros, find_ros
+from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, Places, Run, find
+from sim_action.ros.ros1.judging.judge import Judge
+from sim_action.ros.ros1.judging.launch_output import shown_path
+from sim_action.ros.ros1.judging.rostest_files import TestTag, test_tags
+from sim_action.ros.ros1.launch.launch_process import Launch, Watch
+from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
+
+# In s: what a launch without tests lasts, if nobody says how long; what each test may take beside its own limit.
+_LAUNCH_TIME: Final = 30.0
+_STARTING: Final = 60.0
+
+
+# From Python 3.12 on, unittest lacks what rostest of ROS Noetic calls.
+_ROSTEST: Final = """\
+import sys
+from unittest import TestCase
+if not hasattr(TestCase, "assert_"):
+    TestCase.assert_ = TestCase.assertTrue
+from rostest import rostestmain
+sys.argv[0] = "rostest"
+rostestmain()
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One call of the command; `folder`: an empty one of its own."""
+
+    request: RosRequest
+    ros: Ros
+    overlay: Overlay
+    folder: Path
+
+    def file(self) -> Path:
+        """The launch file that is asked for. Raises InvalidScenario."""
+        request, packages = self.request, self.overlay.packages
+        package = packages.get(request.package)
+        if package is None:
+            hint = did_you_mean(request.package, packages)
+            raise self._invalid(
+                f"there is no package '{request.package}' in {request.workspace.resolve()} or ROS{hint}"
+            )
+        named = [package / request.file, *sorted(package.rglob(Path(request.file).name))]
+        for path in named:
+            if path.is_file() and path.resolve().is_relative_to(package.resolve()):
+                return path
+        files = {path.name for path in package.rglob("*") if path.suffix in (".test", ".launch")}
+        raise self._invalid(f"the package has no file '{request.file}'{did_you_mean(request.file, files)}")
+
+    def launched(
+        self, file: Path, interruption: Interruption, meanwhile: Callable[[], object] = lambda: None
+    ) -> Findings:
+        """What the launch has left, once all of its processes are gone. Raises UsageError.
+
+        `meanwhile`: called once it has begun, when this process has nothing to do but to wait.
+        """
+        tags = test_tags(file)
+        asked = self._asked(tags)
+        (self.folder / REQUEST_FILE).write_text(asked.model_dump_json(), encoding="utf-8")
+        more = {"ROS_TEST_RESULTS_DIR": str(self.folder / RESULTS), "ROS_LOG_DIR": str(self.folder / LOGS)}
+        launch = Launch.start(self._words(file), self.overlay, self.folder, more)
+        try:
+            meanwhile()
+            deadline = time.monotonic() + (self.request.wall_limit or _wall_limit(tags))
+            watch = Watch(launch, deadline, has_tests=self.request.program == "rostest")
+            ending = watch.wait(interruption)
+            code = launch.poll()
+        finally:
+            launch.close()
+        share = self.overlay.variables["ROS_PACKAGE_PATH"]
+        return find(Places(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
+
+    def _words(self, file: Path) -> list[str]:
+        """The file as the overlay has it: rostest names its results by the folder of the package."""
+        request = self.request
+        seen = Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / request.package
+        inside = seen / file.relative_to(self.overlay.packages[request.package])
+        if request.program == "rostest":
+            # It finds a port for its master by itself.
+            return [str(self.ros.python), "-c", _ROSTEST, str(inside), *request.arguments]
+        return [str(self.ros.program("roslaunch")), "-p", str(free_port()), str(inside), *request.arguments]
+
+    def _asked(self, tags: Iterable[TestTag]) -> Request:
+        """Of the node. Sim time ends where a test's own limit would end it in a simulation at real time."""
+        request = self.request
+        limit = max((tag.time_limit for tag in tags), default=_LAUNCH_TIME)
+        return Request(
+            modules=str(self.ros.modules),
+            backend=request.backend,
+            seed=request.seed,
+            sim_time_limit=request.sim_time_limit or limit,
+            real_time_factor=request.real_time_factor,
+            replay=request.replays,
+        )
+
+    def _invalid(self, message: str) -> InvalidScenario:
+        return InvalidScenario([Problem(Location(self.request.file), escaped_line(message))])
+
+
+def free_port() -> int:
+    """One that a master can have."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
+
+
+def _wall_limit(tags: Sequence[TestTag]) -> float:
+    return sum((tag.time_limit + _STARTING) * (1 + tag.retry) for tag in tags) + 2 * _STARTING
+
+
+def run(request: RosRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
+    """Runs the launch, writes every report, and returns what the process says to its caller. Raises UsageError."""
+    started = time.monotonic()
+    ros = find_ros()
+    options = report_options(reports)
+    with tempfile.TemporaryDirectory(prefix="sim-action-", dir=scratch_parent(), ignore_cleanup_errors=True) as scratch:
+        folder = Path(os.path.realpath(scratch))
+        overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve())
+        call = Call(request, ros, overlay, _made(folder / "call"))
+        outcomes = tuple(_outcomes(call, options, interruption))
+    results = Results(
+        sim_action=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        wall_time=time.monotonic() - started,
+        outcomes=outcomes,
+    )
+    write_reports(results, options)
+    return results.exit_code
+
+
+def _outcomes(call: Call, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:
+    """With the trace and the replay of each where those of other runs are."""
+    request, results, started = call.request, options.folder, time.monotonic()
+    try:
+        file = call.file()
+    except InvalidScenario as error:
+        known = {"name": f"{request.package}/{request.file}", "call": request.words}
+        yield Outcome.of_invalid(request.file, error).model_copy(update=known)
+        return
+    findings = call.launched(file, interruption, partial(make_ready, options))
+    judged = Judge(request, shown_path(file.resolve()), time.monotonic() - started).outcomes(findings)
+    paths = trace_paths([outcome.name for outcome, _ in judged], results)
+    for (outcome, run), path in zip(judged, paths, strict=True):
+        yield _stored(outcome, run, path, results)
+
+
+def _stored(outcome: Outcome, run: Run | None, path: Path, results: Path) -> Outcome:
+    if run is None:
+        return outcome
+    copies = {"trace": (run.folder / TRACE_FILE, path), "replay": (run.folder / REPLAY_FILE, replay_path(path))}
+    kept = {key: _copied(source, target, results) for key, (source, target) in copies.items()}
+    return outcome.model_copy(update=kept)
+
+
+def _copied(source: Path, target: Path, results: Path) -> str | None:
+    if not source.is_file():
+        return None
+    target.parent.mkdir(parents=True, exist_ok=True)
+    copy_stored(source, target)
+    return target.relative_to(results).as_posix()
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder

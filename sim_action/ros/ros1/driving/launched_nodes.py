@@ -1,0 +1,251 @@
+"""Nodes that were launched for a scenario: waited for, asked after, and ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from os import path
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from sim_action.commands import ClosedLoop
+from sim_action.commands.last_words import LastWords
+from sim_action.core.errors import ScriptError, SourceProblem, UsageError
+from sim_action.ros.processes import children
+from sim_action.ros.ros1.catkin_packages import workspace_of
+from sim_action.ros.ros1.command import free_port
+from sim_action.ros.ros1.driving.file_problems import Packages, launch_file, why_no_ros
+from sim_action.ros.ros1.driving.launch_events import Event, Events, Failing
+from sim_action.ros.ros1.driving.node_spec import launch_text
+from sim_action.ros.ros1.driving.spec import topics_of
+from sim_action.ros.ros1.installation import Ros, find_ros
+from sim_action.ros.ros1.judging.launch_output import bad_callbacks
+from sim_action.ros.ros1.launch.launch_process import Launch
+from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros1.driving.spec import RosCommands, RosNodes
+    from sim_action.ros.ros1.node.robot_node import RobotNode
+    from sim_action.world.scene import Scene
+
+
+_LAUNCHER: Final = Path(__file__).with_name("launcher.py")
+# What would wait for ever for a Gazebo that is not there, or for controllers of its plugins.
+_LEFT_OUT: Final = ("gazebo_ros", "controller_manager")
+_STANDARD_OUTPUT: Final = 1
+_KEPT: Final = 100_000
+_LOOK: Final = 0.005
+# In s of wall time: how long a launch file may take to be read and started, roslaunch to notice who has died, nodes to
+# leave.
+_STARTING: Final = 60.0
+_NOTICING: Final = 5.0
+_LEAVING: Final = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Launching:
+    """What is launched.
+
+    Attributes:
+        workspace: of catkin.
+        file: from the overlay's packages to the launch file.
+        arguments: NAME:=VALUE.
+        port: of the master.
+        description: the robot's URDF.
+    """
+
+    ros: Ros
+    workspace: Path
+    file: Callable[[Overlay, Path], Path]
+    arguments: Sequence[str]
+    port: int
+    description: str
+
+
+class Nodes:
+    """All nodes of a scenario, but for the one that is the simulation."""
+
+    def __init__(self, asked: Launching) -> None:
+        """Launches them, and returns at once. Raises UsageError."""
+        with ExitStack() as undo:
+            self._workspace = asked.workspace
+            self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
+            undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
+            self.overlay = build_overlay(_made(self.folder / "overlay"), asked.ros, asked.workspace)
+            self._events = Events(self.folder / "events")
+            undo.callback(self._events.close)
+            self._launch = self._start(asked)
+            undo.callback(self._launch.close)
+            self._closing = undo.pop_all()
+        self._words = LastWords(self._launch.printed, _STANDARD_OUTPUT, _KEPT)
+        self._failing = Failing(asked.workspace, self.overlay, self._words)
+        self._died: set[int] = set()
+        self.launcher = 0
+        self._core = frozenset[int]()
+        self.notes: list[str] = []
+
+    @property
+    def _logs(self) -> Path:
+        return self.folder / "log"
+
+    def _start(self, asked: Launching) -> Launch:
+        task: dict[str, Any] = {
+            "events": str(self.folder / "events"),
+            "file": str(asked.file(self.overlay, self.folder)),
+            "arguments": list(asked.arguments),
+            "port": asked.port,
+            "left_out": _LEFT_OUT,
+            "defaults": {"/robot_description": asked.description} if asked.description else {},
+            "params": {"/use_sim_time": True},
+        }
+        (self.folder / "task.json").write_text(json.dumps(task), encoding="utf-8")
+        words = [str(asked.ros.python), "-c", _LAUNCHER.read_text(encoding="utf-8"), str(self.folder / "task.json")]
+        call = _made(self.folder / "call")
+        more = {"ROS_LOG_DIR": str(self._logs), "ROS_MASTER_URI": f"http://localhost:{asked.port}"}
+        return Launch.start(words, self.overlay, call, more, is_heard=True)
+
+    def await_start(self) -> None:
+        """Returns when all are started. Raises ScriptError."""
+        self._wait(lambda: self.launcher != 0, _STARTING, "its nodes were not started")
+
+    def note_gone(self, pids: Iterable[int]) -> None:
+        """Waits until it is known how these have ended. Raises ScriptError if one of them should not have."""
+        wanted = set(pids)
+        self._wait(lambda: wanted <= self._died, _NOTICING, "")
+
+    @property
+    def deaths(self) -> int:
+        """How many processes are known to have ended."""
+        return len(self._died)
+
+    def await_deaths(self, number: int) -> None:
+        """Waits, for a while, until so many have ended. Raises ScriptError if one of them should not have."""
+        self._look()
+        self._wait(lambda: len(self._died) >= number, _NOTICING, "")
+
+    def _look(self) -> None:
+        """Takes in what was told. Raises ScriptError."""
+        for event in self._events.new():
+            self._take(event)
+
+    def why_over(self) -> Exception:
+        """What to say when their master does not answer any more."""
+        return self._failing.over(self._launch.poll())
+
+    def close(self) -> None:
+        """Asks all to leave, waits a moment for those who may have something to put away, and ends whoever is left."""
+        self._launch.interrupt()
+        deadline = time.monotonic() + _LEAVING
+        while self._launch.poll() is None and self._are_there() and time.monotonic() < deadline:
+            time.sleep(_LOOK)
+        if self._logs.is_dir():
+            self.notes += map(str, bad_callbacks(self._logs, None, self._workspace))
+        self._closing.close()
+        self._words.close()
+
+    def _are_there(self) -> bool:
+        return not self.launcher or not children(self.launcher) <= self._core
+
+    def _wait(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+        deadline = time.monotonic() + seconds
+        while not condition():
+            is_over = self._launch.poll() is not None
+            self._look()
+            if condition():
+                return
+            if is_over:
+                raise self._failing.over(self._launch.poll())
+            if time.monotonic() > deadline:
+                if what:
+                    raise self._failing.late(f"{what} within {seconds:g} s of wall time")
+                return
+            time.sleep(_LOOK)
+
+    def _take(self, event: Event) -> None:
+        if event.is_failure:
+            raise self._failing.because_of(event)
+        if event.event == "died":
+            self._died.add(event.pid)
+        elif event.event == "started":
+            self.launcher, self._core = event.pid, frozenset(event.core)
+        elif event.left_out:
+            left = ", ".join(dict.fromkeys(event.left_out))
+            self.notes.append(f"left out of what is launched, since the scenario is the simulation: {left}")
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+def variables(nodes: Nodes, port: int) -> Mapping[str, str]:
+    """What a process needs to be a node among them."""
+    wanted = ("ROS_HOSTNAME", "ROS_HOME", "ROS_PACKAGE_PATH", "ROS_ROOT")
+    master = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": str(nodes.folder / "log")}
+    return {**{name: nodes.overlay.variables[name] for name in wanted}, **master}
+
+
+_KEY: Final = "ros1"
+
+
+def opened(source: RosCommands, scene: Scene) -> ClosedLoop:
+    """The live half of a source. Raises SourceProblem, ScriptError."""
+    if why := why_no_ros():
+        raise SourceProblem(why, _KEY)
+    spec, ros, port = source.ros1, find_ros(), free_port()
+    workspace = workspace_of(spec.workspace, scene.workspace)
+    launching = Launching(
+        ros, workspace, _file_of(spec, workspace), spec.launch[2:] if spec.launch else (), port, scene.model.urdf
+    )
+    try:
+        nodes = Nodes(launching)
+    except UsageError as error:
+        # Such as messages of a package that nobody can write.
+        raise SourceProblem(str(error), _KEY) from None
+    try:
+        node = _joined(nodes, ros, port, source, scene)
+    except BaseException:
+        nodes.close()
+        raise
+    return ClosedLoop(node.tick, sensors=node.sensors, close=node.close, notes=node.notes)
+
+
+def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]:
+    """Where the launch file is, once there is an overlay, and a folder for what has to be written."""
+
+    def named(overlay: Overlay, folder: Path) -> Path:
+        if spec.launch is None:
+            (folder / "nodes.launch").write_text(launch_text(spec.nodes or ()), encoding="utf-8")
+            return folder / "nodes.launch"
+        package = Packages.around(workspace).folder(spec.launch[0])
+        found = launch_file(package, spec.launch[1]) if package else None
+        if package is None or found is None:
+            raise SourceProblem(f"'{'/'.join(spec.launch[:2])}' is gone", _KEY)
+        return Path(overlay.variables["ROS_PACKAGE_PATH"]) / spec.launch[0] / found.relative_to(package)
+
+    return named
+
+
+def _joined(nodes: Nodes, ros: Ros, port: int, source: RosCommands, scene: Scene) -> RobotNode:
+    """The simulation as one more node. Raises ScriptError."""
+    os.environ.update(variables(nodes, port))
+    # Behind what is ours: the distribution's other packages are for another Python.
+    sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]
+    try:
+        from sim_action.ros.ros1.node.robot_node import RobotNode, RobotSpec
+    except ImportError as error:
+        version = ".".join(map(str, sys.version_info[:3]))
+        raise ScriptError(
+            f"Python {version} cannot import the rospy of {ros.modules}: {error}; run sim-action by the Python that "
+            f"ROS was installed for, such as in an environment that {ros.python} -m venv has made"
+        ) from None
+    nodes.await_start()
+    robot = RobotSpec(scene.model, source.rate, scene.sensors, topics_of(scene.sensors, source.ros1.topics))
+    return RobotNode(nodes, robot, source.ros1.start_within)

@@ -1,0 +1,132 @@
+"""Why there is no result of a test, or none that counts, as far as what a launch has left tells it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+from sim_action.core.errors import Location
+from sim_action.core.messages import escaped_line
+from sim_action.results.outcome import Failure
+from sim_action.ros.ros1.judging.findings import Findings, Run, TestFound
+from sim_action.ros.ros1.judging.launch_output import (
+    Death,
+    deaths,
+    last_exception,
+    last_words,
+    missing_package,
+    refused,
+    required_deaths,
+    signal_name,
+    xacro_error,
+)
+
+_SIMULATION: Final = "gazebo"
+_TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")
+_NO_NODE: Final = re.compile(r"Test node \[(\S+)/(\S+)\] does not exist or is not executable")
+_NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
+
+
+def how_far(run: Run | None) -> str:
+    """What is known of the robot at the end."""
+    if run is None or run.told is None:
+        return "no simulation was begun" if run is None else "the simulation has told nothing"
+    told = run.told
+    if told.travelled is None:
+        return "no robot was spawned"
+    silent = ", and no node had commanded it" if told.first_command is None else ""
+    return f"the robot had come {told.travelled:.2f} m at sim time {told.sim_time:.1f} s{silent}"
+
+
+def time_out(test: TestFound, found: Findings) -> str | None:
+    """The message of a test that was ended by a limit; None: it was not."""
+    told = test.run.told if test.run else None
+    if told is not None and told.end == "time limit":
+        return f"not over within {found.sim_time_limit:g} s of sim time: {how_far(test.run)}"
+    if test.launched is not None and (limit := _TIME_OUT.search(test.launched.text)):
+        return f"not over within its time-limit of {float(limit[1]):g} s of wall time: {how_far(test.run)}"
+    if found.ending == "wall limit" and not (test.methods and test.methods.cases):
+        return f"not over within the wall limit of the call: {how_far(test.run)}"
+    return None
+
+
+def cause_of(test: TestFound, found: Findings, where: Location | None) -> Failure:
+    """Why there is no verdict on a test, or on a whole launch; `where`: its place in the launch file."""
+    return next(_causes(test, found, where))
+
+
+def _causes(test: TestFound, found: Findings, where: Location | None) -> Iterator[Failure]:
+    if found.ending == "interrupted":
+        yield Failure(kind="interrupted", title="interrupted", message="the call was interrupted", location=where)
+    if found.ending == "output limit":
+        message = "the nodes have printed more than 100 MB"
+        yield _failure("crash", "output limit", message, where, found)
+    if found.ending == "over" and found.exit_code is not None and found.exit_code < 0:
+        message = f"the launcher was ended by {signal_name(-found.exit_code)}; {how_far(test.run)}"
+        yield _failure("crash", "launcher ended", message, where, found)
+    if test.launched is not None:
+        yield from _of_launch(test.launched.text, where)
+    run = test.run
+    if run is not None and run.told is not None and run.told.failure is not None:
+        yield run.told.failure
+    yield from _of_file(found, where)
+    if run is not None and run.told is None:
+        yield from _of_simulation(found, where)
+    yield from _of_processes(test, found, where)
+    far = how_far(run)
+    yield _failure("crash", "no result", f"nothing says what became of it; {far}", where, found)
+
+
+def _of_launch(text: str, where: Location | None) -> Iterator[Failure]:
+    """What rostest finds out before it starts anything."""
+    if found := _NO_NODE.search(text):
+        package, node = found.groups()
+        message = (
+            f"the test '{node}' of the package '{package}' is not there, or not executable: chmod +x {node}, and "
+            f"git update-index --chmod=+x {node}"
+        )
+        yield Failure(kind="invalid", title="no such test", message=escaped_line(message), location=where)
+    if found := _NO_PACKAGE.search(text):
+        message = f"there is no package '{found[1]}' in the workspace or in ROS"
+        yield Failure(kind="invalid", title="no such package", message=escaped_line(message), location=where)
+    if "Duplicate tests named" in text:
+        message = "several tests of this file have this name; give each test-name= of its own"
+        yield Failure(kind="invalid", title="a name used twice", message=message, location=where)
+
+
+def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
+    if wrong := xacro_error(found.text):
+        yield _failure("invalid", "xacro error", wrong, where, found)
+    if name := missing_package(found.text):
+        message = f"the launch file asks for the package '{name}', which is neither in the workspace nor in ROS"
+        yield _failure("invalid", "no such package", message, where, found)
+    if wrong := refused(found.text):
+        yield _failure("invalid", "launch error", wrong, where, found)
+
+
+def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]:
+    for death in deaths(found.text):
+        if death.node == _SIMULATION:
+            yield _failure("crash", "simulation ended", _told(death, found), where, found)
+
+
+def _of_processes(test: TestFound, found: Findings, where: Location | None) -> Iterator[Failure]:
+    for death in required_deaths(found.text):
+        message = f"{_told(death, found)}; it is required"
+        yield _failure("script", "a required node died", message, where, found)
+    for death in deaths(found.text):
+        if death.node == test.name:
+            yield _failure("script", "the test died", _told(death, found), where, found)
+
+
+def _told(death: Death, found: Findings) -> str:
+    exception = last_exception(found.text, death.program)
+    return f"{death}: {exception}" if exception else str(death)
+
+
+def _failure(kind: str, title: str, message: str, where: Location | None, found: Findings) -> Failure:
+    details = last_words(found.text)
+    return Failure.model_validate(
+        {"kind": kind, "title": title, "message": escaped_line(message), "location": where, "details": details}
+    )

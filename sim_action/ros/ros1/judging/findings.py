@@ -1,0 +1,148 @@
+"""Everything that a launch has left behind, as judges look at it: results by test, runs of the simulation, output."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.files import read_at_most
+from sim_action.ros.ros1.call import PROCESS_FILE, REQUEST_FILE, NodeRun, Request, runs_in
+from sim_action.ros.ros1.judging.launch_output import BadCallback, bad_callbacks, plain
+from sim_action.ros.ros1.judging.rostest_files import Case, Suite, TestTag, read_suite
+from sim_action.ros.ros1.launch.launch_process import Ending
+
+RESULTS: Final = "results"
+"""Of the folder of the call, where rostest and its tests write."""
+
+LOGS: Final = "log"
+"""Of the same, where nodes write theirs."""
+
+_MOST_OUTPUT: Final = 110_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One start of the simulation's node.
+
+    Attributes:
+        folder: that it wrote into.
+        told: what it said of the run; None: it died before.
+    """
+
+    folder: Path
+    told: NodeRun | None
+
+
+@dataclass(frozen=True, slots=True)
+class TestFound:
+    """What there is of one test.
+
+    Attributes:
+        tag: of the launch file itself; None: it is of an included one.
+        methods: as the test tells of them; None: it tells nothing.
+        launched: what rostest says of it; None: nothing.
+        run: the last simulation that it had.
+        callbacks: that raised meanwhile.
+    """
+
+    name: str
+    tag: TestTag | None = None
+    methods: Suite | None = None
+    launched: Case | None = None
+    run: Run | None = None
+    callbacks: tuple[BadCallback, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What there is of a launch.
+
+    Attributes:
+        text: all that was printed, without colours.
+        sim_time_limit: s of a simulation.
+        callbacks: that raised, of all tests.
+    """
+
+    ending: Ending
+    exit_code: int | None
+    tests: tuple[TestFound, ...]
+    runs: tuple[Run, ...]
+    text: str
+    sim_time_limit: float
+    callbacks: tuple[BadCallback, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where a launch was.
+
+    Attributes:
+        folder: of the call.
+        share: where its processes saw packages.
+        workspace: that the user's packages are in.
+    """
+
+    folder: Path
+    share: str
+    workspace: Path
+
+    def callbacks(self, run: Run | None) -> tuple[BadCallback, ...]:
+        """Those of a simulation, or of all."""
+        logs = self.folder / LOGS
+        return bad_callbacks(logs, _process(run), self.workspace) if logs.is_dir() else ()
+
+
+def find(places: Places, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
+    """Reads what is in the folder of a call; the place of packages is left out of what was printed."""
+    folder = places.folder
+    results = folder / RESULTS
+    told = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
+    launched = {case.name.removeprefix("test"): case for suite in told for case in suite.cases}
+    written = {path.stem.removeprefix("rosunit-"): path for path in sorted(results.rglob("rosunit-*.xml"))}
+    runs = [Run(run, NodeRun.read(run)) for run in runs_in(folder)]
+    names = list(dict.fromkeys((*launched, *written))) or [tag.name for tag in tags]
+    of_tests = _runs_of(names, written, runs)
+    tests = tuple(
+        TestFound(
+            name,
+            next((tag for tag in tags if tag.is_called(name)), None),
+            read_suite(written[name]) if name in written else None,
+            launched.get(name),
+            of_tests.get(name),
+            places.callbacks(of_tests.get(name)),
+        )
+        for name in names
+    )
+    output = read_at_most(folder / "output.txt", _MOST_OUTPUT) or b""
+    request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
+    text = "\n".join((*(suite.output for suite in told), output.decode(errors="replace")))
+    text = plain(text).replace(f"{places.share}/", "")
+    limit = request.sim_time_limit or 0.0
+    return Findings(ending, exit_code, tests, tuple(runs), text, limit, places.callbacks(None))
+
+
+def _process(run: Run | None) -> str | None:
+    try:
+        return (run.folder / PROCESS_FILE).read_text() if run else None
+    except OSError:
+        return None
+
+
+def _runs_of(names: Sequence[str], written: dict[str, Path], runs: Sequence[Run]) -> dict[str, Run]:
+    """A test that has written anything has done so while its simulation was the last one; the others come in order."""
+    found = {name: run for name, path in written.items() for run in runs if _began(run) <= path.stat().st_mtime}
+    left = (run for run in runs if run not in found.values())
+    return {**dict(_paired([name for name in names if name not in found], left)), **found}
+
+
+def _paired(names: Sequence[str], runs: Iterator[Run]) -> Iterator[tuple[str, Run]]:
+    return zip(names, runs, strict=False)
+
+
+def _began(run: Run) -> float:
+    try:
+        return (run.folder / PROCESS_FILE).stat().st_mtime
+    except OSError:
+        return run.folder.stat().st_mtime

@@ -1,0 +1,182 @@
+"""What a launch has printed, searched for the reasons of its end in the words of roslaunch and rostest."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from signal import Signals
+from typing import Final
+
+from sim_action.core.discovery import file_name
+from sim_action.core.errors import Location
+from sim_action.core.files import read_at_most
+from sim_action.core.messages import escaped_line
+
+# Colours, as they are and as rosunit writes them.
+_COLOURS: Final = re.compile(r"(?:\x1b|&#x001B;)(?:\[[0-9;]*m|\][^\x07\n]*(?:\x07|&#x0007;))")
+# Of a folder that is gone by the time that anybody reads it.
+_LOGS: Final = re.compile(r"^(?:log file: .*\*\.log|\.\.\. logging to .*|rostest log file is in .*)\n?", re.MULTILINE)
+_NODE: Final = r"\[([\w/.-]+?)(?:-\d+)?\]"
+_HOW: Final = r"process has (?:died \[pid \d+, exit code (-?\d+), cmd (\S+)|finished cleanly)"
+_DEAD: Final = re.compile(rf"{_NODE} {_HOW}")
+_REQUIRED: Final = re.compile(rf"REQUIRED process {_NODE} has died!\s+{_HOW}")
+_NO_PACKAGE: Final = re.compile(r"^(?:rospkg\.\w+\.)?(?:ResourceNotFound|Resource not found): *(\S+)$", re.MULTILINE)
+_REFUSED: Final = (
+    re.compile(r"^ERROR: (cannot launch node of type .+)$", re.MULTILINE),
+    re.compile(r"^(?:roslaunch\.\w+\.)?(?:RLException|XmlParseException|LaunchParamException): *(.+)$", re.MULTILINE),
+)
+_EXCEPTION: Final = re.compile(r"^[A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Exit)(?:: .*)?$", re.MULTILINE)
+_XACRO: Final = re.compile(r"^xacro: (.+)$", re.MULTILINE)
+
+_LAST: Final = 4_000
+
+
+@dataclass(frozen=True, slots=True)
+class Death:
+    """A node that has ended on its own; `exit_code` negative: the number of a signal; `program`: empty if not known."""
+
+    node: str
+    exit_code: int
+    program: str = ""
+
+    def __str__(self) -> str:
+        return f"the node '{self.node}' ended with {_ended(self.exit_code)}"
+
+
+def plain(text: str) -> str:
+    """Without colours, titles of windows, and places of logs."""
+    return _LOGS.sub("", _COLOURS.sub("", text).replace("\r", ""))
+
+
+def required_deaths(text: str) -> Iterator[Death]:
+    """Of nodes that nothing goes on without."""
+    return (Death(name, int(code or 0), program) for name, code, program in _REQUIRED.findall(text))
+
+
+def deaths(text: str) -> Iterator[Death]:
+    """Of nodes that did not end well."""
+    return (Death(name, int(code), program) for name, code, program in _DEAD.findall(text) if code)
+
+
+def missing_package(text: str) -> str | None:
+    """What a launch file has looked for and not found."""
+    found = _NO_PACKAGE.search(text)
+    return found[1] if found else None
+
+
+def refused(text: str) -> str | None:
+    """Why a launch file cannot be launched."""
+    return next((found[1].strip() for pattern in _REFUSED if (found := pattern.search(text))), None)
+
+
+def xacro_error(text: str) -> str | None:
+    """What our xacro has said of a file."""
+    found = _XACRO.search(text)
+    return found[1] if found else None
+
+
+def last_exception(text: str, program: str) -> str | None:
+    """The exception that a program of Python ended with: the one that follows the last mention of its file."""
+    name = PurePath(program).name
+    place = text.rfind(f'/{name}", line ') if name else -1
+    found = _EXCEPTION.search(text, place) if place >= 0 else None
+    return found[0] if found else None
+
+
+def last_words(text: str) -> str:
+    """The end of what was printed."""
+    return text.strip("\n")[-_LAST:]
+
+
+def signal_name(number: int) -> str:
+    """Such as SIGKILL."""
+    return Signals(number).name if number in set(Signals) else f"signal {number}"
+
+
+def _ended(code: int) -> str:
+    return f"exit code {code}" if code >= 0 else signal_name(-code)
+
+
+_FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
+
+
+def location_in(text: str, workspace: Path) -> Location | None:
+    """The innermost place that is below the workspace."""
+    root = workspace.resolve()
+    for file, line, _ in reversed(_FRAME.findall(text)):
+        try:
+            path = Path(file).resolve()
+        except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
+            continue
+        if path.is_relative_to(root):
+            return Location(shown_path(path), int(line))
+    return None
+
+
+def first_line(kind: str, text: str) -> str:
+    """What was wrong: the exception and its message; of one without any, the line that raised it."""
+    said, _, _ = text.partition("\n")
+    if not said.strip() or said.startswith("  File "):
+        lines = [line for _, _, line in _FRAME.findall(text) if line]
+        said = lines[-1] if lines else ""
+    return f"{kind}: {said.strip()}" if kind and said.strip() else said.strip() or kind
+
+
+def shown_path(path: Path) -> str:
+    """As seen from the current folder, if it is below."""
+    here = Path.cwd().resolve()
+    return file_name(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+_MOST_BYTES: Final = 16_000_000
+_OUTPUT: Final = "-stdout"
+_NUMBER: Final = re.compile(r"-\d+$")
+# From rospy/topics.py: what it was told of, how it came to be raised, and, where a line begins with no blank, what.
+_RAISED: Final = re.compile(
+    r"^(?:\[rosout\])?\[ERROR\][^\n]*?: bad callback: ([^\n]*)\n(Traceback[^\n]*\n(?:[ ][^\n]*\n)*)(\S[^\n]*)",
+    re.MULTILINE,
+)
+_SIMULATION: Final = "gazebo"
+
+
+@dataclass(frozen=True, slots=True)
+class BadCallback:
+    """One that raised, the same each time.
+
+    Attributes:
+        exception: as Python prints it.
+        location: in the user's code.
+    """
+
+    node: str
+    exception: str
+    location: Location | None
+    times: int
+
+    def __str__(self) -> str:
+        often = f" {self.times} times" if self.times > 1 else ""
+        place = f" at {self.location}" if self.location else ""
+        return escaped_line(f"a callback of the node '{self.node}' raised{often}: {self.exception}{place}")
+
+
+def bad_callbacks(logs: Path, process: str | None, workspace: Path) -> tuple[BadCallback, ...]:
+    """Those of the launch whose simulation was a process, the most frequent of each node first."""
+    counts = Counter(
+        (_NUMBER.sub("", log.stem), exception.strip(), location_in(trace, workspace))
+        for log in _logs(logs, process)
+        for _, trace, exception in _RAISED.findall(_text(log))
+    )
+    return tuple(BadCallback(*key, times) for key, times in counts.most_common())
+
+
+def _logs(logs: Path, process: str | None) -> Iterator[Path]:
+    for folder in sorted(path for path in logs.iterdir() if path.is_dir() and not path.is_symlink()):
+        if process is None or any(f"pid[{process}]" in _text(log) for log in folder.glob(f"{_SIMULATION}-*.log")):
+            yield from (log for log in sorted(folder.glob("*.log")) if not log.stem.endswith(_OUTPUT))
+
+
+def _text(log: Path) -> str:
+    return (read_at_most(log, _MOST_BYTES) or b"").decode("utf-8", errors="replace")

@@ -1,0 +1,154 @@
+"""What rostest and its tests have found, from their XML: a stranger's, cut short, or with what XML forbids in it.
+
+A test writes `rosunit-NAME.xml` with its methods, rostest `rostest-FILE.xml` with its tests (rosunit's xmlrunner.py).
+"""
+
+from __future__ import annotations
+
+import re
+import xml.parsers.expat
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree as ET
+
+from sim_action.core.files import read_at_most
+
+_MAX_RESULT_BYTES: Final = 16_000_000
+_MAX_CASES: Final = 1_000
+# XML 1.0 has no place for these, not even as a reference to their numbers.
+_FORBIDDEN: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_REFERENCE: Final = re.compile(r"&#(?:x([0-9a-fA-F]{1,8})|([0-9]{1,8}));")
+_HIGHEST: Final = 0x10FFFF
+_CDATA: Final = re.compile(r"\A\s*<!\[CDATA\[\n?(.*?)\n?\]\]>\s*\Z", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One method of a test, or one test of a file.
+
+    Attributes:
+        problem: the tag that says that it did not pass, "failure" or "error"; None: it passed.
+        type: of the exception.
+        text: what it said, then the way to it.
+    """
+
+    name: str
+    problem: str | None = None
+    type: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """What one file tells; `output`: what was printed meanwhile."""
+
+    cases: tuple[Case, ...]
+    output: str = ""
+
+
+def read_suite(path: Path) -> Suite | None:
+    """What there is of a file; None: it holds nothing, or nothing that can be understood."""
+    try:
+        data = read_at_most(path, _MAX_RESULT_BYTES)
+    except OSError:
+        return None
+    root = _parsed(data) if data is not None else None
+    if root is None:
+        return None
+    cases = [case for _, case in zip(range(_MAX_CASES), root.iter("testcase"), strict=False)]
+    output = "\n".join(filter(None, (_plain(root.findtext(f"system-{name}") or "") for name in ("out", "err"))))
+    return Suite(tuple(map(_case, cases)), output)
+
+
+def _parsed(data: bytes) -> ET.Element | None:
+    text = _REFERENCE.sub(_allowed, _FORBIDDEN.sub("", data.decode("utf-8", errors="replace")))
+    # Nobody who writes results has entities to declare.
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        return None
+    try:
+        return ET.fromstring(text.encode())  # noqa: S314 - without a DTD, and of bounded size
+    except ET.ParseError:
+        return None
+
+
+def _allowed(reference: re.Match[str]) -> str:
+    number = int(reference[1], 16) if reference[1] else int(reference[2])
+    return "" if number > _HIGHEST or _FORBIDDEN.match(chr(number)) else reference[0]
+
+
+def _case(element: ET.Element) -> Case:
+    name = element.get("name", "")
+    for problem in _problems(element):
+        return Case(name, problem.tag, problem.get("type", ""), problem.text or problem.get("message") or "")
+    return Case(name)
+
+
+def _problems(element: ET.Element) -> Iterator[ET.Element]:
+    return (child for child in element if child.tag in ("error", "failure"))
+
+
+def _plain(text: str) -> str:
+    """Without the CDATA marks that rosunit writes as text."""
+    found = _CDATA.match(text)
+    return (found[1] if found else text).strip("\n")
+
+
+_MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
+_SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
+
+TIME_LIMIT: Final = 60.0
+"""s that rostest gives a test that states none (wiki.ros.org/roslaunch/XML/test)."""
+
+
+@dataclass(frozen=True, slots=True)
+class TestTag:
+    """One `<test>`: its line, and its name, package, type and time limit in s as far as they are written out."""
+
+    line: int
+    name: str
+    package: str
+    type: str
+    time_limit: float
+    retry: int
+
+    def is_called(self, name: str) -> bool:
+        """Whether the name of a test can be this one's, once its `$(...)` are replaced."""
+        parts = map(re.escape, _SUBSTITUTION.split(self.name))
+        return re.fullmatch(".*".join(parts), name) is not None
+
+
+def test_tags(path: Path) -> tuple[TestTag, ...]:
+    """Those of a file itself, in their order; as many as there are before what is no XML."""
+    found: list[TestTag] = []
+    parser = xml.parsers.expat.ParserCreate()
+
+    def begun(tag: str, given: dict[str, str]) -> None:
+        if tag == "test":
+            found.append(_tag(parser.CurrentLineNumber, given))
+
+    parser.StartElementHandler = begun
+    # What is wrong with it, roslaunch says.
+    with suppress(OSError, xml.parsers.expat.ExpatError):
+        parser.Parse(read_at_most(path, _MAX_LAUNCH_FILE_BYTES) or b"", True)
+    return tuple(found)
+
+
+def _tag(line: int, given: dict[str, str]) -> TestTag:
+    return TestTag(
+        line,
+        given.get("test-name", ""),
+        given.get("pkg", ""),
+        given.get("type", ""),
+        _number(given.get("time-limit"), TIME_LIMIT),
+        int(_number(given.get("retry"), 0)),
+    )
+
+
+def _number(text: str | None, default: float) -> float:
+    try:
+        return float(text or default)
+    except ValueError:
+        return default

@@ -1,0 +1,212 @@
+"""A running roslaunch or rostest, and everything that descends from it: watched, told to leave, and ended."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from os import kill
+from pathlib import Path
+from typing import IO, Final, Literal, Self
+
+from sim_action.core.process import Interruption
+from sim_action.ros.processes import children, descendants, test_result
+from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, NodeRun, runs_in
+from sim_action.ros.ros1.launch.overlay import OUR_MODULES, Overlay
+from sim_action.runner.isolation.process_table import processes
+
+# In s: how long the keeper may take to end all.
+_ENDING: Final = 5.0
+_POLL: Final = 0.002
+
+
+class Launch:
+    """One launcher below a keeper (`isolation.keeper`).
+
+    Attributes:
+        output: the file of all that its processes print.
+        folder: of the call; its name in their environment is the mark of all of them.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], folder: Path, output: Path) -> None:
+        self._process = process
+        self.folder = folder
+        self.output = output
+
+    @classmethod
+    def start(
+        cls,
+        words: Sequence[str],
+        overlay: Overlay,
+        folder: Path,
+        more: Mapping[str, str],
+        *,
+        is_heard: bool = False,
+    ) -> Self:
+        """Starts a command line that sees the overlay, with some variables more. Raises OSError.
+
+        `is_heard`: whether what is printed is read from `printed`, rather than kept in the file.
+        """
+        output = folder / "output.txt"
+        # The keeper is of this Python, what it starts is of the distribution's.
+        keeper = [sys.executable, "-P", "-m", "sim_action.runner.isolation.keeper"]
+        variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": OUR_MODULES}
+        with output.open("wb") as file:
+            process = subprocess.Popen(  # noqa: S603 - what the user asks for
+                [*keeper, "env", f"PYTHONPATH={overlay.python_path}", *words],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE if is_heard else file,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env=variables,
+                cwd=folder,
+            )
+        return cls(process, folder, output)
+
+    @property
+    def printed(self) -> IO[bytes]:
+        """What its processes print, if it was started to be heard."""
+        assert self._process.stdout
+        return self._process.stdout
+
+    @property
+    def keeper(self) -> int:
+        """The process that all others descend from."""
+        return self._process.pid
+
+    def poll(self) -> int | None:
+        """The exit code, or the negative number of a signal, once it is over."""
+        return self._process.poll()
+
+    def tests(self) -> Iterator[int]:
+        """The processes of tests that rostest has started."""
+        return (pid for pid in descendants(self._process.pid) if test_result(pid) is not None)
+
+    def has_unnoticed(self) -> bool:
+        """Whether a process has ended, and whoever has started it does not know yet."""
+        return any(map(_has_ended, descendants(self._process.pid)))
+
+    def interrupt(self) -> None:
+        """Asks the launcher to end its nodes and leave."""
+        for pid in children(self._process.pid):
+            _send(pid, signal.SIGINT)
+
+    def close(self) -> None:
+        """Ends whatever is left, and forgets it."""
+        if self._process.poll() is None:
+            _send(self._process.pid, signal.SIGTERM)
+            _send(self._process.pid, signal.SIGCONT)
+            try:
+                self._process.wait(_ENDING)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        # If it was the keeper that was killed, nobody else has ended them.
+        while left := list(self._marked()):
+            for pid in left:
+                _send(pid, signal.SIGKILL)
+            time.sleep(_POLL)
+
+    def _marked(self) -> Iterator[int]:
+        mark = f"{FOLDER_VARIABLE}={self.folder}".encode()
+        for process in processes():
+            with suppress(OSError):
+                if mark in Path(f"/proc/{process.number}/environ").read_bytes().split(b"\0"):
+                    yield process.number
+
+
+def _send(pid: int, number: signal.Signals) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.kill(pid, number)
+
+
+def _has_ended(pid: int) -> bool:
+    with suppress(OSError):
+        # The name of the program comes before, in brackets, and may hold brackets itself.
+        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] == b"Z"
+    return False
+
+
+Ending = Literal["over", "interrupted", "wall limit", "output limit"]
+
+_LOOK: Final = 0.02
+# In s: how long a launcher may take once it is told to leave, and a test whose simulation is over.
+_LEAVING: Final = 20.0
+_TEST_LEAVING: Final = 3.0
+# In s: roslaunch looks for nodes that have died ten times a second, and tells of none once it has to leave.
+_LAST_LOOK: Final = 0.5
+_MOST_OUTPUT: Final = 100_000_000
+
+
+class Watch:
+    """One launch, until it is over; `deadline`: of `time.monotonic`."""
+
+    def __init__(self, launch: Launch, deadline: float, *, has_tests: bool) -> None:
+        self._launch, self._deadline, self._has_tests = launch, deadline, has_tests
+        self._ending: Ending = "over"
+        self._told_at: float | None = None
+        self._stopped: dict[int, float] = {}
+        self._ended_runs: set[Path] = set()
+        self._last_look: float | None = None
+
+    def wait(self, interruption: Interruption) -> Ending:
+        """Returns when the launcher has gone, or has to be ended."""
+        while self._launch.poll() is None:
+            select.select([interruption.awakened], [], [], _LOOK)
+            if interruption.happened:
+                return "interrupted"
+            self._look_at_limits()
+            self._look_at_runs()
+            if self._told_at is not None and time.monotonic() > self._told_at + _LEAVING:
+                break
+        return self._ending
+
+    def _look_at_limits(self) -> None:
+        if self._ending == "over" and time.monotonic() > self._deadline:
+            self._ending = "wall limit"
+            self._tell_to_leave()
+        if self._ending == "over" and self._launch.output.stat().st_size > _MOST_OUTPUT:
+            self._ending = "output limit"
+            self._tell_to_leave()
+
+    def _tell_to_leave(self) -> None:
+        if self._told_at is None:
+            self._told_at = time.monotonic()
+            self._launch.interrupt()
+
+    def _look_at_runs(self) -> None:
+        """Nothing comes of a test once its simulation is over, but for a moment to say what it has found."""
+        for run in runs_in(self._launch.folder)[-1:]:
+            if run not in self._ended_runs and _is_over_early(run, self._launch):
+                self._ended_runs.add(run)
+                if self._has_tests:
+                    self._stopped = {pid: time.monotonic() for pid in self._launch.tests()}
+                    self._signal_tests(signal.SIGINT)
+                else:
+                    self._last_look = time.monotonic() + _LAST_LOOK
+        if self._last_look is not None and time.monotonic() > self._last_look and not self._launch.has_unnoticed():
+            self._tell_to_leave()
+        if self._stopped and time.monotonic() > max(self._stopped.values()) + _TEST_LEAVING:
+            self._signal_tests(signal.SIGKILL)
+            self._stopped = {}
+
+    def _signal_tests(self, number: signal.Signals) -> None:
+        for pid in set(self._launch.tests()) & self._stopped.keys():
+            with suppress(ProcessLookupError):
+                kill(pid, number)
+
+
+def _is_over_early(run: Path, launch: Launch) -> bool:
+    """Whether a simulation has come to its limit, could not go on, or has died."""
+    told = NodeRun.read(run)
+    if told is not None:
+        return told.end in ("time limit", "failed")
+    process = run / PROCESS_FILE
+    with suppress(OSError, ValueError):
+        return int(process.read_text()) not in descendants(launch.keeper)
+    return False

@@ -1,0 +1,80 @@
+"""The programs of the overlay's packages. Each makes rospy importable in this interpreter and then runs code of `node`.
+
+    python -m sim_action.ros.ros1.launch.programs PROGRAM [ARGUMENT ...]
+
+Every program imports only what it needs: a launch waits for each of them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+
+def gzserver() -> int:
+    """Run the simulation as the node `gazebo`. Does not return: the process ends when the launch is over."""
+    import signal
+
+    from sim_action.core.process import collect_garbage_rarely
+
+    collect_garbage_rarely()
+    from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, Request, new_run
+
+    # Before any thread starts, also those of an engine: a thread that does not block the signals may receive them.
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    folder = Path(os.environ[FOLDER_VARIABLE])
+    request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
+    run = new_run(folder)
+    (run / PROCESS_FILE).write_text(str(os.getpid()))
+    # At the end: the other packages of the distribution are for another Python.
+    sys.path.append(request.modules)
+    from sim_action.ros.ros1.node.gzserver import serve
+
+    serve(run, request)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # roslaunch waits. Taking the interpreter apart takes a while, and threads of rospy still run in it.
+    os._exit(0)
+
+
+def spawn_model() -> int:
+    """Spawn a model in the simulation. Return the exit code."""
+    _add_rospy()
+    from sim_action.ros.ros1.node.spawn_model import spawn
+
+    return spawn()
+
+
+def _controller_program(name: str) -> int:
+    _add_rospy()
+    from sim_action.ros.ros1.node.control.programs import PROGRAMS as CONTROLLER_PROGRAMS
+
+    return CONTROLLER_PROGRAMS[name]()
+
+
+def _add_rospy() -> None:
+    """Append the folder of rospy to the module path.
+
+    The names are those of `call`, which takes longer to import than everything that is done here.
+    """
+    request = Path(os.environ["SIM_ACTION_ROS_RUN"]) / "request.json"
+    sys.path.append(json.loads(request.read_bytes())["modules"])
+
+
+PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
+    "gzserver": gzserver,
+    "spawn_model": spawn_model,
+    "spawner": lambda: _controller_program("spawner"),
+    "unspawner": lambda: _controller_program("unspawner"),
+    "controller_manager": lambda: _controller_program("controller_manager"),
+}
+"""Program name -> function that runs it and returns the exit code."""
+
+
+if __name__ == "__main__":
+    # The arguments of the program follow its name.
+    sys.exit(PROGRAMS[sys.argv.pop(1)]())

@@ -1,0 +1,103 @@
+"""Who is there: the nodes of a ROS 1 master, their processes, and what each of them publishes and hears.
+
+Spoken in XML-RPC, as ROS's Master and Slave API have it (wiki.ros.org/ROS/Master_API, wiki.ros.org/ROS/Slave_API).
+"""
+
+from __future__ import annotations
+
+import xmlrpc.client
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+from sim_action.ros.lockstep import Graph
+
+_SUCCESS: Final = 1
+_INBOUND: Final = "i"
+_TIMEOUT: Final = 1.0
+
+
+class _Transport(xmlrpc.client.Transport):
+    """Gives up on a node that does not answer."""
+
+    def make_connection(self, host: Any) -> Any:
+        connection = super().make_connection(host)
+        connection.timeout = _TIMEOUT
+        return connection
+
+
+def _server(uri: str) -> Any:
+    return xmlrpc.client.ServerProxy(uri, transport=_Transport())
+
+
+class Master:
+    """A running master; `caller`: the node that asks."""
+
+    def __init__(self, uri: str, caller: str) -> None:
+        self._caller = caller
+        self._master = _server(uri)
+        self._pids: dict[str, tuple[str, int]] = {}
+        self._master_pid = 0
+
+    def close(self) -> None:
+        """Lets go of the connection."""
+        self._master("close")()
+
+    def graph(self) -> Graph:
+        """The present state. Raises OSError if the master is gone."""
+        publishers, subscribers, services = self._ask("getSystemState")
+        names = {name for group in (publishers, subscribers, services) for _, nodes in group for name in nodes}
+        pids = {name: pid for name in sorted(names) if (pid := self._pid(name)) is not None}
+        if not self._master_pid:
+            self._master_pid = self._ask("getPid")
+        return Graph(_by_topic(publishers, pids), _by_topic(subscribers, pids), pids, self._master_pid)
+
+    def is_connected(self, graph: Graph) -> bool:
+        """Whether every node hears everybody who publishes what it listens to."""
+        for node in graph.pids:
+            heard = Counter(self._heard(node))
+            wanted = (topic for topic, nodes in graph.subscribers.items() if node in nodes)
+            if any(heard[topic] < len(graph.publishers.get(topic, ())) for topic in wanted):
+                return False
+        return True
+
+    def published(self, kind: str) -> dict[str, frozenset[str]]:
+        """Topics of a type of messages -> nodes that publish them. Raises OSError if the master is gone."""
+        types = dict(self._ask("getTopicTypes"))
+        publishers = self.graph().publishers
+        return {topic: nodes for topic, nodes in publishers.items() if nodes and types.get(topic) == kind}
+
+    def _heard(self, node: str) -> Iterator[str]:
+        """The topic of each connection by which a node listens."""
+        with suppress(OSError, xmlrpc.client.Error, LookupError):
+            with _server(self._pids[node][0]) as server:
+                _, _, connections = server.getBusInfo(self._caller)
+            for _, _, direction, _, topic, connected, *_ in connections:
+                if direction == _INBOUND and connected:
+                    yield str(topic)
+
+    def _pid(self, node: str) -> int | None:
+        with suppress(OSError, xmlrpc.client.Error, LookupError):
+            uri = self._ask("lookupNode", node)
+            if self._pids.get(node, ("", 0))[0] != uri:
+                with _server(uri) as server:
+                    _, _, pid = server.getPid(self._caller)
+                self._pids[node] = (uri, int(pid))
+            return self._pids[node][1] if Path("/proc", str(self._pids[node][1])).exists() else None
+        return None
+
+    def _ask(self, method: str, *arguments: object) -> Any:
+        try:
+            code, message, value = getattr(self._master, method)(self._caller, *arguments)
+        except (OSError, xmlrpc.client.Error) as error:
+            raise OSError(f"the master does not answer: {error}") from None
+        if code != _SUCCESS:
+            raise LookupError(message)
+        return value
+
+
+def _by_topic(pairs: list[list[Any]], alive: Collection[str]) -> dict[str, frozenset[str]]:
+    """Those of nodes that live: a master keeps what others have left behind."""
+    return {topic: frozenset(nodes).intersection(alive) for topic, nodes in pairs}

@@ -1,0 +1,276 @@
+"""Services of Gazebo's ROS interface (gazebo_ros_api_plugin), by which nodes look at the world and change it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+from threading import Event
+from typing import Any, Final
+from xml.etree import ElementTree as ET
+
+import rospy
+from gazebo_msgs.msg import LinkState, ModelState
+from gazebo_msgs.srv import (
+    ApplyBodyWrench,
+    ApplyJointEffort,
+    BodyRequest,
+    DeleteModel,
+    GetModelState,
+    GetWorldProperties,
+    JointRequest,
+    SetLinkState,
+    SetModelConfiguration,
+    SetModelState,
+    SetPhysicsProperties,
+    SpawnModel,
+)
+from std_srvs.srv import Empty
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
+from sim_action.ros.ros1.node.current_state import Present
+from sim_action.ros.ros1.node.messages import header, pose_message, pose_of, twist_message, twist_of
+from sim_action.ros.ros1.node.query_services import WORLD_FRAMES, frame_of, robot_joint, robot_model
+from sim_action.ros.ros1.node.world_models import (
+    Alter,
+    Changes,
+    Efforts,
+    Population,
+    SpawnedRobot,
+    refuse_unknown,
+    unknown,
+)
+from sim_action.world import Disturbance, World
+
+
+class Services:
+    """Offers them, for as long as the node lives."""
+
+    def __init__(self, present: Present, changes: Changes, paused: Event, efforts: Efforts) -> None:
+        self._present, self._changes, self._paused, self._efforts = present, changes, paused, efforts
+        self._numbers = count(1)
+        for name, kind, answer in (
+            ("spawn_urdf_model", SpawnModel, self._spawn),
+            ("spawn_sdf_model", SpawnModel, self._spawn),
+            ("delete_model", DeleteModel, self._delete),
+            ("set_model_state", SetModelState, lambda asked: self._set_state(asked.model_state)),
+            ("set_link_state", SetLinkState, lambda asked: self._set_link(asked.link_state)),
+            ("set_physics_properties", SetPhysicsProperties, self._set_physics),
+            ("set_model_configuration", SetModelConfiguration, self._set_joints),
+            ("get_model_state", GetModelState, self._get_state),
+            ("get_world_properties", GetWorldProperties, self._properties),
+            ("reset_world", Empty, lambda _: self._reset(restarts=False)),
+            ("reset_simulation", Empty, lambda _: self._reset(restarts=True)),
+            ("pause_physics", Empty, lambda _: self._pause(self._paused.set)),
+            ("unpause_physics", Empty, lambda _: self._pause(self._paused.clear)),
+        ):
+            rospy.Service(f"/gazebo/{name}", kind, answer)
+        rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set_state, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set_link, queue_size=1, tcp_nodelay=True)
+
+    def _pause(self, change: Callable[[], None]) -> tuple[()]:
+        change()
+        return ()
+
+    def _spawn(self, request: Any) -> tuple[bool, str]:
+        name = request.model_name
+
+        def alter(population: Population) -> Population:
+            if name in population.names:
+                raise ValueError(f"a model '{name}' is there already")
+            pose = self._in_world(pose_of(request.initial_pose), request.reference_frame)
+            if is_robot(request.model_xml):
+                if population.robot is not None:
+                    raise ValueError(f"one robot at a time: '{population.robot.name}' is there already")
+                number, space = next(self._numbers), request.robot_namespace
+                return replace(
+                    population, robot=SpawnedRobot(name, request.model_xml, pose, space=space, number=number)
+                )
+            try:
+                return population.with_body(body_of(name, request.model_xml, pose))
+            except BadWorld as error:
+                raise ValueError(f"'{name}' cannot be spawned: {error}") from None
+
+        return self._answer(alter, f"'{name}' is spawned")
+
+    def _delete(self, request: Any) -> tuple[bool, str]:
+        name = request.model_name
+
+        def alter(population: Population) -> Population:
+            refuse_unknown(name, population)
+            return population.without(name)
+
+        return self._answer(alter, f"'{name}' is deleted")
+
+    def _set_state(self, state: Any) -> tuple[bool, str]:
+        name, velocity = state.model_name, twist_of(state.twist).linear_xyz
+
+        def alter(population: Population) -> Population:
+            refuse_unknown(name, population)
+            moved = population.moved({name: self._in_world(pose_of(state.pose), state.reference_frame)})
+            return moved.pushed(name, velocity) if any(velocity) and population.can_move(name) else moved
+
+        return self._answer(alter, f"'{name}' is where it was to be")
+
+    def _set_link(self, state: Any) -> tuple[bool, str]:
+        model, separator, link = state.link_name.rpartition("::")
+        robot, described = self._present.population.robot, self._present.model
+        is_robots = robot is not None and model in ("", robot.name)
+        if is_robots and described is not None and link != described.root:
+            return (
+                False,
+                f"of the robot, only the base link is set: '{described.root}'; joints are moved by other services",
+            )
+        named = robot.name if robot is not None and not separator else model
+        return self._set_state(ModelState(named, state.pose, state.twist, state.reference_frame))
+
+    def _set_physics(self, request: Any) -> tuple[bool, str]:
+        gravity = (request.gravity.x, request.gravity.y, request.gravity.z)
+
+        def alter(population: Population) -> Population:
+            valid = World.model_validate({"gravity": gravity}).gravity
+            return replace(population, world=population.world.model_copy(update={"gravity": valid}))
+
+        if gravity == self._present.population.world.gravity_xyz:
+            return True, "gravity is as it was; steps and the engine are this simulation's own"
+        return self._answer(alter, "gravity is set; steps and the engine are this simulation's own")
+
+    def _set_joints(self, request: Any) -> tuple[bool, str]:
+        positions = dict(zip(request.joint_names, request.joint_positions, strict=False))
+
+        def alter(population: Population) -> Population:
+            robot = population.robot
+            if robot is None or robot.name != request.model_name:
+                raise ValueError(f"there is no robot '{request.model_name}'")
+            return replace(population, robot=replace(robot, joints={**robot.joints, **positions}))
+
+        return self._answer(alter, f"joints of '{request.model_name}' are where they were to be")
+
+    def _reset(self, *, restarts: bool) -> tuple[()]:
+        self._efforts.clear_all()
+        self._changes.ask(Population.at_home, restarts=restarts)
+        return ()
+
+    def _get_state(self, request: Any) -> Any:
+        found = self._present.models.get(request.model_name)
+        if found is None:
+            return {"success": False, "status_message": unknown(request.model_name, self._present.population)}
+        pose, twist = found
+        other = request.relative_entity_name
+        if other not in WORLD_FRAMES:
+            try:
+                pose = geometry.compose(geometry.inverse(frame_of(self._present, other)), pose)
+            except LookupError:
+                return {"success": False, "status_message": f"there is no model or link '{other}'"}
+        return {
+            "header": header(self._present.time, other or "world"),
+            "pose": pose_message(pose),
+            "twist": twist_message(twist),
+            "success": True,
+            "status_message": "",
+        }
+
+    def _properties(self, _: Any) -> Any:
+        present = self._present
+        return {"sim_time": present.time, "model_names": list(present.population.names), "success": True}
+
+    def _in_world(self, pose: Pose, frame: str) -> Pose:
+        """Raises ValueError for a frame that there is not."""
+        try:
+            return pose if frame in WORLD_FRAMES else geometry.compose(frame_of(self._present, frame), pose)
+        except LookupError:
+            raise ValueError(f"there is no frame '{frame}': it is that of a model, or of a link of the robot") from None
+
+    def _answer(self, alter: Alter, done: str) -> tuple[bool, str]:
+        refused = self._changes.ask(alter)
+        return refused is None, refused or done
+
+
+def is_robot(description: str) -> bool:
+    """Whether it has joints or plugins: what has neither is a body of the world."""
+    try:
+        root = ET.fromstring(description)  # noqa: S314 - of what is simulated
+    except ET.ParseError:
+        return True  # Whoever reads models says best what is wrong.
+    return root.tag == "robot" or any(True for _ in root.iter("joint")) or any(True for _ in root.iter("plugin"))
+
+
+_FOR_EVER: Final = 1e5
+
+
+class Pressing:
+    """Offers them, for as long as the node lives."""
+
+    def __init__(self, present: Present, changes: Changes, efforts: Efforts) -> None:
+        self._present, self._changes, self._efforts = present, changes, efforts
+        for name, kind, answer in (
+            ("apply_body_wrench", ApplyBodyWrench, self._press),
+            ("clear_body_wrenches", BodyRequest, self._release),
+            ("apply_joint_effort", ApplyJointEffort, self._turn),
+            ("clear_joint_forces", JointRequest, self._let_go),
+        ):
+            rospy.Service(f"/gazebo/{name}", kind, answer)
+
+    def _press(self, request: Any) -> tuple[bool, str]:
+        model, _, link = request.body_name.partition("::")
+        force, torque, point = request.wrench.force, request.wrench.torque, request.reference_point
+        seconds = request.duration.to_sec()
+
+        def alter(population: Population) -> Population:
+            refuse_unknown(model, population)
+            robot = population.robot
+            is_robot = robot is not None and robot.name == model
+            if is_robot and link and link not in self._link_names():
+                raise ValueError(f"there is no link '{link}' in '{model}'")
+            if seconds == 0:
+                raise ValueError("a wrench needs a duration; a negative one is for ever")
+            begins = max(0.0, request.start_time.to_sec() - self._present.time)
+            disturbance = Disturbance.model_validate(
+                {
+                    "at": begins,
+                    "for": seconds if seconds > 0 else _FOR_EVER,
+                    **({"link": link or None} if is_robot else {"body": model}),
+                    "force": (force.x, force.y, force.z),
+                    "torque": (torque.x, torque.y, torque.z),
+                    **({"point": (point.x, point.y, point.z)} if any((point.x, point.y, point.z)) else {}),
+                }
+            )
+            world = population.world
+            changed = world.model_copy(update={"disturbances": (*world.disturbances, disturbance)})
+            return replace(population, world=changed)
+
+        refused = self._changes.ask(alter)
+        return refused is None, refused or "the wrench acts"
+
+    def _release(self, request: Any) -> tuple[()]:
+        model, _, link = request.body_name.partition("::")
+
+        def alter(population: Population) -> Population:
+            robot = population.robot
+            of_robot = robot is not None and robot.name == model
+            return population.unpressed(None if of_robot else model, link if of_robot else "")
+
+        self._changes.ask(alter)
+        return ()
+
+    def _turn(self, request: Any) -> tuple[bool, str]:
+        seconds = request.duration.to_sec()
+        try:
+            joint = robot_joint(robot_model(self._present), request.joint_name)
+        except LookupError as error:
+            return False, str(error.args[0])
+        if seconds == 0:
+            return False, "an effort needs a duration; a negative one is for ever"
+        begins = max(self._present.time, request.start_time.to_sec())
+        self._efforts.apply(joint, request.effort, begins, seconds)
+        return True, "the effort acts"
+
+    def _let_go(self, request: Any) -> tuple[()]:
+        self._efforts.clear(request.joint_name.rpartition("::")[2])
+        return ()
+
+    def _link_names(self) -> frozenset[str]:
+        model = self._present.model
+        return frozenset(model.links_by_name) if model else frozenset()

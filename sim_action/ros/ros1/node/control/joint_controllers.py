@@ -1,0 +1,119 @@
+"""Controllers that hand on what they are told: positions, velocities and efforts, of a joint or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Final
+
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray
+
+from sim_action.robot.robot_model import Joint, Reading
+from sim_action.ros.ros1.node.control import Controller, Opening
+from sim_action.ros.ros1.node.messages import header
+from sim_action.ros.ros1.node.plugins import Device, period_of
+from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.ros_control import INTERFACES
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
+
+GAINS: Final = "a servo of the engine, with the effort that the model allows, is in the place of its gains"
+"""What to know of controllers that make efforts, or velocities, of what they are told."""
+
+
+def _one(opening: Opening, told: Reading, interface: Reading) -> Controller:
+    joints = opening.fitting("joint", interface)[:1]
+    ear = opening.wiring.ear(opening.topic("command"), Float64, lambda message: (message.data,))
+    return _controller(opening, joints, told, interface, ear)
+
+
+def _group(opening: Opening, told: Reading, interface: Reading) -> Controller:
+    joints = opening.fitting("joints", interface)
+    ear = opening.wiring.ear(opening.topic("command"), Float64MultiArray, lambda message: tuple(message.data))
+    return _controller(opening, joints, told, interface, ear)
+
+
+# Which types these are, `catalogue` says. Servos on efforts: at 100 ticks a second, gains would shake what is light.
+open_position: Final = partial(_one, told="position", interface="position")
+open_velocity: Final = partial(_one, told="velocity", interface="velocity")
+open_effort: Final = partial(_one, told="effort", interface="effort")
+open_servo: Final = partial(_one, told="position", interface="effort")
+open_servo_on_velocity: Final = partial(_one, told="position", interface="velocity")
+open_motor: Final = partial(_one, told="velocity", interface="effort")
+open_group_position: Final = partial(_group, told="position", interface="position")
+open_group_velocity: Final = partial(_group, told="velocity", interface="velocity")
+open_group_effort: Final = partial(_group, told="effort", interface="effort")
+open_group_servo: Final = partial(_group, told="position", interface="effort")
+
+
+def _controller(opening: Opening, joints: tuple[str, ...], told: Reading, interface: Reading, ear: Ear) -> Controller:
+    if told != interface:
+        opening.wiring.warn(f"the controller '{opening.parameters.space}': {GAINS}")
+    joint_models = [opening.wiring.model.joints_by_name[name] for name in joints]
+    forward = Forward(joint_models, told, ear, opening.wiring.warn)
+    return Controller(INTERFACES[interface], joints, forward, ears=(ear,), begin=forward.begin)
+
+
+class Forward:
+    """Tells joints what it is told; before that, to stay where they are, or to do nothing."""
+
+    def __init__(self, joints: list[Joint], told: Reading, ear: Ear, warn: Callable[[str], None]) -> None:
+        self._joints, self._told, self._ear, self._warn = joints, told, ear, warn
+        self._resting: Mapping[str, float] | None = None
+
+    def begin(self) -> None:
+        """What was said while it did not run is not for it."""
+        self._ear.forget()
+        self._resting = None
+
+    def __call__(self, _: float, seen: Observation) -> JointTargets:
+        """See Mover."""
+        if self._resting is None:
+            holds = self._told == "position"
+            self._resting = {joint.name: seen.joints[joint.name].position if holds else 0.0 for joint in self._joints}
+        return targets(self._told, self._commanded() or self._resting)
+
+    def _commanded(self) -> Mapping[str, float] | None:
+        values: tuple[float, ...] | None = self._ear.heard
+        if values is None:
+            return None
+        if len(values) != len(self._joints):
+            self._warn(f"{self._ear.topic}: {len(values)} numbers for {len(self._joints)} joints are passed over")
+            return None
+        pairs = zip(self._joints, values, strict=True)
+        return {joint.name: within_limits(joint, self._told, value) for joint, value in pairs}
+
+
+def targets(told: Reading, values: Mapping[str, float]) -> JointTargets:
+    """Joint name -> value, as targets."""
+    return JointTargets(
+        position=values if told == "position" else {},
+        velocity=values if told == "velocity" else {},
+        effort=values if told == "effort" else {},
+    )
+
+
+def within_limits(joint: Joint, told: Reading, value: float) -> float:
+    """What a joint can do of it, as gazebo_ros_control cuts it off."""
+    if told == "position":
+        lower = value if joint.lower is None else joint.lower
+        upper = value if joint.upper is None else joint.upper
+        return max(lower, min(upper, value))
+    most = joint.max_velocity if told == "velocity" else joint.max_effort
+    return value if most is None else max(-most, min(most, value))
+
+
+def open_joint_states(opening: Opening) -> Controller:
+    """joint_state_controller/JointStateController: of joints with a transmission, in the order of their names."""
+    moving = {joint.name for joint in opening.wiring.model.moving_joints}
+    names = sorted(moving.intersection(opening.transmissions.interfaces)) or sorted(moving)
+    sender = opening.wiring.sender(f"{opening.space}/joint_states", JointState)
+
+    def publish(seconds: float, seen: Observation) -> None:
+        if names:
+            positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
+            sender.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
+
+    period = period_of(opening.parameters.number("publish_rate", 50.0))
+    return Controller("hardware_interface/JointStateInterface", device=Device(period, (sender,), publish))

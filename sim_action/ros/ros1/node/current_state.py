@@ -1,0 +1,103 @@
+"""The moment that a simulation has come to, for services that are asked about it in threads of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.robot.kinematics import link_poses
+from sim_action.robot.robot_model import RobotModel
+from sim_action.ros.ros1.node.world_models import Population
+from sim_action.state.observation import JointState
+
+States = Mapping[str, tuple[Pose, Twist]]
+"""Name of a model or a link -> pose and twist, world frame."""
+
+# Time step of the difference quotient of link poses: nothing turns far in it, and differences exceed rounding.
+_DIFFERENCE_S: Final = 1e-6
+
+
+@dataclass
+class Present:
+    """What is known of it; changed by the loop alone, while all nodes wait.
+
+    Attributes:
+        time: s of sim time.
+        began: s of sim time at which what is simulated began.
+        started: s of wall time at which the clock started; None: it is held.
+        models: name of a model, without the ground -> pose and twist, world frame.
+        links: the same of links, each as `model::link`; none if nobody wants to know.
+        model: of the robot, once there is one.
+        base: pose and twist of its base link, world frame.
+        joints: of the robot, by their names.
+    """
+
+    population: Population
+    time: float = 0.0
+    began: float = 0.0
+    started: float | None = None
+    models: States = field(default_factory=dict)
+    links: States = field(default_factory=dict)
+    model: RobotModel | None = None
+    base: tuple[Pose, Twist] = (Pose(), Twist())
+    joints: dict[str, JointState] = field(default_factory=dict)
+
+    def carried_on(self) -> Population:
+        """The population, where everything is now."""
+        positions = {name: joint.position for name, joint in self.joints.items()}
+        moved = self.population.moved({name: pose for name, (pose, _) in self.models.items()}, positions)
+        return moved.later(self.time - self.began)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFrame:
+    """The frame of a robot's model, which Gazebo tells of; `base`: where the base link is in it."""
+
+    base: Pose
+
+    def pose(self, base: Pose) -> Pose:
+        """Of the model, from that of its base link."""
+        return geometry.compose(base, geometry.inverse(self.base))
+
+    def twist(self, base: Pose, twist: Twist) -> Twist:
+        """Of the model's origin, from that of the base link's; world frame."""
+        return twist_at(twist, _between(base, self.pose(base)))
+
+    def base_pose(self, pose: Pose) -> Pose:
+        """Of the base link, from that of the model."""
+        return geometry.compose(pose, self.base)
+
+
+def twist_at(twist: Twist, way_xyz: Vector3) -> Twist:
+    """Of another point of the same rigid body, which is `way_xyz` m from the one whose twist is known; world frame."""
+    x, y, z = geometry.cross(twist.angular_xyz, way_xyz)
+    linear = twist.linear_xyz
+    return Twist((linear[0] + x, linear[1] + y, linear[2] + z), twist.angular_xyz)
+
+
+def link_state(
+    model: RobotModel, base: tuple[Pose, Twist], joints: Mapping[str, JointState], link: str
+) -> tuple[Pose, Twist]:
+    """Pose and twist of a link, world frame; `base`: those of the base link. KeyError if there is no such link."""
+    pose, twist = base
+    here = link_poses(model, {name: joint.position for name, joint in joints.items()})[link]
+    ahead = {name: joint.position + _DIFFERENCE_S * joint.velocity for name, joint in joints.items()}
+    moved = geometry.twist_between(here, link_poses(model, ahead)[link], _DIFFERENCE_S)
+    placed = geometry.compose(pose, here)
+    carried = twist_at(twist, _between(pose, placed))
+    turned = (geometry.rotate(pose.orientation_xyzw, vector) for vector in (moved.linear_xyz, moved.angular_xyz))
+    return placed, _sum(carried, Twist(*turned))
+
+
+def _between(first: Pose, second: Pose) -> Vector3:
+    (ax, ay, az), (bx, by, bz) = first.position_xyz, second.position_xyz
+    return (bx - ax, by - ay, bz - az)
+
+
+def _sum(first: Twist, second: Twist) -> Twist:
+    (ax, ay, az), (bx, by, bz) = first.linear_xyz, second.linear_xyz
+    (ap, aq, ar), (bp, bq, br) = first.angular_xyz, second.angular_xyz
+    return Twist((ax + bx, ay + by, az + bz), (ap + bp, aq + bq, ar + br))

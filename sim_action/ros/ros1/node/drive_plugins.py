@@ -1,0 +1,71 @@
+"""Plugins that drive: twists on a topic turn the wheels, and odometry says where that has led."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Twist as TwistMessage
+from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
+
+from sim_action.core.geometry import Twist
+from sim_action.ros.ros1.gazebo_plugins import Plugin
+from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message, twist_of
+from sim_action.ros.ros1.node.plugins import Device, Wiring, period_of
+from sim_action.ros.ros1.node.topics import Ear
+from sim_action.state.observation import Observation
+
+
+def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """gazebo_ros_diff_drive, gazebo_ros_skid_steer_drive. Odometry is the truth, as theirs is unless they are told."""
+    ear = wiring.ear(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    wiring.moves(lambda _seconds, _seen: ear.heard)
+    yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
+
+
+def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
+    """Odometry of a base, and its frame; `child`, `rate`: what holds if the plugin does not say."""
+    own = plugin.own
+    odometry = wiring.sender(plugin.topic("odometryTopic", default="odom"), Odometry)
+    frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
+    moves_frames = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
+    frames = wiring.sender("/tf", TFMessage) if moves_frames else None
+    period = period_of(own.number("updateRate", "odometryRate", default=rate))
+
+    def publish(seconds: float, seen: Observation) -> None:
+        message = Odometry(header=header(seconds, frame), child_frame_id=base)
+        pose, twist = wiring.frame.pose(seen.pose), wiring.frame.twist(seen.pose, seen.twist)
+        message.pose.pose = pose_message(pose)
+        message.twist.twist = twist_message(in_frame_of(pose, twist))
+        odometry.send(message)
+        if frames is not None:
+            at = message.pose.pose
+            moved = Transform(Vector3(at.position.x, at.position.y, at.position.z), at.orientation)
+            frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
+
+    return Device(period, (odometry, *([frames] if frames else [])), publish)
+
+
+def open_planar_move(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """gazebo_ros_planar_move; a command holds until the next one, unless `cmdTimeout` says for how long."""
+    ear = wiring.ear(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    wiring.moves(Lasting(ear, plugin.own.number("cmdTimeout", default=-1.0)))
+    yield odometry_device(plugin, wiring, child="base_footprint", rate=20.0)
+
+
+class Lasting:
+    """A twist that is told, for some seconds of sim time from when it came; `timeout` negative: for ever."""
+
+    def __init__(self, ear: Ear, timeout: float) -> None:
+        self._ear, self._timeout = ear, timeout
+        self._count = 0
+        self._since = 0.0
+
+    def __call__(self, seconds: float, _: Observation) -> Twist | None:
+        """See Mover."""
+        if self._ear.count != self._count:
+            self._count, self._since = self._ear.count, seconds
+        twist: Twist | None = self._ear.heard
+        is_over = 0 <= self._timeout < seconds - self._since
+        return Twist() if is_over and twist is not None else twist

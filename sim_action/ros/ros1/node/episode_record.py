@@ -1,0 +1,80 @@
+"""What is kept of a node's simulation, through all the episodes that it has had."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim_action.core.geometry import Vector3
+from sim_action.core.messages import escaped_line
+from sim_action.recording.replay.build import replay_of
+from sim_action.recording.replay.storage import write
+from sim_action.ros.ros1.call import REPLAY_FILE, TRACE_FILE
+from sim_action.simulation.loop import SimulationRun
+from sim_action.state.trace_storage import save_trace
+
+if TYPE_CHECKING:
+    from sim_action.ros.ros1.node.episode import Episode
+
+
+class Record:
+    """Grows by episodes; there to be told also when the last of them has failed."""
+
+    def __init__(self) -> None:
+        self.first_command: float | None = None
+        self.engine: str | None = None
+        self._notes: list[str] = []
+        self._digests: list[str] = []
+        self._first: Vector3 | None = None
+        self._last: Episode | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What runs had to say, each thing once."""
+        return tuple(dict.fromkeys(self._notes))
+
+    @property
+    def digest(self) -> str | None:
+        """Of all that the robot did; that of the run, if there was but one."""
+        if len(self._digests) < 2:
+            return self._digests[0] if self._digests else None
+        return hashlib.sha256("".join(self._digests).encode()).hexdigest()
+
+    @property
+    def travelled(self) -> float | None:
+        """How far on the ground the robot has come from where it was first, in m."""
+        trace = self._last.footage.trace() if self._last is not None else None
+        if trace is None or self._first is None:
+            return None
+        return float(trace.planar_distance_to(*self._first[:2])[-1])
+
+    def begin(self, episode: Episode) -> None:
+        """An episode is about to be run."""
+        self._last = episode
+
+    def end(self, episode: Episode, run: SimulationRun | None) -> None:
+        """It was; `run`: None if it has failed."""
+        if self.first_command is None:
+            self.first_command = episode.bridge.first_command
+        if self._first is None and episode.footage.start is not None:
+            self._first = episode.footage.start.pose.position_xyz
+        if run is not None:
+            self.engine = run.engine
+            self._notes += run.notes
+            # One that was over at once, since the world changed as it began, has shown nothing.
+            self._digests += [run.digest] if run.sim_time > 0 else []
+
+    def store(self, folder: Path) -> None:
+        """What there is to be seen: of the last episode, if there were several."""
+        if self._last is None:
+            return
+        trace, film = self._last.footage.trace(), self._last.footage.film()
+        if trace is not None:
+            save_trace(trace, folder / TRACE_FILE)
+        if film is None:
+            return
+        try:
+            write(replay_of(self._last.scene, film), folder / REPLAY_FILE)
+        except Exception as error:  # noqa: BLE001 - a test has its verdict, whether there is a picture of it or not
+            self._notes.append(f"there is no replay of it: {escaped_line(str(error))}")

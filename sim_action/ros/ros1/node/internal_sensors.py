@@ -1,0 +1,123 @@
+"""Where everything is: the links of the robot and the bodies around it, read from the engine at every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+from numpy.typing import ArrayLike
+from pydantic import PrivateAttr
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Twist
+from sim_action.sensors import Measure, Mount, Sensor, Sight
+from sim_action.sensors.mounting import MountedSensor
+from sim_action.state.observation import Observation
+from sim_action.state.readings import Reading
+
+_NAME: Final = "states"
+
+
+@dataclass(frozen=True, slots=True)
+class WorldStates:
+    """A reading: name -> pose and twist in the world frame, of links and of bodies.
+
+    Attributes:
+        time: sim time in s.
+    """
+
+    time: float
+    links: Mapping[str, tuple[Pose, Twist]]
+    bodies: Mapping[str, tuple[Pose, Twist]]
+
+    def columns(self) -> Mapping[str, ArrayLike]:
+        """See Reading.columns: no trace keeps it."""
+        return {}
+
+
+class StatesSensor(Sensor):
+    """Reads them. No key of a scenario leads here."""
+
+    key: ClassVar[str] = "states"
+
+    _wants_links: Callable[[], bool] = PrivateAttr()
+
+    @classmethod
+    def wanted(cls, wants_links: Callable[[], bool]) -> StatesSensor:
+        """Links are read at moments at which somebody wants to know of them: that takes as long as all the rest."""
+        sensor = cls()
+        sensor._wants_links = wants_links
+        return sensor
+
+    def open(self, mount: Mount) -> Measure:
+        """See Sensor.open."""
+        links = tuple(mount.scene.model.links_by_name)
+        bodies = tuple(body.name for body in mount.scene.world.objects)
+        before: dict[str, Pose] = {}
+
+        def measure(sight: Sight) -> WorldStates:
+            probe = sight.probe
+            poses = {body: probe.body_pose(body) for body in bodies}
+            moved = {
+                body: (pose, geometry.twist_between(before.get(body, pose), pose, 1 / mount.rate))
+                for body, pose in poses.items()
+            }
+            before.update(poses)
+            wanted = links if self._wants_links() else ()
+            placed = {link: (probe.link_pose(link), probe.link_twist(link)) for link in wanted}
+            return WorldStates(sight.time, placed, moved)
+
+        return measure
+
+
+def states_sensor(rate: float, wants_links: Callable[[], bool]) -> MountedSensor:
+    """The one that `states_in` finds the reading of."""
+    return MountedSensor(StatesSensor.wanted(wants_links), _NAME, None, Pose(), rate, trace=False)
+
+
+def states_in(seen: Observation) -> WorldStates:
+    """The latest reading."""
+    reading = seen.sensors[_NAME]
+    assert isinstance(reading, WorldStates)
+    return reading
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """In place of a reading that nobody has asked for; `time`: s of sim time."""
+
+    time: float
+
+    def columns(self) -> Mapping[str, ArrayLike]:
+        """See Reading.columns: no trace keeps it."""
+        return {}
+
+
+class HeardSensor(Sensor):
+    """Another sensor, and silence when nobody listens. No key of a scenario leads here."""
+
+    key: ClassVar[str] = "heard"
+
+    _inner: Sensor = PrivateAttr()
+    _is_heard: Callable[[], bool] = PrivateAttr()
+
+    @classmethod
+    def of(cls, inner: Sensor, is_heard: Callable[[], bool]) -> HeardSensor:
+        """`is_heard`: whether it is to be read; asked at each of its ticks."""
+        sensor = cls()
+        sensor._inner, sensor._is_heard = inner, is_heard
+        return sensor
+
+    def open(self, mount: Mount) -> Measure:
+        """See Sensor.open. The first reading after a silence is left out: it may be of all that was since the last."""
+        measure = self._inner.open(mount)
+        is_fresh = True
+
+        def heard(sight: Sight) -> Reading:
+            nonlocal is_fresh
+            was_fresh, is_fresh = is_fresh, self._is_heard()
+            reading = measure(sight) if is_fresh else Silence(sight.time)
+            return reading if was_fresh else Silence(sight.time)
+
+        return heard

@@ -1,0 +1,162 @@
+"""Services of Gazebo's ROS interface that look at links, joints and models, and at how physics are computed."""
+
+from __future__ import annotations
+
+from threading import Event
+from typing import Any, Final
+from xml.etree import ElementTree as ET
+
+import rospy
+from gazebo_msgs.msg import LinkState, ODEPhysics
+from gazebo_msgs.srv import (
+    GetJointProperties,
+    GetJointPropertiesResponse,
+    GetLinkProperties,
+    GetLinkState,
+    GetModelProperties,
+    GetPhysicsProperties,
+)
+from geometry_msgs.msg import Vector3
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.core.messages import did_you_mean
+from sim_action.robot.robot_model import JointType, Link, RobotModel
+from sim_action.ros.ros1.node.current_state import Present, link_state
+from sim_action.ros.ros1.node.messages import pose_message, twist_message
+
+WORLD_FRAMES: Final = frozenset({"", "world", "map", "/map", "ground_plane"})
+
+_TYPES: Final[dict[JointType, int]] = {
+    "revolute": GetJointPropertiesResponse.REVOLUTE,
+    "continuous": GetJointPropertiesResponse.CONTINUOUS,
+    "prismatic": GetJointPropertiesResponse.PRISMATIC,
+    "fixed": GetJointPropertiesResponse.FIXED,
+}
+_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+# As every body of the world has it.
+_LINK: Final = "link"
+
+
+class Inquiries:
+    """Offers them, for as long as the node lives; `rate`: of physics steps, in Hz."""
+
+    def __init__(self, present: Present, paused: Event, rate: float) -> None:
+        self._present, self._paused, self._rate = present, paused, rate
+        for name, kind, answer in (
+            ("get_link_state", GetLinkState, lambda asked: _tried(self._link_state, asked)),
+            ("get_link_properties", GetLinkProperties, lambda asked: _tried(self._link, asked.link_name)),
+            ("get_joint_properties", GetJointProperties, lambda asked: _tried(self._joint, asked.joint_name)),
+            ("get_model_properties", GetModelProperties, lambda asked: _tried(self._model, asked.model_name)),
+            ("get_physics_properties", GetPhysicsProperties, self._physics),
+        ):
+            rospy.Service(f"/gazebo/{name}", kind, answer)
+
+    def _link_state(self, asked: Any) -> dict[str, Any]:
+        """Raises LookupError."""
+        pose, twist = state_of(self._present, asked.link_name)
+        frame = asked.reference_frame
+        if frame not in WORLD_FRAMES:
+            other = frame_of(self._present, frame)
+            pose = geometry.compose(geometry.inverse(other), pose)
+            back = geometry.conjugate(other.orientation_xyzw)
+            twist = Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
+        state = LinkState(asked.link_name, pose_message(pose), twist_message(twist), frame or "world")
+        return {"link_state": state}
+
+    def _link(self, name: str) -> dict[str, Any]:
+        """Raises LookupError."""
+        model, short = robot_model(self._present), name.rpartition("::")[2]
+        link = model.links_by_name.get(short)
+        if link is None:
+            raise LookupError(f"the robot has no link '{short}'{did_you_mean(short, model.links_by_name)}")
+        turned, moments = _inertia(model, link)
+        com = pose_message(Pose(link.centre_of_mass_xyz, turned))
+        return {"com": com, "gravity_mode": True, "mass": link.mass or 0.0, **moments}
+
+    def _joint(self, name: str) -> dict[str, Any]:
+        """Raises LookupError."""
+        joint = robot_joint(robot_model(self._present), name)
+        found = robot_model(self._present).joints_by_name[joint]
+        state = self._present.joints.get(joint)
+        moving = {"position": [state.position], "rate": [state.velocity]} if state else {}
+        return {"type": _TYPES[found.type], "damping": [], **moving}
+
+    def _model(self, name: str) -> dict[str, Any]:
+        """Raises LookupError."""
+        population, model = self._present.population, self._present.model
+        if population.robot is not None and population.robot.name == name and model is not None:
+            geoms = [f"{link.name}_collision" for link in model.links if link.collisions]
+            return {
+                "canonical_body_name": model.root,
+                "body_names": [link.name for link in model.links],
+                "geom_names": geoms,
+                "joint_names": [joint.name for joint in model.joints],
+            }
+        for body in population.world.objects:
+            if body.name == name:
+                fixed = body.mass is None
+                return {"canonical_body_name": _LINK, "body_names": [_LINK], "geom_names": [_LINK], "is_static": fixed}
+        raise LookupError(f"there is no model '{name}'; there are {', '.join(population.names)}")
+
+    def _physics(self, _: Any) -> dict[str, Any]:
+        return {
+            "time_step": 1 / self._rate,
+            "pause": self._paused.is_set(),
+            "max_update_rate": 0.0,
+            "gravity": Vector3(*self._present.population.world.gravity_xyz),
+            "ode_config": ODEPhysics(),
+            "success": True,
+            "status_message": "this is not ODE: what ode_config says is not of this engine",
+        }
+
+
+def robot_model(present: Present) -> RobotModel:
+    """Of the one robot. Raises LookupError."""
+    if present.model is None or present.population.robot is None:
+        raise LookupError("no robot is there")
+    return present.model
+
+
+def robot_joint(model: RobotModel, name: str) -> str:
+    """A joint's name, without that of its model. Raises LookupError."""
+    short = name.rpartition("::")[2]
+    if short not in model.joints_by_name:
+        raise LookupError(f"the robot has no joint '{short}'{did_you_mean(short, model.joints_by_name)}")
+    return short
+
+
+def state_of(present: Present, name: str) -> tuple[Pose, Twist]:
+    """Of a link that is called `model::link`, or by its own name, if it is the robot's. Raises LookupError."""
+    model, separator, link = name.rpartition("::")
+    robot = present.population.robot
+    if separator and (robot is None or model != robot.name) and model in present.models:
+        return present.models[model]
+    described = robot_model(present)
+    if (separator and robot is not None and model != robot.name) or link not in described.links_by_name:
+        raise LookupError(f"there is no link '{name}'{did_you_mean(link, described.links_by_name)}")
+    return link_state(described, present.base, present.joints, link)
+
+
+def frame_of(present: Present, name: str) -> Pose:
+    """Of a model, or of a link, in the world. Raises LookupError."""
+    return present.models[name][0] if name in present.models else state_of(present, name)[0]
+
+
+def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:
+    """How the axes of inertia are turned in the link, and moments about them, as the model's URDF has them."""
+    root = ET.fromstring(model.urdf) if model.urdf else ET.Element("robot")  # noqa: S314 - written by ourselves
+    inertial = next((each.find("inertial") for each in root.iter("link") if each.get("name") == link.name), None)
+    stated = inertial.find("inertia") if inertial is not None else None
+    origin = inertial.find("origin") if inertial is not None else None
+    moments = {name: float(stated.get(name, 0.0)) if stated is not None else 0.0 for name in _MOMENTS}
+    roll, pitch, yaw = map(float, (origin.get("rpy", "0 0 0") if origin is not None else "0 0 0").split())
+    return quaternion_from_rpy(roll, pitch, yaw), moments
+
+
+def _tried(what: Any, asked: Any) -> dict[str, Any]:
+    """An answer, or why there is none."""
+    try:
+        return {**what(asked), "success": True}
+    except LookupError as error:
+        return {"success": False, "status_message": str(error.args[0])}

@@ -1,0 +1,253 @@
+"""Who is in the world: the robot, and bodies that nodes have spawned, as data that a simulation can begin with."""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, Self
+
+from sim_action.core.errors import SourceOver
+from sim_action.core.field_types import Placement
+from sim_action.core.geometry import Pose, Twist, Vector3, rpy_from_quaternion
+from sim_action.state.command import Answer, JointTargets, commands_of
+from sim_action.world import Body, Disturbance, World
+
+
+@dataclass(frozen=True, slots=True)
+class SpawnedRobot:
+    """The robot, as it was spawned.
+
+    Attributes:
+        name: of its model among nodes.
+        description: URDF or SDF.
+        pose: of its base link; a height of less than its own is raised until it stands on the ground.
+        joints: where its joints are, in rad or m; those left out are at home.
+        space: the namespace of its plugins that state none.
+        file: that the description is in, if what it names is found from there.
+        number: of its spawning: another one makes another robot of the same description.
+    """
+
+    name: str
+    description: str
+    pose: Pose
+    joints: Mapping[str, float] = field(default_factory=dict)
+    space: str = ""
+    file: str | None = None
+    number: int = 0
+
+    def is_same_as(self, other: SpawnedRobot) -> bool:
+        """Whether it is the same robot, wherever it is."""
+        return self.number == other.number
+
+
+@dataclass(frozen=True, slots=True)
+class Population:
+    """All that there is.
+
+    Attributes:
+        robot: None: it is still to be spawned.
+        homes: name of a model -> where it was when it came; those left out have not moved.
+    """
+
+    world: World
+    robot: SpawnedRobot | None = None
+    homes: Mapping[str, Pose] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all models, the ground first, as Gazebo has it."""
+        bodies = tuple(body.name for body in self.world.objects)
+        return ("ground_plane", *bodies, *([self.robot.name] if self.robot else []))
+
+    def with_body(self, body: Body) -> Self:
+        """The same, and a body; one of its name gives way."""
+        others = self.without(body.name)
+        objects = (*others.world.objects, body)
+        return replace(others, world=others.world.model_copy(update={"objects": objects}))
+
+    def without(self, name: str) -> Self:
+        """The same without a model."""
+        homes = {model: pose for model, pose in self.homes.items() if model != name}
+        if self.robot is not None and self.robot.name == name:
+            return replace(self, robot=None, homes=homes)
+        others = tuple(each for each in self.world.objects if each.name != name)
+        return replace(self, world=self.world.model_copy(update={"objects": others}), homes=homes)
+
+    def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
+        """The same with some models elsewhere; `joints`: where those of the robot are."""
+        objects = tuple(
+            body.model_copy(update={"pose": placement_of(poses[body.name])}) if body.name in poses else body
+            for body in self.world.objects
+        )
+        homes = {body.name: _pose_of(body.pose) for body in self.world.objects}
+        robot = self.robot
+        if robot is not None:
+            homes[robot.name] = robot.pose
+            at = poses.get(robot.name, robot.pose)
+            robot = replace(robot, pose=at, joints=robot.joints if joints is None else joints)
+        world = self.world.model_copy(update={"objects": objects})
+        return replace(self, world=world, robot=robot, homes={**homes, **self.homes})
+
+    def can_move(self, name: str) -> bool:
+        """Whether a model has a mass: the robot, and some bodies."""
+        return all(body.mass is not None for body in self.world.objects if body.name == name)
+
+    def pushed(self, name: str, velocity_xyz: Vector3) -> Self:
+        """The same with a model that begins with a velocity in m/s, world frame."""
+        is_robot = self.robot is not None and self.robot.name == name
+        push = Disturbance.model_validate({"at": 0.0, "velocity": velocity_xyz, **({} if is_robot else {"body": name})})
+        disturbances = (*self.world.disturbances, push)
+        return replace(self, world=self.world.model_copy(update={"disturbances": disturbances}))
+
+    def unpressed(self, body: str | None, link: str) -> Self:
+        """The same without what presses on a body, or, without one, on a link of the robot; "": its base link."""
+        left = tuple(
+            each for each in self.world.disturbances if (each.body, each.link or "") != (body, "" if body else link)
+        )
+        return replace(self, world=self.world.model_copy(update={"disturbances": left}))
+
+    def later(self, seconds: float) -> Self:
+        """The same after a time: of what pushes, that which is left."""
+        left = (_later(push, seconds) for push in self.world.disturbances if push.end > seconds)
+        return replace(self, world=self.world.model_copy(update={"disturbances": tuple(left)}))
+
+    def at_home(self) -> Self:
+        """The same with all models where they were when they came, and nothing that pushes them."""
+        back = self.moved(self.homes, {})
+        return replace(back, world=back.world.model_copy(update={"disturbances": ()}))
+
+
+def _later(push: Disturbance, seconds: float) -> Disturbance:
+    begins = max(0.0, push.at - seconds)
+    return push.model_copy(update={"at": begins, "duration": push.end - seconds - begins})
+
+
+def _pose_of(placement: Placement) -> Pose:
+    return Pose((placement.x, placement.y, placement.z or 0.0), placement.orientation_xyzw)
+
+
+def placement_of(pose: Pose) -> Placement:
+    """The same as a placement."""
+    x, y, z = pose.position_xyz
+    roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
+    return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)
+
+
+def refuse_unknown(name: str, population: Population) -> None:
+    """Raises ValueError if there is no such model that a node could change."""
+    if name not in population.names[1:]:
+        raise ValueError(unknown(name, population))
+
+
+def unknown(name: str, population: Population) -> str:
+    """What to say of a model that there is not."""
+    return f"there is no model '{name}'; there are {', '.join(population.names)}"
+
+
+Alter = Callable[[Population], Population]
+"""From a population to the next. Raises ValueError with what to tell whoever has asked."""
+
+_PATIENCE: Final = 30.0
+
+
+class BeginAnew(SourceOver):
+    """The world has changed: what was simulated so far is over, and goes on from where everything is."""
+
+
+@dataclass
+class Change:
+    """One request, until it is answered.
+
+    Attributes:
+        restarts: whether sim time begins anew.
+        refused: why it was not done.
+    """
+
+    alter: Alter
+    restarts: bool = False
+    refused: str | None = None
+    done: threading.Event = field(default_factory=threading.Event)
+
+
+class Changes:
+    """The requests of all services; a handler of one waits in a thread of its own."""
+
+    def __init__(self) -> None:
+        self._waiting = queue.SimpleQueue[Change]()
+
+    def ask(self, alter: Alter, *, restarts: bool = False) -> str | None:
+        """Waits until a change is made; returns why it was not, if it was not."""
+        change = Change(alter, restarts)
+        self._waiting.put(change)
+        if not change.done.wait(_PATIENCE):
+            return "the simulation does not answer"
+        return change.refused
+
+    def are_waiting(self) -> bool:
+        """Whether there is a change to be made."""
+        return not self._waiting.empty()
+
+    def make(self, population: Population) -> tuple[Population, bool]:
+        """The population after all changes that are asked for, and whether sim time begins anew."""
+        restarts = False
+        while not self._waiting.empty():
+            change = self._waiting.get()
+            try:
+                population = change.alter(population)
+                restarts = restarts or change.restarts
+            except ValueError as error:
+                change.refused = str(error)
+            change.done.set()
+        return population, restarts
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """N m (or N) on a joint, from one sim time in s to another."""
+
+    joint: str
+    value: float
+    begins: float
+    ends: float
+
+
+class Efforts:
+    """Those of the one robot."""
+
+    def __init__(self) -> None:
+        self._efforts: tuple[Effort, ...] = ()
+        self._moved: frozenset[str] = frozenset()
+
+    def apply(self, joint: str, value: float, begins: float, seconds: float) -> None:
+        """`seconds` negative: for ever."""
+        ends = math.inf if seconds < 0 else begins + seconds
+        self._efforts = (*self._efforts, Effort(joint, value, begins, ends))
+
+    def clear(self, joint: str) -> None:
+        """Ends all on a joint."""
+        self._efforts = tuple(effort for effort in self._efforts if effort.joint != joint)
+
+    def clear_all(self) -> None:
+        """Of a robot that is gone."""
+        self._efforts, self._moved = (), frozenset()
+
+    def added_to(self, answer: Answer, seconds: float, wheels: frozenset[str]) -> Answer:
+        """With efforts in the place of what moves their joints otherwise; `wheels`: which a twist turns, and they not.
+
+        A joint whose effort has ended is let go, unless something else moves it.
+        """
+        if not self._efforts and not self._moved:
+            return answer
+        commands = commands_of(answer)
+        is_driven = any(isinstance(command, Twist) for command in commands)
+        sums: dict[str, float] = {}
+        for effort in self._efforts:
+            if effort.begins <= seconds < effort.ends and not (is_driven and effort.joint in wheels):
+                sums[effort.joint] = sums.get(effort.joint, 0.0) + effort.value
+        self._efforts = tuple(effort for effort in self._efforts if seconds < effort.ends)
+        let_go = JointTargets(effort=dict.fromkeys(self._moved - sums.keys() - (wheels if is_driven else set()), 0.0))
+        self._moved = frozenset(sums)
+        return (let_go, *commands, JointTargets(effort=sums))

@@ -1,0 +1,104 @@
+"""Results of rostest and its tests, whole and not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.ros.ros1.judging import rostest_files
+from sim_action.ros.ros1.judging.rostest_files import Case, Suite, read_suite
+
+HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
+PASSED = f"""{HEAD}<testsuite errors="0" failures="0" name="x" tests="1" time="1">
+<testcase classname="__main__.T" name="test_a" time="1" /><system-out>&lt;![CDATA[
+said 1 &amp;lt; 2
+
+]]&gt;</system-out><system-err>&lt;![CDATA[
+
+]]&gt;</system-err></testsuite>"""
+FAILED = f"""{HEAD}<testsuite><testcase name="test_b"><failure type="AssertionError">0 != 1
+  File "t.py", line 3, in test_b
+</failure></testcase><testcase name="test_c"><error type="E" message="none" /></testcase></testsuite>"""
+
+
+def read(folder: Path, text: str) -> Suite | None:
+    path = folder / "rosunit-x.xml"
+    path.write_text(text, encoding="utf-8")
+    return read_suite(path)
+
+
+def test_what_passed_and_what_it_printed(tmp_path: Path) -> None:
+    assert read(tmp_path, PASSED) == Suite((Case("test_a"),), "said 1 &lt; 2")
+
+
+def test_what_failed_and_how(tmp_path: Path) -> None:
+    found = read(tmp_path, FAILED)
+    assert found is not None
+    assert found.cases == (
+        Case("test_b", "failure", "AssertionError", '0 != 1\n  File "t.py", line 3, in test_b\n'),
+        Case("test_c", "error", "E", "none"),
+    )
+
+
+def test_a_head_alone_is_nothing(tmp_path: Path) -> None:
+    """What a test leaves that was ended by a limit."""
+    assert read(tmp_path, HEAD) is None
+    assert read(tmp_path, "") is None
+    assert read_suite(tmp_path / "nowhere.xml") is None
+
+
+def test_what_xml_forbids_is_left_out(tmp_path: Path) -> None:
+    found = read(tmp_path, FAILED.replace("0 != 1", "0 \x1b[31m&#x1b; &#27; != \x00 1"))
+    assert found is not None
+    assert found.cases[0].text.startswith("0 [31m  !=  1\n")
+
+
+def test_entities_are_not_made(tmp_path: Path) -> None:
+    assert read(tmp_path, '<!DOCTYPE t [<!ENTITY a "b">]><testsuite><testcase name="&a;"/></testsuite>') is None
+
+
+@given(st.binary(max_size=300))
+def test_no_file_breaks_it(data: bytes) -> None:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.xml"
+        path.write_bytes(b"<testsuite><testcase name='a'>" + data + b"</testcase></testsuite>")
+        found = read_suite(path)
+    assert found is None or found.cases
+
+
+TEXT = """\
+<launch>
+  <node pkg="a" type="b" name="c"/>
+  <test test-name="moves" pkg="robot" type="moves.py" time-limit="30.0" retry="2"/>
+  <group><test pkg="robot"
+    type="turns.py" test-name="turns_$(arg side)_far"/></group>
+"""
+
+
+def tags(folder: Path, text: str) -> tuple[rostest_files.TestTag, ...]:
+    path = folder / "x.test"
+    path.write_text(text)
+    return rostest_files.test_tags(path)
+
+
+def test_each_test_has_its_line_and_its_limit(tmp_path: Path) -> None:
+    first, second = tags(tmp_path, TEXT + "</launch>")
+    assert first == rostest_files.TestTag(3, "moves", "robot", "moves.py", 30.0, 2)
+    assert (second.line, second.time_limit, second.retry) == (4, rostest_files.TIME_LIMIT, 0)
+
+
+def test_what_is_no_xml_has_those_before(tmp_path: Path) -> None:
+    assert [tag.name for tag in tags(tmp_path, TEXT)] == ["moves", "turns_$(arg side)_far"]
+    assert rostest_files.test_tags(tmp_path / "nowhere.test") == ()
+
+
+def test_a_name_with_arguments_in_it_is_found_again(tmp_path: Path) -> None:
+    first, second = tags(tmp_path, TEXT)
+    assert second.is_called("turns_left_far")
+    assert not second.is_called("turns_left")
+    assert first.is_called("moves")
+    assert not first.is_called("movesX")

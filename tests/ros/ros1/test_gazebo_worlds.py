@@ -1,0 +1,183 @@
+"""Worlds of Gazebo, from files as people write them."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.geometry import Pose
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of, model_folders, read_world
+from sim_action.world import World
+
+WALL = """
+<model name="wall"><static>true</static><pose>2 0 0.5 0 0 1.5</pose>
+  <link name="link"><collision name="c"><geometry><box><size>0.1 3 1</size></box></geometry></collision></link>
+</model>
+"""
+
+
+def read(folder: Path, inside: str, *models: Path) -> tuple[World, list[str]]:
+    path = folder / "a.world"
+    path.write_text(f'<?xml version="1.0"?><sdf version="1.6"><world name="default">{inside}</world></sdf>')
+    found = read_world(path, models, {"gazebo_ros_diff_drive"})
+    return found.world, list(found.notes)
+
+
+def test_a_wall(tmp_path: Path) -> None:
+    world, notes = read(tmp_path, WALL)
+
+    (wall,) = world.objects
+    assert notes == []
+    assert (wall.name, wall.box, wall.mass) == ("wall", (0.1, 3.0, 1.0), None)
+    assert (wall.pose.x, wall.pose.y, wall.pose.z) == (2.0, 0.0, 0.5)
+    assert wall.pose.yaw == pytest.approx(1.5)
+
+
+def test_poses_of_model_link_and_collision_are_put_together(tmp_path: Path) -> None:
+    turned = math.pi / 2
+    world, _ = read(
+        tmp_path,
+        f"""<model name="pole"><pose>1 2 0 0 0 {turned}</pose><link name="l"><pose>1 0 0 0 0 0</pose>
+        <inertial><mass>3</mass></inertial>
+        <collision name="c"><pose>0 0 0.4 0 0 0</pose>
+        <geometry><cylinder><radius>0.1</radius><length>0.8</length></cylinder></geometry></collision></link></model>""",
+    )
+
+    (pole,) = world.objects
+    assert (pole.pose.x, pole.pose.y, pole.pose.z) == pytest.approx((1, 3, 0.4))
+    assert pole.mass == 3
+    assert pole.cylinder is not None
+    assert (pole.cylinder.radius, pole.cylinder.height) == (0.1, 0.8)
+
+
+def test_several_shapes_of_a_model_are_several_bodies_and_what_has_no_shape_of_ours_is_told(tmp_path: Path) -> None:
+    world, notes = read(
+        tmp_path,
+        """<model name="m"><static>1</static><link name="l">
+        <collision name="a"><geometry><sphere><radius>0.2</radius></sphere></geometry></collision>
+        <collision name="b"><geometry><box><size>1 1 1</size></box></geometry></collision>
+        <collision name="c"><geometry><mesh><uri>model://x/y.dae</uri></mesh></geometry></collision>
+        <collision name="d"><geometry><plane><normal>0 0 1</normal></plane></geometry></collision>
+        </link></model>""",
+    )
+
+    assert [body.name for body in world.objects] == ["m", "m_2"]
+    assert notes == ["a shape of 'm' is neither box, cylinder nor sphere; it is left out"]
+
+
+def test_a_model_of_several_shapes_is_fixed_and_that_is_told(tmp_path: Path) -> None:
+    collision = "<collision name='{}'><geometry><sphere><radius>0.2</radius></sphere></geometry></collision>"
+    link = f"<link name='l'>{collision.format('a')}{collision.format('b')}</link>"
+    world, notes = read(tmp_path, f"<model name='m'>{link}</model>")
+
+    assert [body.mass for body in world.objects] == [None, None]
+    assert notes == ["'m' has 2 shapes, and what moves has one here: it does not move"]
+
+
+def test_models_that_are_included(tmp_path: Path) -> None:
+    (tmp_path / "models/wall").mkdir(parents=True)
+    (tmp_path / "models/wall/model.sdf").write_text(f'<sdf version="1.6">{WALL}</sdf>')
+    world, notes = read(
+        tmp_path,
+        """<include><uri>model://ground_plane</uri></include><include><uri>model://sun</uri></include>
+        <include><uri>model://wall</uri><name>north</name><pose>0 5 0 0 0 0</pose></include>
+        <include><uri>model://house</uri></include>""",
+        tmp_path / "models",
+    )
+
+    (north,) = world.objects
+    assert (north.name, north.pose.x, north.pose.y, north.pose.z) == ("north", 2, 5, 0.5)
+    assert notes == [f"model://house was not found in {tmp_path / 'models'}; it is left out"]
+
+
+def test_gravity(tmp_path: Path) -> None:
+    assert read(tmp_path, "<gravity>0 0 -1.6</gravity>")[0].gravity == (0, 0, -1.6)
+    assert read(tmp_path, "")[0] == World()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<sdf/>", "has no <world>"),
+        ("<sdf", "a.world"),
+        (f"<world>{WALL.replace('0.1 3 1', 'wide')}</world>", "a.world"),
+        (f"<world>{WALL.replace('0.1 3 1', '0.1 3')}</world>", "a.world"),
+        (f"<world>{WALL.replace('2 0 0.5 0 0 1.5', '2 0')}</world>", "a.world"),
+        (f"<world>{WALL.replace('0.1 3 1', '-1 3 1')}</world>", "a.world"),
+        ("<world><gravity>down</gravity></world>", "a.world"),
+    ],
+)
+def test_what_cannot_be_read_is_said_with_its_file(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.world"
+    path.write_text(text)
+
+    with pytest.raises(BadWorld, match=re.escape(message)):
+        read_world(path, (), ())
+
+
+def test_a_world_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(BadWorld, match=r"none\.world"):
+        read_world(tmp_path / "none.world", (), ())
+
+
+def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
+    body = body_of("wall_1", f'<sdf version="1.6">{WALL}</sdf>', Pose((4.0, 1.0, 0.5)))
+
+    assert (body.name, body.pose.x, body.pose.y, body.pose.z, body.pose.yaw) == ("wall_1", 4, 1, 0.5, 0)
+
+
+@pytest.mark.parametrize("text", ["<sdf/>", "<sdf><model name='m'/></sdf>", "<sdf", WALL.replace("0.1 3 1", "wide")])
+def test_what_cannot_be_spawned_is_refused(text: str) -> None:
+    with pytest.raises(BadWorld):
+        body_of("wall", text, Pose())
+
+
+def test_folders_of_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", "/a::/b")
+
+    assert model_folders() == (Path("/a"), Path("/b"))
+
+
+ROVER = """
+<model name="rover"><pose>1 0 0 0 0 0</pose><link name="base"/>
+  <link name="wheel"/><joint name="j" type="revolute"><parent>base</parent><child>wheel</child></joint>
+  <plugin name="d" filename="libgazebo_ros_diff_drive.so"/></model>
+"""
+
+
+def test_a_model_with_a_plugin_that_drives_is_the_robot(tmp_path: Path) -> None:
+    path = tmp_path / "a.world"
+    path.write_text(f'<sdf version="1.7"><world name="w">{WALL}{ROVER}</world></sdf>')
+
+    found = read_world(path, (), {"gazebo_ros_diff_drive"})
+
+    assert [body.name for body in found.world.objects] == ["wall"]
+    assert found.robot is not None
+    assert (found.robot.name, found.robot.pose.position_xyz, found.robot.file) == ("rover", (1, 0, 0), None)
+    assert found.robot.description.startswith('<sdf version="1.7"><model name="rover">')
+    assert found.notes == ()
+
+
+def test_a_robot_that_is_included_keeps_its_file_and_has_the_name_and_the_pose_of_the_include(tmp_path: Path) -> None:
+    model = tmp_path / "models/rover/model.sdf"
+    model.parent.mkdir(parents=True)
+    model.write_text(f'<sdf version="1.6">{ROVER}</sdf>')
+    path = tmp_path / "a.world"
+    include = "<include><uri>model://rover</uri><name>one</name><pose>0 2 0 0 0 0</pose></include>"
+    path.write_text(f'<sdf version="1.6"><world name="w">{include}</world></sdf>')
+
+    robot = read_world(path, (tmp_path / "models",), {"gazebo_ros_diff_drive"}).robot
+
+    assert robot is not None
+    assert (robot.name, robot.pose.position_xyz, robot.file) == ("one", (1, 2, 0), model)
+
+
+def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
+    other = ROVER.replace('name="rover"', 'name="second"')
+    _, notes = read(tmp_path, f'{ROVER}{other}<plugin name="s" filename="libsky.so"/>')
+
+    assert notes[0] == "'second' is a body here, and not a robot: its plugins do nothing: gazebo_ros_diff_drive"
+    assert notes[-1] == "the plugin sky of the world is not known here and does nothing"

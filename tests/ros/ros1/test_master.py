@@ -1,0 +1,150 @@
+"""A real master and real nodes: who is there, who hears whom, and who has left without a word."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from sim_action.ros.ros1.master import Master
+from tests.ros.ros1.launches import needs_ros, ros
+
+pytestmark = needs_ros
+
+NODE = """\
+import sys, rospy
+from std_msgs.msg import String
+rospy.init_node(sys.argv[1])
+for topic in sys.argv[2].split():
+    rospy.Publisher(topic, String, queue_size=1)
+for topic in sys.argv[3].split():
+    rospy.Subscriber(topic, String, lambda _: None)
+print('up', flush=True)
+rospy.spin()
+"""
+# Long enough for a node on a busy machine.
+PATIENCE = 60.0
+
+
+@dataclass(frozen=True)
+class Ros:
+    uri: str
+    pid: int
+
+    @contextmanager
+    def node(self, name: str, publishes: str = "", hears: str = "") -> Iterator[subprocess.Popen[str]]:
+        command = [str(ros().python), "-c", NODE, name, publishes, hears]
+        variables = {**os.environ, "ROS_MASTER_URI": self.uri, "ROS_HOSTNAME": "localhost"}
+        with subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, text=True) as started:
+            try:
+                assert started.stdout is not None
+                assert started.stdout.readline() == "up\n"
+                yield started
+            finally:
+                started.kill()
+
+
+@pytest.fixture
+def master() -> Iterator[Ros]:
+    with socket.create_server(("localhost", 0)) as free:
+        port = free.getsockname()[1]
+    command = [str(ros().program("rosmaster")), "--core", "-p", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as started:
+        made = Ros(f"http://localhost:{port}/", started.pid)
+        try:
+            yield made
+        finally:
+            started.kill()
+
+
+@pytest.fixture
+def asking(master: Ros) -> Iterator[Master]:
+    with closing(Master(master.uri, "/looker")) as made:
+        until = time.monotonic() + PATIENCE
+        while not answers(made):
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        yield made
+
+
+def answers(asking: Master) -> bool:
+    try:
+        asking.graph()
+    except OSError:
+        return False
+    return True
+
+
+def comes_true(asking: Master, *, connected: bool) -> bool:
+    until = time.monotonic() + PATIENCE
+    while asking.is_connected(asking.graph()) is not connected:
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+def test_nodes_their_processes_and_their_topics(master: Ros, asking: Master) -> None:
+    with master.node("talker", publishes="/a /b") as talker, master.node("listener", hears="/a") as listener:
+        graph = asking.graph()
+
+        assert graph.master == master.pid
+        assert graph.pids == {"/talker": talker.pid, "/listener": listener.pid}
+        assert graph.publishers["/a"] == graph.publishers["/b"] == {"/talker"}
+        assert graph.subscribers["/a"] == {"/listener"}
+
+
+def test_who_listens_is_connected_to_all_who_publish(master: Ros, asking: Master) -> None:
+    with master.node("one", publishes="/a"), master.node("listener", hears="/a /nobody"):
+        assert comes_true(asking, connected=True)
+        with master.node("two", publishes="/a"):
+            assert asking.graph().publishers["/a"] == {"/one", "/two"}
+            assert comes_true(asking, connected=True)
+
+
+def test_who_has_stopped_to_answer_is_not_connected(master: Ros, asking: Master) -> None:
+    with master.node("one", publishes="/a"), master.node("listener", hears="/a") as listener:
+        assert comes_true(asking, connected=True)
+        graph = asking.graph()
+        listener.send_signal(signal.SIGSTOP)
+        assert not asking.is_connected(graph)
+
+
+def test_who_has_died_without_a_word_is_neither_there_nor_waited_for(master: Ros, asking: Master) -> None:
+    with (
+        master.node("one", publishes="/a") as one,
+        master.node("two", publishes="/a"),
+        master.node("listener", hears="/a"),
+    ):
+        assert comes_true(asking, connected=True)
+        one.kill()
+        one.wait()
+        graph = asking.graph()
+
+        assert graph.publishers["/a"] == {"/two"}
+        assert graph.pids.keys() == {"/two", "/listener"}
+        assert asking.is_connected(graph)
+
+
+def test_a_node_that_has_come_again_is_another_process(master: Ros, asking: Master) -> None:
+    with master.node("one") as first:
+        assert asking.graph().pids["/one"] == first.pid
+    with master.node("one") as second:
+        assert asking.graph().pids["/one"] == second.pid
+
+
+def test_a_master_that_has_gone_is_an_error(master: Ros, asking: Master) -> None:
+    os.kill(master.pid, signal.SIGKILL)
+    while Path("/proc", str(master.pid), "fd").exists() and answers(asking):
+        time.sleep(0.01)
+
+    with pytest.raises(OSError, match="does not answer"):
+        asking.graph()
