@@ -73,16 +73,18 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-docs: $(VENV)/.dev ## what is generated from the code: the README's tables, the schema
+docs: $(VENV)/.dev ## write what is generated from the code, and build the site in docs/_site
 	$(BIN)/python -m docs.generate
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --fresh-env --write-all \
+	  --doctree-dir .sphinx_cache --builder html docs docs/_site
 
-robots: $(VENV)/.dev ## the table of docs/robots.md, measured anew
+robots: $(VENV)/.dev ## measure the table of docs/models/robots.md
 	$(BIN)/python -m docs.robots
 
-picture: $(VENV)/.dev ## the README's pictures
+picture: $(VENV)/.dev ## draw the pictures for the documents
 	$(BIN)/python docs/picture.py
 
-screenshots: $(VENV)/.dev viewer ## the README's pictures of report.html
+screenshots: $(VENV)/.dev viewer ## take the pictures of report.html for the documents
 	$(BIN)/python docs/screenshots.py
 
 bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be measured here is named with its reason
@@ -122,4 +124,4 @@ $(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-loc
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .ci/workflows/node_modules web/node_modules $(VIEWER) sim-results
+	rm -rf $(VENV) .ci/workflows/node_modules web/node_modules $(VIEWER) sim-results docs/_site

@@ -1,4 +1,4 @@
-"""Robots that come with the engine, as scenarios name them: one list for tests, docs/robots.md and benchmarks."""
+"""Robots that come with the engine, as scenarios name them: for tests, docs/models/robots.md and benchmarks."""
 
 from __future__ import annotations
 

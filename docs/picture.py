@@ -1,4 +1,4 @@
-"""Draws the README's pictures of two real runs, one of which fails: docs/terminal.svg and docs/summary.png.
+"""Draw the documents' pictures of two real runs, one of which fails: docs/images/terminal.svg and summary.png.
 
 `make picture`; the second needs Chromium and a font with emoji (Debian: chromium, fonts-noto-color-emoji), and for the
 charts in it Mermaid: its `dist/mermaid.min.js`, which npm brings, is named by the environment variable MERMAID.
@@ -21,8 +21,8 @@ from rich.terminal_theme import DIMMED_MONOKAI
 from rich.text import Text
 
 ROOT = Path(__file__).resolve().parent.parent
-TERMINAL = ROOT / "docs/terminal.svg"
-SUMMARY = ROOT / "docs/summary.png"
+TERMINAL = ROOT / "docs/images/terminal.svg"
+SUMMARY = ROOT / "docs/images/summary.png"
 COLUMNS = 96
 WINDOW = "1040,1010"
 

@@ -1,4 +1,7 @@
-"""Writes the table of docs/robots.md, all measured anew: `make robots`. `--check` measures nothing."""
+"""Write the table of docs/models/robots.md with new measurements: `make robots`.
+
+With `--check`, nothing is measured or written; the exit code is 1 if anything but the measured times is stale.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +13,23 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from bench.robots import BURGER, REFUSED, ROBOTS, WORKSPACE, KnownRobot
+from bench.robots import BURGER, DATA, REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from bench.step_cost import StepCost, step_cost
 from docs.generate import BLOCK
-from docs.reference import table
+from docs.generators.markdown import table
 from sim_action.core.errors import RefusedModel
 from sim_action.robot import load_model
 from sim_action.robot.robot_model import RobotModel
 
-PAGE: Final = Path(__file__).parent / "robots.md"
-HEAD: Final = ("robot", "`allow`", "mass", "joints", "findings", "µs a step", "ratio")
+PAGE: Final = Path(__file__).parent / "models/robots.md"
+HEAD: Final = ("robot", "other keys of `robot:`", "mass", "joints", "findings", "µs a step", "ratio")
 # What differs from one measurement to the next: the last two cells of a row, if they hold figures.
 _FIGURES: Final = re.compile(r"\| \d+ / \d+ \| \d+\.\d\d \|$", re.MULTILINE)
 _NO_FIGURES: Final = "| # / # | # |"
 
 
 def rows(costs: dict[str, StepCost]) -> Iterator[tuple[str, ...]]:
-    """One a robot; without its cost, figures are left open."""
+    """Yield a row for each robot; without its cost, the times stay open."""
     for known in (BURGER, *ROBOTS):
         model = load_model(known.robot, WORKSPACE)
         yield (*_facts(known, model), *_figures(costs.get(known.name)))
@@ -36,11 +39,21 @@ def rows(costs: dict[str, StepCost]) -> Iterator[tuple[str, ...]]:
 def _facts(known: KnownRobot, model: RobotModel) -> tuple[str, ...]:
     return (
         f"{known.name}<br>`{known.model}`",
-        ", ".join(f"`{rule}`" for rule in known.robot.allow) or "none",
+        "<br>".join(_keys(known)) or "none",
         _mass(model),
         f"{len(model.joints)}, {len(model.moving_joints)} move",
         "<br>".join(f"`{rule}` {count}" for rule, count in Counter(f.rule for f in model.findings).items()) or "none",
     )
+
+
+def _keys(known: KnownRobot) -> Iterator[str]:
+    """Yield the keys that the model needs to be accepted; paths are relative to pybullet_data."""
+    if known.robot.allow:
+        yield f"`allow: [{', '.join(known.robot.allow)}]`"
+    if known.robot.base == "fixed":
+        yield "`base: fixed`"
+    for name, folder in known.robot.packages.items():
+        yield f"`packages: {{{name}: {Path(folder).relative_to(DATA).as_posix()}}}`"
 
 
 def _mass(model: RobotModel) -> str:
@@ -55,7 +68,7 @@ def _refusal(known: KnownRobot) -> str:
     except RefusedModel as refused:
         (problem,) = refused.problems
         return f"{Path(problem.location.file).name}:{problem.location.line}: {problem.message}"
-    raise AssertionError(f"{known.name} is not refused any more")
+    raise AssertionError(f"{known.name} is no longer refused")
 
 
 def _figures(cost: StepCost | None) -> tuple[str, str]:
@@ -63,20 +76,22 @@ def _figures(cost: StepCost | None) -> tuple[str, str]:
 
 
 def page(costs: dict[str, StepCost]) -> str:
-    """What the file should hold."""
-    return BLOCK.sub(lambda m: f"{m[1]}{table(HEAD, rows(costs))}{m[3]}", PAGE.read_text(encoding="utf-8"))
+    """Return the text that the file should hold."""
+    return BLOCK.sub(lambda m: f"{m[1]}{table(HEAD, rows(costs))}{m[4]}", PAGE.read_text(encoding="utf-8"))
 
 
 def without_figures(text: str) -> str:
-    """As `page` has it with no costs; a row whose figures are not there stays different."""
+    """Return the text with open times; a row without times stays different."""
     return _FIGURES.sub(_NO_FIGURES, text)
 
 
 def main() -> None:
-    """Writes, or with `--check` fails if something but the figures would change."""
+    """Write the table, or with `--check` exit with 1 if it is stale."""
     if "--check" in sys.argv:
         sys.exit(
-            "stale: docs/robots.md; run: make robots" if without_figures(PAGE.read_text("utf-8")) != page({}) else 0
+            "stale: docs/models/robots.md; run: make robots"
+            if without_figures(PAGE.read_text("utf-8")) != page({})
+            else 0
         )
     PAGE.write_text(page({known.name: step_cost(known) for known in (BURGER, *ROBOTS)}), encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Takes the README's pictures of report.html, of a burger that meets a wall: docs/report-desktop.png and -phone.png.
+"""Take the documents' pictures of report.html, docs/images/report-*.png: a burger drives into a wall.
 
 `make screenshots`; it needs Node.js and Chromium (Debian: chromium).
 """
@@ -51,7 +51,7 @@ def main() -> None:
         page = report(Path(name))
         for picture, (width, height) in PICTURES.items():
             script, size = ROOT / "web/tests/screenshot.mjs", (str(width), str(height))
-            subprocess.run(["node", script, page, ROOT / "docs" / picture, *size, browser], check=True)
+            subprocess.run(["node", script, page, ROOT / "docs/images" / picture, *size, browser], check=True)
 
 
 if __name__ == "__main__":

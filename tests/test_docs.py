@@ -1,30 +1,38 @@
-"""What is made from the code is what the code makes."""
+"""The documents are up to date: generated parts, links, files, scenarios and commands in README.md and docs/."""
 
 from __future__ import annotations
 
+import functools
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
-from docs.reference import example
+from docs.generate import pages
+from docs.generators.actions import MOST_USED
+from docs.generators.scenario import ASSERTION_PAGES, FAMILIES, example
 from docs.robots import without_figures
 from sim_action.assertions import ASSERTIONS
-from sim_action.commands import COMMANDS
-from sim_action.core.registry import Table
-from sim_action.drives import DRIVES
+from sim_action.cli import SUBCOMMANDS
 from sim_action.robot.findings import RULES
 from sim_action.scenario.loading import load_scenario
-from sim_action.sensors import SENSORS
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-REFERENCE = (ROOT / "docs/scenario.md").read_text(encoding="utf-8")
-FAMILIES: dict[str, Table[Any]] = {"drives": DRIVES, "commands": COMMANDS, "sensors": SENSORS, "assertions": ASSERTIONS}
-ROBOTS = (ROOT / "docs/robots.md").read_text(encoding="utf-8")
+PAGES = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in pages()}
+TEXTS = PAGES | {"SECURITY.md": (ROOT / "SECURITY.md").read_text(encoding="utf-8")}
+README = PAGES["README.md"]
+REFERENCE = "\n".join(text for name, text in PAGES.items() if name.startswith("docs/scenario/"))
+ROBOTS = PAGES["docs/models/robots.md"]
+
+MAX_README_BYTES = 12_000
+MAX_PAGE_LINES = 600
+
+in_each_page = pytest.mark.parametrize("name", TEXTS)
 
 
 def blocks(language: str, page: str = README) -> list[str]:
@@ -68,16 +76,42 @@ def test_what_was_found_of_a_robot_is_explained() -> None:
     assert rules <= set(re.findall(r"^\| `([a-z-]+)` \|", explained, re.MULTILINE)) <= set(RULES)
 
 
-def test_every_scenario_of_the_readme_loads(tmp_path: Path) -> None:
-    scenarios = [text for text in blocks("yaml") if "time_limit:" in text]
-    assert len(scenarios) == 2
-    for text in scenarios:
-        path = tmp_path / "readme.sim.yml"
-        path.write_text(text)
-        load_scenario(path)
+def test_the_readme_is_short() -> None:
+    assert len(README.encode()) <= MAX_README_BYTES
+    assert len(MOST_USED) == 8
 
 
-@pytest.mark.parametrize(("family", "key"), [(family, key) for family, table in FAMILIES.items() for key in table])
+@in_each_page
+def test_a_page_is_not_too_long(name: str) -> None:
+    assert len(TEXTS[name].splitlines()) <= MAX_PAGE_LINES
+
+
+def test_the_readme_has_its_scenarios() -> None:
+    assert len([text for text in blocks("yaml") if "time_limit:" in text]) == 2
+
+
+@in_each_page
+def test_yaml_in_pages_is_read_and_scenarios_load(name: str, tmp_path: Path) -> None:
+    for text in blocks("yaml", TEXTS[name]):
+        assert yaml.safe_load(text) is not None
+        if text in examples_shown():
+            continue
+        if re.search("^time_limit:", text, re.MULTILINE):
+            path = tmp_path / "page.sim.yml"
+            path.write_text(text)
+            load_scenario(path)
+
+
+@functools.cache
+def examples_shown() -> frozenset[str]:
+    """The text of all example scenarios: other tests load and run them, with the files next to them."""
+    return frozenset(path.read_text(encoding="utf-8") for path in ROOT.glob("examples/**/*.yml"))
+
+
+@pytest.mark.parametrize(
+    ("family", "key"),
+    [(family, key) for family, table in FAMILIES.items() if family != "worlds" for key in table],
+)
 def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: str) -> None:
     path = example(family, key)
     scenario = load_scenario(path).scenario
@@ -89,24 +123,42 @@ def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: st
     }
     assert FAMILIES[family].load(key) in named[family]
     assert path.read_text(encoding="utf-8") in REFERENCE
+    assert re.search(rf"^## `{key}`$", REFERENCE, re.MULTILINE)
+
+
+def test_each_assertion_has_a_page() -> None:
+    assert sorted(name for names in ASSERTION_PAGES.values() for name in names) == sorted(ASSERTIONS)
 
 
 def test_the_first_scenario_of_the_reference_loads(tmp_path: Path) -> None:
-    (tmp_path / "first.sim.yml").write_text(blocks("yaml", REFERENCE)[0])
+    (tmp_path / "first.sim.yml").write_text(blocks("yaml", PAGES["docs/scenario/index.md"])[0])
     load_scenario(tmp_path / "first.sim.yml")
 
 
-def test_links_within_the_reference_lead_somewhere() -> None:
-    heads = re.findall(r"^#+ (.+)$", REFERENCE, re.MULTILINE)
-    anchors = {re.sub(r"[^\w -]", "", head.lower()).replace(" ", "-") for head in heads}
-    assert set(re.findall(r"\(#([\w-]+)\)", REFERENCE)) <= anchors
-    for name in re.findall(r"\(\.\./([\w/.-]+)\)", REFERENCE):
-        assert (ROOT / name).exists(), name
+def anchors(text: str) -> set[str]:
+    """The anchors of a page's headings, as GitHub and the site make them."""
+    heads = re.findall(r"^#+ (.+)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+@in_each_page
+def test_links_lead_somewhere(name: str) -> None:
+    text = re.sub(r"```.*?```", "", TEXTS[name], flags=re.DOTALL)
+    targets = [*re.findall(r"\]\(([^)\s]+)\)", text), *re.findall(r'<img src="([^"]+)"', text)]
+    for target in targets:
+        if target.startswith("https://"):
+            continue
+        path, _, anchor = target.partition("#")
+        found = (ROOT / name).parent / path if path else ROOT / name
+        assert found.is_file(), target
+        assert ROOT in found.resolve().parents, target
+        assert not anchor or anchor in anchors(found.read_text(encoding="utf-8")), target
 
 
 def test_the_readmes_least_scenario_is_the_example() -> None:
     example = (ROOT / "examples/turtlebot3/straight_line.sim.yml").read_text()
     assert example in blocks("yaml")[0]
+    assert example in PAGES["docs/index.md"]
 
 
 def test_the_readmes_controller_is_valid(tmp_path: Path) -> None:
@@ -119,6 +171,35 @@ def test_the_readmes_controller_is_valid(tmp_path: Path) -> None:
     load_scenario(path)
 
 
-def test_files_that_the_readme_names_are_there() -> None:
-    for name in re.findall(r"`((?:docs|tests|examples|sim_action|bench)/[\w./-]*)`", README):
-        assert (ROOT / name).exists(), name
+@in_each_page
+def test_files_that_pages_name_are_there(name: str) -> None:
+    for path in re.findall(r"`((?:docs|tests|examples|sim_action|bench)/[\w./-]*)`", TEXTS[name]):
+        assert "NAME" in path or path == "docs/_site" or (ROOT / path).exists(), path
+
+
+def commands_in(text: str) -> list[list[str]]:
+    """The words of each line of a shell block, without its comment."""
+    lines = [line for block in blocks("sh", text) for line in block.splitlines()]
+    return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+@in_each_page
+def test_commands_in_pages_exist(name: str) -> None:
+    subcommands: dict[str | None, Any] = {command.name: command for command in SUBCOMMANDS}
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for program, *words in commands_in(TEXTS[name]):
+        if program == "make":
+            assert set(words) <= targets, words
+        if program == "sim-action":
+            subcommands[words[0]].make_context(words[0], words[1:])
+
+
+@in_each_page
+def test_options_in_the_text_exist(name: str) -> None:
+    known = {
+        option for command in SUBCOMMANDS for each in command.params for option in (*each.opts, *each.secondary_opts)
+    }
+    for words in re.findall(r"`sim-action ((?:[^`\n]|\n(?!\n))+)`", TEXTS[name]):
+        command, *rest = words.split()
+        assert command in {*(each.name for each in SUBCOMMANDS), "COMMAND"}, words
+        assert {word for word in rest if word.startswith("--")} <= {*known, "--help"}, words

@@ -22,6 +22,11 @@ TEMPLATES = sorted((ROOT / "examples/workflows").glob("*.yml"))
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml")) + TEMPLATES
 LEAST = ROOT / "examples/workflows/simulation.yml"  # ten lines, to be read at a glance
 
+PUBLISHING = {
+    "release.yml": {("contents", "write")},  # to push tags
+    "docs.yml": {("pages", "write"), ("id-token", "write")},  # to publish on GitHub Pages
+}
+
 OWN = re.compile(r"(?:\./|sim-action/sim-action/?)(?P<folder>[\w-]*)(?:@v1)?")
 USES = re.compile(r"^\s*(?:- )?uses: (?P<action>\S+)(?P<comment>.*)$", re.MULTILINE)
 REUSABLE = "./.github/workflows/"
@@ -96,8 +101,8 @@ def test_workflows_may_only_read_and_single_jobs_may_report(file: Path) -> None:
     assert document["permissions"] in ({"contents": "read"}, {})
     for job in document["jobs"].values():
         rights = job.get("permissions", {}).items()
-        tagging = {("contents", "write")} if file.name == "release.yml" else set()
-        assert set(rights) <= {("contents", "read"), ("checks", "write"), ("pull-requests", "write")} | tagging
+        publishing = PUBLISHING.get(file.name, set())
+        assert set(rights) <= {("contents", "read"), ("checks", "write"), ("pull-requests", "write")} | publishing
 
 
 @every_workflow

@@ -1,4 +1,4 @@
-"""What docs/ros1.md lists is what there is."""
+"""The tables of docs/ros1/reference.md list everything that is supported."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sim_action.ros.ros1.gazebo_plugins import DEVICES, DRIVING
 from sim_action.ros.ros1.ros_control import CONTROLLERS
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/ros1.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/ros1/reference.md").read_text(encoding="utf-8")
 NODE = ROOT / "sim_action/ros/ros1/node"
 
 

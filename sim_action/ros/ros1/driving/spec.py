@@ -105,7 +105,7 @@ class RosCommands(CommandSource):
     """Drives the base by nodes of ROS 1, as they are: real roscore, roslaunch and rospy, and no Gazebo.
 
     The nodes are those of a launch file, or are listed. They run unmodified, on the ROS of the distribution (see
-    [ROS 1 without Gazebo](../README.md#ros-1-without-gazebo)), and none of their packages needs a catkin build. What
+    [ROS 1 without Gazebo](/docs/ros1/index.md)), and none of their packages needs a catkin build. What
     they say to the robot on `/cmd_vel` (`geometry_msgs/Twist`) drives it, and holds until they say something else.
     They hear:
 

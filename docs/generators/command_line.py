@@ -1,0 +1,98 @@
+"""The page of the command line: each subcommand with its help text and a table of its options."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import click
+
+from docs.generators.markdown import table
+from sim_action.cli import SUBCOMMANDS
+
+
+def overview() -> str:
+    """Return the table of subcommands; each links to its section."""
+    rows = ((f"[`{command.name}`](#sim-action-{command.name})", _first_line(command)) for command in SUBCOMMANDS)
+    return table(("command", "purpose"), rows)
+
+
+def commands() -> str:
+    """Return a section for each subcommand."""
+    return "\n".join(_section(command) for command in SUBCOMMANDS)
+
+
+def _first_line(command: click.Command) -> str:
+    return _escaped(" ".join((command.help or "").strip().split("\n\n")[0].split()))
+
+
+def _section(command: click.Command) -> str:
+    arguments = [parameter for parameter in command.params if isinstance(parameter, click.Argument)]
+    usage = " ".join(["sim-action", command.name or "", "[OPTIONS]", *map(_argument, arguments)])
+    paragraphs = (" ".join(paragraph.split()) for paragraph in (command.help or "").strip().split("\n\n"))
+    text = "\n\n".join(_escaped(paragraph) for paragraph in paragraphs)
+    options = list(_options(command))
+    parts = [f"## `sim-action {command.name}`\n", f"{text}\n", f"```text\n{usage}\n```\n"]
+    if options:
+        parts.append(table(("option", "meaning", "default"), options))
+    return "\n".join(parts)
+
+
+def _argument(argument: click.Argument) -> str:
+    name = argument.metavar or (argument.name or "").upper()
+    if isinstance(argument.type, click.Choice) and not argument.metavar:
+        name = "|".join(map(str, argument.type.choices))
+    many = "..." if argument.nargs == -1 and "..." not in name else ""
+    return f"{name}{many}" if argument.required or name.startswith("[") else f"[{name}]{many}"
+
+
+def _options(command: click.Command) -> Iterator[tuple[str, str, str]]:
+    for option in command.params:
+        if isinstance(option, click.Option) and not option.hidden:
+            yield f"`{_names(option)}`", _meaning(option), _default(option)
+
+
+def _names(option: click.Option) -> str:
+    names = ", ".join(sorted(option.opts, key=len))
+    if option.secondary_opts:
+        names += f" / {', '.join(option.secondary_opts)}"
+    return names if option.is_flag else f"{names} {_value(option)}"
+
+
+def _value(option: click.Option) -> str:
+    if option.metavar:
+        return option.metavar
+    if isinstance(option.type, click.Choice):
+        return "|".join(map(str, option.type.choices))
+    return option.type.name.upper()
+
+
+def _meaning(option: click.Option) -> str:
+    text = _escaped(option.help or "").rstrip()
+    bounds = _bounds(option.type)
+    return f"{text} ({bounds})" if bounds else text
+
+
+def _bounds(kind: object) -> str:
+    """Return the range of a number, such as "1 to 256"."""
+    if not isinstance(kind, click.IntRange | click.FloatRange):
+        return ""
+    least = "" if kind.min is None else f"{'more than' if kind.min_open else 'at least'} {kind.min:,}"
+    most = "" if kind.max is None else f"at most {kind.max:,}"
+    return ", ".join(part for part in (least, most) if part)
+
+
+def _default(option: click.Option) -> str:
+    if isinstance(option.show_default, str):
+        return _escaped(option.show_default)
+    if option.required:
+        return "required"
+    if option.show_default and isinstance(option.default, str | int | float):
+        return f"`{option.default}`"
+    return ""
+
+
+def _escaped(text: str) -> str:
+    """Return text in which Markdown sees no markup; code in backticks stays code."""
+    parts = text.replace("\b", "").split("`")
+    parts[::2] = [part.replace("*", r"\*").replace("<", r"\<").replace("[", r"\[") for part in parts[::2]]
+    return "`".join(parts)

@@ -1,0 +1,80 @@
+"""Tables of the names that a scenario can use, of audit rules, recordings and exit codes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from docs.generators.markdown import table
+from sim_action.cli.default_options import Defaults
+from sim_action.core.errors import ExitCode
+from sim_action.recording.export import EXPORTS
+from sim_action.robot.findings import RULES
+from sim_action.scenario import catalogue
+from sim_action.scenario.catalogue import Entry, FieldEntry
+from sim_action.state.readings import READING_COLUMNS, ReadingColumn
+
+EXIT_CODES = {
+    ExitCode.PASSED: "all scenarios passed",
+    ExitCode.FAILED: "a scenario failed, is flaky, or has no verdict (crash, wall limit, script error)",
+    ExitCode.INVALID: "a scenario or the command line is invalid, or a result is missing",
+    ExitCode.INTERNAL: "a fault of sim-action itself",
+    ExitCode.NO_SCENARIO: "no scenario found",
+    ExitCode.INTERRUPTED: "interrupted",
+}
+LEVELS = {"fatal": "refused", "error": "refused, unless allowed", "warning": "a note"}
+
+
+def entries(family: Iterable[Entry], kind: str, pages: dict[str, str] | None = None) -> str:
+    """Return a table of names and summaries; `pages` maps a name to the page that has its section."""
+    rows = ((_linked(entry.name, pages or {}), entry.summary) for entry in family)
+    return table((kind, "meaning"), rows)
+
+
+def _linked(name: str, pages: dict[str, str]) -> str:
+    return f"[`{name}`]({pages[name]}#{name.replace('.', '')})" if name in pages else f"`{name}`"
+
+
+def rules() -> str:
+    """Return the table of audit rules."""
+    rows = ((f"`{name}`", rule.summary, LEVELS[rule.level]) for name, rule in RULES.items())
+    return table(("rule", "finding", "effect"), rows)
+
+
+def recordings() -> str:
+    """Return the table of recording formats: the first sentence of each, and the extra that it needs."""
+    rows = []
+    for name in EXPORTS:
+        export = EXPORTS.load(name)
+        summary = " ".join((export.__doc__ or "").split("\n\n")[0].split())
+        rows.append((f"`{name}`", summary, f"`{export.extra}`" if export.extra else ""))
+    return table(("format", "content", "extra"), rows)
+
+
+def exit_codes() -> str:
+    """Return the table of exit codes."""
+    return table(("code", "meaning"), ((str(code.value), text) for code, text in EXIT_CODES.items()))
+
+
+def defaults() -> str:
+    """Return the table of the keys below [tool.sim-action]."""
+    fields: Iterable[FieldEntry] = catalogue.fields(Defaults)
+    return table(("key", "takes", "meaning"), ((f"`{f.name}`", f.takes, f.description) for f in fields))
+
+
+def models() -> str:
+    """Return the table of built-in robots."""
+    return table(("robot", "description"), ((f"`{e.name}`", e.summary) for e in catalogue.models()))
+
+
+def reading_columns() -> str:
+    """Return the table of the columns that a trace keeps for each kind of sensor."""
+    rows = []
+    for kind, columns in READING_COLUMNS.items():
+        shown = (f"`{name}` ({_shape(column)})" for name, column in columns.items())
+        rows.append((f"`{kind}`", ", ".join(shown)))
+    return table(("sensor", "columns of n readings"), rows)
+
+
+def _shape(column: ReadingColumn) -> str:
+    shape = "n, ..." if column.many else f"n, {len(column.axes)}" if column.axes else "n"
+    return f"{shape}; {column.dimension.si}" if column.dimension.si else shape
