@@ -18,7 +18,7 @@ from bench.step_cost import StepCost, step_cost
 from docs.generate import BLOCK
 from docs.generators.markdown import table
 from sim_action.core.errors import RefusedModel
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 
 PAGE: Final = Path(__file__).parent / "models/robots.md"

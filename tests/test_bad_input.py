@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.workspace import Permissions, Workspace
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import Scenario

@@ -19,7 +19,7 @@ from docs.generators.scenario import ASSERTION_PAGES, FAMILIES, example
 from docs.robots import without_figures
 from sim_action.assertions import ASSERTIONS
 from sim_action.cli import SUBCOMMANDS
-from sim_action.robot.findings import RULES
+from sim_action.robot.audit.rules import RULES
 from sim_action.scenario.loading import load_scenario
 
 ROOT = Path(__file__).parents[1]

@@ -14,7 +14,7 @@ from sim_action.assertions import Assertion, Monitor
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.workspace import Workspace
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.model import DrivenRobot, Expectation, Scenario

@@ -25,7 +25,7 @@ from sim_action.core.errors import EngineError, ModelError
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.engines.pybullet import PyBulletBackend
-from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import Joint, Link, RobotModel
 from sim_action.robot.spec import Robot

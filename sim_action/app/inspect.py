@@ -12,9 +12,9 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.drives.sides import sides_on_ground
 from sim_action.drives.skid import SkidSteer
 from sim_action.drives.wheels import Wheel, wheels_on_ground
-from sim_action.robot import load_model
-from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.kinematics import link_poses, robot_box
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import WORLD, Finding, Joint, JointType, Link, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.robot_block import drive_text, robot_block

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Annotated
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sim_action.commands import CommandSource, Controller, OpenLoop
-from sim_action.commands.joint_path import BLENDS, Interpolation, JointPath
-from sim_action.commands.joint_points import JointPoint, in_si, knots
-from sim_action.commands.joint_problems import misfits, order_problems, two_kinds_problems
-from sim_action.core.field_types import PositiveHertz
+from sim_action.core import units
+from sim_action.core.field_types import (
+    FrozenModel,
+    JointEffort,
+    JointPosition,
+    JointVelocity,
+    NonNegativeSeconds,
+    PositiveHertz,
+)
+from sim_action.core.messages import FirstFew
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.robot_model import Reading
+from sim_action.robot.kinematics import beyond_limits, too_fast, too_strong
+from sim_action.robot.robot_model import Joint, Reading
 from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene
 
@@ -114,3 +126,193 @@ def _mean_speeds(here: Mapping[str, float], there: Mapping[str, float], period: 
 def _tick(time: float) -> float:
     """A tick that falls on a point belongs to what follows it, whatever the rounding of either."""
     return round(time, 9) + 1e-9
+
+
+Interpolation = Literal["linear", "minimum_jerk", "hold"]
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """The way from one knot to the next.
+
+    Attributes:
+        share: of the way, after a share of the time; both in [0, 1).
+        peak: greatest speed, as a multiple of the mean speed; None where it jumps.
+    """
+
+    share: Callable[[float], float]
+    peak: float | None
+
+    @property
+    def jumps(self) -> bool:
+        """Whether it is a step, which no joint can follow."""
+        return self.peak is None
+
+
+def _minimum_jerk(share: float) -> float:
+    """Of all ways from rest to rest the one with the least squared jerk (Flash and Hogan 1985)."""
+    return share**3 * (10 + share * (6 * share - 15))
+
+
+BLENDS: Final = MappingProxyType[Interpolation, Blend](
+    {
+        "linear": Blend(lambda share: share, 1.0),
+        "minimum_jerk": Blend(_minimum_jerk, 1.875),
+        "hold": Blend(lambda _: 0.0, None),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class JointPath:
+    """A number over time, through all of its knots; before the first and after the last, it is as there.
+
+    Attributes:
+        times: of the knots, in s, rising.
+        values: at the knots.
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    blend: Blend
+
+    def value(self, time: float) -> float:
+        """The number at a time in s."""
+        after = bisect_right(self.times, time)
+        if after == 0:
+            return self.values[0]
+        before = after - 1
+        if after == len(self.times):
+            return self.values[before]
+        start, value = self.times[before], self.values[before]
+        share = (time - start) / (self.times[after] - start)
+        return value + (self.values[after] - value) * self.blend.share(share)
+
+
+class JointPoint(FrozenModel):
+    """Where some joints shall be, how fast they shall move or how hard their motors shall push at one time."""
+
+    at: Annotated[NonNegativeSeconds, Field(description="sim time; each point is later than the one before")]
+    position: Annotated[dict[str, JointPosition], Field(description="of joints, by name")] = Field(default_factory=dict)
+    velocity: Annotated[dict[str, JointVelocity], Field(description="of joints, by name")] = Field(default_factory=dict)
+    effort: Annotated[dict[str, JointEffort], Field(description="of joints' motors, by name")] = Field(
+        default_factory=dict
+    )
+
+    @model_validator(mode="after")
+    def _names_a_joint(self) -> Self:
+        if not any(targets for _, targets in self.groups()):
+            raise ValueError("a point names at least one joint, below 'position', 'velocity' or 'effort'")
+        return self
+
+    def groups(self) -> Iterator[tuple[Reading, Mapping[str, float | str]]]:
+        """What is wanted, and of which joints."""
+        yield "position", self.position
+        yield "velocity", self.velocity
+        yield "effort", self.effort
+
+
+@dataclass(frozen=True, slots=True)
+class Knot:
+    """What one point says of one joint, as it was written; `index`: of the point."""
+
+    joint: str
+    reading: Reading
+    index: int
+    time: float
+    written: float | str
+
+    @property
+    def path(self) -> tuple[str | int, ...]:
+        """The keys that lead to it."""
+        return "joints", self.index, self.reading, self.joint
+
+
+def knots(points: Iterable[JointPoint]) -> Iterator[Knot]:
+    """All of them, point by point."""
+    for index, point in enumerate(points):
+        for reading, targets in point.groups():
+            for joint, written in targets.items():
+                yield Knot(joint, reading, index, point.at, written)
+
+
+def in_si(scene: Scene, knot: Knot) -> float:
+    """What is wanted, in rad and N m, or in m and N. Raises units.UnitError."""
+    return units.parse(knot.written, scene.model.joints_by_name[knot.joint].dimension(knot.reading))
+
+
+_LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fast, "effort": too_strong})
+_WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})
+# In s, of sim time: scenarios may last no longer.
+_LONGEST: Final = 86_400
+# Times that are advised are rounded up to it, in s.
+_ADVISED: Final = 0.01
+
+
+def order_problems(points: Sequence[JointPoint]) -> SpecProblems:
+    """Points that are not later than the one before."""
+    for index, (before, point) in enumerate(pairwise(points), start=1):
+        if point.at <= before.at:
+            yield ("joints", index, "at"), f"must be later than the point before it, at {before.at:g} s"
+
+
+def two_kinds_problems(points: Sequence[JointPoint]) -> SpecProblems:
+    """Joints that are given targets of two kinds, each once."""
+    first: dict[str, Knot] = {}
+    told = set[str]()
+    for knot in knots(points):
+        earlier = first.setdefault(knot.joint, knot)
+        if knot.reading != earlier.reading and knot.joint not in told:
+            told.add(knot.joint)
+            message = f"joint '{knot.joint}' is given {_WITH_ARTICLE[earlier.reading]} as well, at {earlier.time:g} s"
+            yield knot.path, f"{message}; a joint is moved by position, by velocity or by effort"
+
+
+def misfits(points: Sequence[JointPoint], blend: Blend, scene: Scene) -> SpecProblems:
+    """Joints that are not there or have no motor, units that are not theirs, what they cannot do."""
+    by_joint: dict[str, list[Knot]] = {}
+    for knot in knots(points):
+        by_joint.setdefault(knot.joint, []).append(knot)
+    unknown = FirstFew()
+    for name, told in by_joint.items():
+        if (trouble := scene.model.why_not_driven(name)) is None:
+            yield from _joint_problems(scene.model.joints_by_name[name], told, blend, scene)
+        elif unknown.one_more():
+            yield told[0].path, trouble
+
+
+def _joint_problems(joint: Joint, told: Sequence[Knot], blend: Blend, scene: Scene) -> SpecProblems:
+    """Values that are not the joint's; where there are none, ways that take longer than they may."""
+    goals: list[float] = []
+    for knot in told:
+        try:
+            goals.append(in_si(scene, knot))
+        except units.UnitError as error:
+            yield knot.path, str(error)
+        else:
+            if (problem := _LIMITS[knot.reading](joint, goals[-1])) is not None:
+                yield knot.path, problem
+                goals.pop()
+    try:
+        beginning = scene.joint_positions[joint.name]
+    except units.UnitError:
+        return  # which is told of the robot
+    if len(goals) == len(told) and blend.peak is not None and all(knot.reading == "position" for knot in told):
+        yield from _way_problems(joint, beginning, zip(told, goals, strict=True), blend.peak)
+
+
+def _way_problems(joint: Joint, value: float, wanted: Iterable[tuple[Knot, float]], peak: float) -> SpecProblems:
+    """Ways between positions that would be too fast; the first begins at `value`, at 0 s."""
+    time = 0.0
+    for knot, goal in wanted:
+        way = peak * abs(goal - value)
+        # No time is left where the points are not in order, which is told, or where the first is a step at 0 s.
+        found = too_fast(joint, way / (knot.time - time)) if knot.time > time else None
+        if found is not None and joint.max_velocity is not None:
+            yield knot.path, f"too little time from {time:g} s to here: {found}; {_advice(way / joint.max_velocity)}"
+        time, value = knot.time, goal
+
+
+def _advice(least: float) -> str:
+    """How much time a way takes; a model may say of a joint that it hardly moves."""
+    return f"it takes {math.ceil(least / _ADVISED) * _ADVISED:.4g} s" if least <= _LONGEST else "it takes days"

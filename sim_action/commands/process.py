@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
+import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.answer_text import AnswerError, answer_of, is_acknowledgement
 from sim_action.commands.answers import problem_with
-from sim_action.commands.lockstep import Lockstep, Patience
-from sim_action.commands.observation_json import observation_json, robot_json
-from sim_action.commands.program import program_of
+from sim_action.commands.json_protocol import AnswerError, answer_of, is_acknowledgement, observation_json, robot_json
+from sim_action.commands.line_protocol import Lockstep, Patience
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import ScriptError
@@ -26,6 +27,7 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
+
 
 VERSION: Final = 1
 """Of the protocol."""
@@ -180,3 +182,18 @@ def _line(question: dict[str, Any]) -> bytes:
     except ValueError:
         # The watchdog finds the same at the end of this period, and says more.
         raise ScriptError("the state of the robot is no longer finite") from None
+
+
+def program_of(word: str, workspace: Workspace) -> Path:
+    """With a slash it is a file of the workspace; else it is looked for on PATH. Raises PathError."""
+    if "/" in word or os.sep in word:
+        if not os.access(workspace.file(word), os.X_OK):
+            raise PathError(f"'{word}' may not be executed; chmod +x, or begin with what runs it, such as python3")
+        # Not what a link leads to: a Python knows its virtual environment by the name that it was called by.
+        return (workspace.directory / word).absolute()
+    on_path = shutil.which(word)
+    if on_path is None:
+        beside = workspace.directory / word
+        hint = f"; the file beside the scenario is './{word}'" if beside.is_file() else ""
+        raise PathError(f"no program '{word}' is on PATH{hint}")
+    return Path(on_path).absolute()

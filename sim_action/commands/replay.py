@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Annotated
+from importlib.util import find_spec
+from pathlib import Path, PurePath
+from typing import Annotated, Final, Protocol
 
 from pydantic import Field
 
 from sim_action.commands import CommandSource, Controller, OpenLoop
-from sim_action.commands.logs import Moment, csv_log, ros_log
-from sim_action.commands.logs.csv_header import Header
-from sim_action.commands.logs.ros_types import TWISTS, MessageType
-from sim_action.commands.playback import Playback
-from sim_action.commands.replay_problems import is_csv, kind_problems, log_problems
+from sim_action.commands.logs import Moment, csv_log, rosbag
+from sim_action.commands.logs.csv_log import Header
+from sim_action.commands.logs.rosbag import TWISTS, MessageType
 from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import RecordingError
 from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveSeconds
+from sim_action.core.geometry import Twist
 from sim_action.core.messages import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
@@ -115,11 +116,11 @@ class ReplayCommands(CommandSource):
             path = workspace.file_or_folder(self.replay)
             if is_csv(self):
                 return csv_log.read_moments(path, self.replay)
-            for file in ros_log.files_of(path, self.replay) if path.is_dir() else ():
+            for file in rosbag.files_of(path, self.replay) if path.is_dir() else ():
                 workspace.file(str(path / file))
         except PathError as error:
             raise RecordingError(f"{self.replay}: {error}") from None
-        return ros_log.read_moments(path, self.replay, self.topic or "", self.type)
+        return rosbag.read_moments(path, self.replay, self.topic or "", self.type)
 
     def _chosen(self, command: Command) -> Command:
         if self.only_joints is None or not isinstance(command, JointTargets):
@@ -162,3 +163,121 @@ def _holding(first: Command, scene: Scene) -> JointTargets:
         position={name: beginnings[name] for name in first.position},
         velocity=dict.fromkeys(first.velocity, 0.0),
     )
+
+
+_CSV: Final = ".csv"
+
+
+class Replay(Protocol):
+    """What is asked of a replay, by its keys."""
+
+    @property
+    def replay(self) -> str:
+        """The path, as it was written."""
+
+    @property
+    def topic(self) -> str | None:
+        """Of a log of ROS."""
+
+    @property
+    def type(self) -> str | None:
+        """Of its messages."""
+
+    @property
+    def only_joints(self) -> tuple[str, ...] | None:
+        """The joints."""
+
+    @property
+    def start(self) -> float:
+        """In s."""
+
+    @property
+    def timeout(self) -> float | None:
+        """In s."""
+
+
+def is_csv(spec: Replay) -> bool:
+    """Whether it is to be read as CSV: its name in the scenario says so, whatever a link of that name leads to."""
+    return PurePath(spec.replay).suffix == _CSV
+
+
+def log_problems(spec: Replay, path: Path) -> SpecProblems:
+    """Problems with a log that is there."""
+    yield from _csv_problems(spec, path) if is_csv(spec) else _ros_problems(spec, path)
+
+
+def kind_problems(spec: Replay, *, holds_twists: bool) -> SpecProblems:
+    """Keys that do not go with what a log holds."""
+    if holds_twists and spec.only_joints is not None:
+        yield ("only_joints",), "the log drives the base and names no joints; leave it out"
+    if not holds_twists and spec.timeout is not None:
+        yield ("timeout",), "is for twists; this log is of joints, which hold what they were told"
+
+
+def _csv_problems(spec: Replay, path: Path) -> SpecProblems:
+    for key, value in (("topic", spec.topic), ("type", spec.type)):
+        if value is not None:
+            yield (key,), "a CSV file has no topics; leave it out"
+    try:
+        header = csv_log.read_header(path, spec.replay)
+        last = max(time for time, _ in csv_log.read_moments(path, spec.replay))
+    except RecordingError as error:
+        yield ("replay",), str(error)
+        return
+    if spec.start > last:
+        yield ("start",), f"the log ends before that, {last:g} s after its first row"
+    yield from kind_problems(spec, holds_twists=header.holds_twists)
+    for name in spec.only_joints or ():
+        if not header.holds_twists and name not in header.joint_names:
+            yield ("only_joints",), f"the log has no joint '{name}'{did_you_mean(name, header.joint_names)}"
+
+
+def _ros_problems(spec: Replay, path: Path) -> SpecProblems:
+    if problem := rosbag.path_problem(path):
+        yield ("replay",), f"'{spec.replay}' {problem}"
+        return
+    if spec.topic is None:
+        yield ("replay",), "a log of ROS has many topics: name the one to replay, such as topic: /cmd_vel"
+    if spec.type is not None:
+        yield from kind_problems(spec, holds_twists=spec.type in TWISTS)
+    if find_spec(rosbag.PACKAGE) is None:
+        yield ("replay",), rosbag.INSTALLING
+
+
+_ROUNDING: Final = 1e-9
+"""In s: a command at a tick counts there, whatever the rounding of either."""
+
+
+class Playback:
+    """One replay; it is asked at times that rise.
+
+    Args:
+        moments: the log; a command holds until the next one.
+        start: of the log's own time in s; what it says then is said at t = 0.
+        timeout: after how many s a twist holds no longer; None: it does.
+    """
+
+    def __init__(self, moments: Sequence[Moment], start: float, timeout: float | None) -> None:
+        self._moments = moments
+        self._start = start
+        self._timeout = float("inf") if timeout is None else timeout
+        self._next = 0
+
+    def command(self, time: float) -> Command | None:
+        """What is new at a tick, at a sim time in s; None: nothing."""
+        now = self._start + time
+        new: Command | None = None
+        while self._next < len(self._moments) and self._moments[self._next][0] <= now + _ROUNDING:
+            new = _after(new, self._moments[self._next][1])
+            self._next += 1
+        last, command = self._moments[max(0, self._next - 1)]
+        if isinstance(command, Twist) and now - last > self._timeout + _ROUNDING:
+            return Twist()
+        return new
+
+
+def _after(earlier: Command | None, later: Command) -> Command:
+    """Both, one after the other: joints that the later one does not name keep what the earlier one told them."""
+    if isinstance(earlier, JointTargets) and isinstance(later, JointTargets):
+        return earlier.updated_by(later)
+    return later

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from sim_action.core import units
-from sim_action.robot.joint_limits import beyond_limits
+from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import Reading, RobotModel
 from sim_action.state.command import Answer, JointTargets
 

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final
 from pydantic import Field
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.path_following import PathFollower, Pursuit
+from sim_action.commands.pure_pursuit import PathFollower, Pursuit
 from sim_action.core import units
 from sim_action.core.field_types import (
     FrozenModel,

@@ -11,7 +11,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Twist
 from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY

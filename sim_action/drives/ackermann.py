@@ -29,7 +29,7 @@ from sim_action.drives.wheel_problems import length_problems, why_no_wheel
 from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, steering_joint, wheel, wheels_on_ground
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.world import GRAVITY
 

@@ -23,7 +23,7 @@ from sim_action.drives.wheel_problems import joint_problems, length_problems
 from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.world import GRAVITY
 from sim_action.world.scene import Scene

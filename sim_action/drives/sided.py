@@ -19,7 +19,7 @@ from sim_action.drives.wheel_problems import LEAST_LENGTH, joint_problems, lengt
 from sim_action.drives.wheel_speeds import WheelSpeeds
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.world import GRAVITY
 

@@ -2,34 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Final, cast
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Box
+from sim_action.core.geometry import Box, Vector3
 from sim_action.core.workspace import Workspace
-from sim_action.robot import gazebo
-from sim_action.robot.audit import audit
-from sim_action.robot.audit.proportions import proportions
-from sim_action.robot.cleaning import (
+from sim_action.robot.audit.inertia import proportions
+from sim_action.robot.audit.rules import refuse_errors
+from sim_action.robot.audit.stages import audit
+from sim_action.robot.engine_urdf import (
     drop_empty_root,
     drop_odd_mimics,
     drop_zero_masses,
+    engine_text,
     fill_in_inertia,
     hold_odd_joints,
     mend_inertia,
 )
-from sim_action.robot.document import ModelDocument, read_document
-from sim_action.robot.engine_text import engine_text
-from sim_action.robot.findings import refuse_errors
+from sim_action.robot.mesh_references import resolve_meshes
 from sim_action.robot.packages import Packages
-from sim_action.robot.references import resolve_meshes
-from sim_action.robot.robot_model import Joint, JointType, Link, Mimic, RobotModel, Shape
-from sim_action.robot.values import axis, child_of, limits, number, origin, parent_of, vector
-from sim_action.robot.visuals import materials, visuals_of
+from sim_action.robot.robot_model import Color, Joint, JointType, Link, Mimic, RobotModel, Shape, Visual
+from sim_action.robot.urdf_elements import (
+    SHAPES,
+    axis,
+    child_of,
+    is_numbers,
+    limits,
+    number,
+    origin,
+    parent_of,
+    plugins_of,
+    surface_of,
+    vector,
+)
+from sim_action.robot.xml_document import ModelDocument, read_document
 
 
 def read_urdf(path: Path, packages: Packages | None = None, allow: Iterable[str] = ()) -> RobotModel:
@@ -50,7 +60,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     refuse_errors(findings, allowed)
     for mend in (drop_empty_root, hold_odd_joints, drop_odd_mimics):
         mend(document)
-    plugins = gazebo.plugins(document)
+    plugins = plugins_of(document)
     colors = materials(document)
     links = tuple(
         replace(_link(document, link, meshes.boxes), visuals=tuple(visuals_of(link, colors, meshes.visuals)))
@@ -73,7 +83,7 @@ def _link(document: ModelDocument, element: Element, meshes: Mapping[Element, Bo
     mass = number(element.find("inertial/mass"), "value")
     inertial = element.find("inertial")
     middle = geometry.ZERO if inertial is None else origin(inertial).position_xyz
-    return Link(element.attrib["name"], mass, shapes, gazebo.surface(document, element), middle)
+    return Link(element.attrib["name"], mass, shapes, surface_of(document, element), middle)
 
 
 def _shape(collision: Element, meshes: Mapping[Element, Box]) -> Shape:
@@ -117,3 +127,57 @@ def _mimic(element: Element | None) -> Mimic | None:
         return None
     stated = {name: number(element, name) for name in ("multiplier", "offset")}
     return Mimic(element.attrib["joint"], **{name: value for name, value in stated.items() if value is not None})
+
+
+_LENGTHS: Final = {"size": 3}
+
+
+def materials(document: ModelDocument) -> dict[str, Color]:
+    """Name -> colour, of those that stand beside the links or in any of them."""
+    found: dict[str, Color] = {}
+    for material in document.elements("link/visual/material", "material"):
+        color, name = _stated(material), material.get("name")
+        if color is not None and name:
+            found[name] = color
+    return found
+
+
+def visuals_of(link: Element, colors: Mapping[str, Color], meshes: Mapping[Element, Path]) -> Iterator[Visual]:
+    """Those of a link that can be drawn; `meshes`: where the files of <mesh> elements are."""
+    for visual in link.findall("visual"):
+        shape = next(iter(visual.findall("geometry/*")), None)
+        if shape is None:
+            continue
+        material = visual.find("material")
+        color = None if material is None else _stated(material) or colors.get(material.get("name", ""))
+        if shape in meshes:
+            scale = vector(shape, "scale", (1.0, 1.0, 1.0))
+            yield Visual("mesh", origin(visual), color, file=str(meshes[shape]), scale=scale)
+        elif (size := _size(shape)) is not None:
+            yield Visual(shape.tag, origin(visual), color, size)
+
+
+def _stated(material: Element) -> Color | None:
+    """The alpha of a colour is left: what is hard to see in a picture is easily overlooked."""
+    color = material.find("color")
+    text = "" if color is None else color.get("rgba", "")
+    if not is_numbers(text, 4):
+        return None
+    red, green, blue = (min(1.0, max(0.0, float(part))) for part in text.split()[:3])
+    return (red, green, blue)
+
+
+def _size(shape: Element) -> Vector3 | None:
+    """Of the box around it, in m; None for what is no plain shape, or has no size."""
+    names = SHAPES.get(shape.tag)
+    if names is None or not all(is_numbers(shape.get(name, ""), _LENGTHS.get(name, 1)) for name in names):
+        return None
+    numbers = [float(part) for name in names for part in shape.get(name, "").split()]
+    if min(numbers) <= 0:
+        return None
+    if shape.tag == "box":
+        x, y, z = numbers
+        return (x, y, z)
+    across = 2 * numbers[0]
+    height = {"sphere": across, "cylinder": numbers[-1], "capsule": numbers[-1] + across}[shape.tag]
+    return (across, across, height)

@@ -15,10 +15,10 @@ from typing import Final
 from xml.dom.minidom import Element, Node
 
 from sim_action.core.errors import Location
-from sim_action.robot.document import shown_file, shown_place
+from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.packages import PackageError, Packages
-from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of
-from sim_action.robot.xacro_files import unknown_argument
+from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of, unknown_argument
+from sim_action.robot.xml_document import shown_file, shown_place
 
 _FIND: Final = re.compile(r"(?<!\$)\$\(find\s+([^\s()$]+)\s*\)")
 _WILDCARDS: Final = frozenset("*?[")
@@ -31,6 +31,13 @@ class XacroCheck:
 
     problems: tuple[XacroError, ...]
     notes: tuple[str, ...]
+
+
+def check_xacro_text(path: Path, arguments: Iterable[str], packages: Packages) -> tuple[str, ...]:
+    """Check a xacro file without evaluating it. Return what could not be checked. Raises ModelError."""
+    check = check_xacro(path, arguments, packages)
+    refuse_errors([problem.finding() for problem in check.problems])
+    return check.notes
 
 
 def check_xacro(path: Path, arguments: Iterable[str], packages: Packages) -> XacroCheck:

@@ -13,7 +13,10 @@ from xml.parsers import expat
 
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
-from sim_action.robot.xml_errors import explained
+from sim_action.core.messages import did_you_mean
+from sim_action.robot.audit.rules import finding
+from sim_action.robot.robot_model import Finding
+from sim_action.robot.xml_document import explained, shown_place
 
 _MAX_BYTES: Final = 5_000_000
 _MAX_DEPTH: Final = 100
@@ -33,6 +36,16 @@ class XacroError(Exception):
         self.message = message
         self.location = location
         super().__init__(f"{location}: {message}")
+
+    def finding(self) -> Finding:
+        """Return the error as a finding of the audit."""
+        return finding(self.rule, self.message, shown_place(self.location))
+
+
+def unknown_argument(name: str, declared: set[str], path: Path) -> XacroError:
+    """What is said of one of `robot.args` that the files do not know."""
+    message = f"robot.args: no <xacro:arg> is named '{name}'{did_you_mean(name, declared)}"
+    return XacroError("unknown-argument", message, Location(str(path)))
 
 
 def place_of(node: object) -> Location | None:

@@ -17,9 +17,9 @@ from typing import Final
 from xml.dom.minidom import Element, Node
 
 from sim_action.core.errors import Location
-from sim_action.robot.document import shown_place
 from sim_action.robot.packages import PackageError
 from sim_action.robot.xacro_documents import XacroError, place_of
+from sim_action.robot.xml_document import shown_place
 
 _STEPS_SHOWN: Final = 4
 _LIKENESS: Final = 0.8  # all of `math` can be seen: less, and 'foo' may mean 'floor'

@@ -11,8 +11,8 @@ from sim_action.core.messages import FirstFew, did_you_mean
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import recognise
-from sim_action.robot.findings import ALLOWABLE, RULES
-from sim_action.robot.joint_limits import beyond_limits
+from sim_action.robot.audit.rules import ALLOWABLE, RULES
+from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.scenario.model import Scenario, rate_divides
 from sim_action.sensors.mounting import MountedSensor

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core.errors import Fault, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
-from sim_action.robot import check_text, load_model
-from sim_action.robot.library import ModelLibrary
+from sim_action.robot.loading import ModelLibrary, check_text, load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks

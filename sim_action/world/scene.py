@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sim_action.core import units
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.world import Body, Physics, World

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sim_action.commands.answer_text import AnswerError, answer_of
+from sim_action.commands.json_protocol import AnswerError, answer_of
 from sim_action.core.geometry import Twist
 from sim_action.state.command import JointTargets, commands_of, is_finite
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sim_action.commands.joint_path import BLENDS, Interpolation, JointPath
+from sim_action.commands.joints import BLENDS, Interpolation, JointPath
 
 STEP: Final = 1e-5
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from sim_action.commands import OpenLoop
 from sim_action.commands.joints import JointCommands
 from sim_action.core.workspace import Workspace
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.world import Physics, World

@@ -13,7 +13,7 @@ from typing import Final
 
 import pytest
 
-from sim_action.commands.lockstep import MOST_BYTES, Lockstep, Patience
+from sim_action.commands.line_protocol import MOST_BYTES, Lockstep, Patience
 from sim_action.core.errors import ScriptError
 
 PATIENCE: Final = Patience(30.0, "answer_within")

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim_action.commands.observation_json import observation_json, robot_json
+from sim_action.commands.json_protocol import observation_json, robot_json
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.geometry import Pose, Twist
 from sim_action.state.observation import Contact, JointState, Observation

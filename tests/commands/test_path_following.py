@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_action.commands.path_following import PathFollower, Pursuit
-from sim_action.commands.pure_pursuit import Point
+from sim_action.commands.pure_pursuit import PathFollower, Point, Pursuit
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 from tests.traces import START
 
 PURSUIT = Pursuit(speed=0.5, lookahead=0.3, tolerance=0.05, max_turn_rate=2.0)

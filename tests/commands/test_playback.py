@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_action.commands.logs import Moment
-from sim_action.commands.playback import Playback
+from sim_action.commands.replay import Playback
 from sim_action.core.geometry import Twist
 from sim_action.state.command import Command, JointTargets
 

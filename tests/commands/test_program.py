@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.commands.program import program_of
+from sim_action.commands.process import program_of
 from sim_action.core.workspace import PathError, Workspace
 
 

@@ -199,7 +199,7 @@ def test_what_can_be_told_of_a_log_of_ros_without_reading_it(
 def test_without_rosbags_loading_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     find_spec = importlib.util.find_spec
     monkeypatch.setattr(
-        "sim_action.commands.replay_problems.find_spec", lambda name: None if name == "rosbags" else find_spec(name)
+        "sim_action.commands.replay.find_spec", lambda name: None if name == "rosbags" else find_spec(name)
     )
     (tmp_path / "a.bag").write_bytes(b"not read")
     _, found = told_at(tmp_path, scenario(replay="a.bag", topic="/cmd_vel"))

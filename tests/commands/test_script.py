@@ -219,7 +219,7 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
         ("return sim.JointTargets(position={'scan_joint': 1.0})", "the model has no moving joint 'scan_joint'"),
         ("return sim.JointTargets(max_effort={'wheel_left_joint': -1})", "a max_effort below 0 for joint 'wheel_left_"),
         (
-            "return sim.JointTargets(base=sim.command.BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0))",
+            "return sim.JointTargets(base=sim.state.command.BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0))",
             "a push of the base, which is for drives alone; motors move a robot",
         ),
     ],

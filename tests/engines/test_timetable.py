@@ -15,7 +15,7 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.workspace import Workspace
 from sim_action.engines.stage import Target
 from sim_action.engines.timetable import Timetable
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene

@@ -11,7 +11,7 @@ import pytest
 
 from bench.robots import ROBOTS, WORKSPACE
 from sim_action.engines import BACKENDS
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.command import JointTargets

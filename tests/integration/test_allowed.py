@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core.workspace import Workspace
 from sim_action.engines import BACKENDS, Backend, chosen, installed
-from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
 from sim_action.state.command import JointTargets

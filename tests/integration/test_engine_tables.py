@@ -11,7 +11,7 @@ import pytest
 from sim_action.core.errors import RefusedModel
 from sim_action.core.workspace import Workspace
 from sim_action.engines import BACKENDS
-from sim_action.robot.audit.engine_tables import MOST_JOINTS, MOST_MOVING_JOINTS
+from sim_action.robot.audit.kinematic_tree import MOST_JOINTS, MOST_MOVING_JOINTS
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
 from sim_action.state.command import JointTargets

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate

@@ -14,7 +14,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.models import JointMotion, Replay
 from sim_action.recording.replay.shapes import MeshShape, PoseNumbers
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace

@@ -18,8 +18,8 @@ from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.engines import BACKENDS, Backend, chosen
-from sim_action.robot import load_model
-from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.audit.rules import ALLOWABLE
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.state.command import JointTargets

@@ -9,7 +9,8 @@ import re
 
 from sim_action.cli import main as cli
 from sim_action.core.workspace import Workspace
-from sim_action.robot import library, load_model
+from sim_action.robot import loading
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import Joint, Link, RobotModel
 from sim_action.robot.spec import Robot
 
@@ -27,5 +28,5 @@ def unaudited(robot: Robot, workspace: Workspace) -> RobotModel:
 
 
 if __name__ == "__main__":
-    library.load_model = unaudited  # type: ignore[attr-defined]  # it imports that name for itself
+    loading.load_model = unaudited
     cli.main()

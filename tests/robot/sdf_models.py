@@ -8,8 +8,8 @@ import pytest
 
 from sim_action.core.geometry import Vector3, rotate
 from sim_action.core.workspace import Workspace
-from sim_action.robot import load_model
 from sim_action.robot.kinematics import link_poses
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from tests.ros_workspace import written

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_action.core.errors import ModelError, RefusedModel
-from sim_action.robot.findings import ALLOWABLE
+from sim_action.robot.audit.rules import ALLOWABLE
 from tests.robot.bad_sdf_models import BAD_SDF_MODELS, GOOD, BadSdf
 from tests.robot.sdf_models import joint, link, load, sdf
 from tests.robot.test_urdf import TETRAHEDRON

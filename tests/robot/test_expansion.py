@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario, RefusedModel
 from sim_action.core.workspace import Permissions, Workspace
-from sim_action.robot import check_text, load_model
+from sim_action.robot.loading import check_text, load_model
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario
 

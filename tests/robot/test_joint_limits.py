@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose
-from sim_action.robot.joint_limits import beyond_limits, too_fast, too_strong
+from sim_action.robot.kinematics import beyond_limits, too_fast, too_strong
 from sim_action.robot.robot_model import Joint
 
 HINGE = Joint("j", "revolute", "a", "b", Pose(), (0, 0, 1), -1.0, 1.5707963, max_effort=10.0, max_velocity=2.0)

@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
-from sim_action.robot.library import ModelLibrary
+from sim_action.robot.loading import ModelLibrary
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from tests.robot.bad_models import GOOD

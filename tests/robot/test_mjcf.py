@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from tests.mesh_files import stl

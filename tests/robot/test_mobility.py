@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 
 
 def test_who_turns_on_the_spot_has_no_turning_radius() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
-from sim_action.robot import BUILT_IN, load_model
+from sim_action.robot.loading import BUILT_IN, load_model
 from sim_action.robot.spec import Robot
 
 URDF = """\

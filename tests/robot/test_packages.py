@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.robot import package_folders
-from sim_action.robot.package_folders import folders_below, package_name
+from sim_action.robot import package_search
+from sim_action.robot.package_search import folders_below, package_name
 from sim_action.robot.packages import PackageError
 from tests.ros_workspace import RosWorkspace, gazebo_model, ros_package, ros_workspace, written
 
@@ -257,7 +257,7 @@ def test_a_pipe_in_place_of_package_xml_holds_nobody_up(tmp_path: Path) -> None:
 
 
 def test_too_many_folders_are_said_to_be_too_many(ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(package_folders, "_MAX_FOLDERS", 4)
+    monkeypatch.setattr(package_search, "_MAX_FOLDERS", 4)
     assert not folders_below(ros.root, inside_packages=True).complete
     with pytest.raises(PackageError, match=r"not all of its folders, there are too many"):
         ros.packages().find("rover_arm", ros.rover)

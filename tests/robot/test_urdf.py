@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from sim_action.core.errors import ModelError
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
-from sim_action.robot import BUILT_IN, urdf
+from sim_action.robot import urdf
+from sim_action.robot.loading import BUILT_IN
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import RobotModel, Shape
 from sim_action.robot.urdf import read_urdf

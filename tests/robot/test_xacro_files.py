@@ -14,11 +14,11 @@ import xacro
 import xacro.substitution_args
 
 from sim_action.core.errors import Location
-from sim_action.robot import xacro_documents, xacro_files
+from sim_action.robot import xacro_documents, xacro_expansion
 from sim_action.robot.xacro_check import check_xacro
 from sim_action.robot.xacro_documents import XacroError
 from sim_action.robot.xacro_errors import explained
-from sim_action.robot.xacro_files import Argument, Expansion, expand
+from sim_action.robot.xacro_expansion import Argument, Expansion, expand
 from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_package, ros_workspace, written
 
 URDF = "src/rover_description/urdf"
@@ -491,7 +491,7 @@ def test_a_file_that_is_not_there_is_an_error(ros: RosWorkspace) -> None:
 
 
 def test_the_end_of_long_chatter_is_dropped() -> None:
-    kept = xacro_files._Bounded(5)
+    kept = xacro_expansion._Bounded(5)
     for text in ("abc", "def", "ghi"):
         print(text, end="", file=kept)
     assert isinstance(kept, io.StringIO)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.robot.xml_errors import explained
+from sim_action.robot.xml_document import explained
 
 
 def said(data: bytes) -> str:

@@ -16,7 +16,7 @@ from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.hull_file import hull_points
 from sim_action.recording.replay.hulls import hull_surface
 from sim_action.recording.replay.simplification import Triangles, simplified
-from sim_action.robot.references import cache_folder
+from sim_action.robot.mesh_references import cache_folder
 from sim_action.robot.robot_model import RobotModel
 
 # Of what is written here: another number, and files of before are no longer found.
@@ -63,7 +63,7 @@ class VisualMeshes:
         return found
 
     def _of_text(self) -> Iterator[tuple[str, Triangles]]:
-        from sim_action.robot.mjcf_model import surfaces_of_text
+        from sim_action.robot.mjcf import surfaces_of_text
 
         for name, (points, corners) in surfaces_of_text(self._text).items():
             yield name, simplified(Triangles(points, corners), self._most)

@@ -9,10 +9,11 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import ZERO
 from sim_action.core.messages import did_you_mean
-from sim_action.robot.document import ModelDocument
+from sim_action.robot.audit.shapes import LARGEST
 from sim_action.robot.robot_model import MOVING_TYPES, Finding
-from sim_action.robot.values import child_of, number, parent_of, vector
-from sim_action.robot.values import limits as limits_of
+from sim_action.robot.urdf_elements import child_of, number, parent_of, vector
+from sim_action.robot.urdf_elements import limits as limits_of
+from sim_action.robot.xml_document import ModelDocument
 
 UNSUPPORTED: Final = ("floating", "planar")
 """Types of URDF that no engine here has inside a robot."""
@@ -22,6 +23,13 @@ LIMITED: Final = ("revolute", "prismatic")
 
 # Exporters round: what is off by less, of a range or in rad, or m, is not told.
 _ROUNDING: Final = 1e-3
+
+
+_ODD_LIMITS: Final = {
+    "revolute": ((20.0, 720.0), "rad, and a whole turn is 6.28 rad: is this in degrees"),
+    "prismatic": ((LARGEST, 10_000.0), "m: is this in millimetres"),
+}
+"""Kind -> limits that no robot has in rad or m, and what to say; what is beyond stands for none."""
 
 
 def axes(document: ModelDocument) -> Iterator[Finding]:
@@ -53,6 +61,19 @@ def limits(document: ModelDocument) -> Iterator[Finding]:
             other = "what turns for ever, as a wheel does, is 'continuous'; " if kind == "revolute" else ""
             message = f"joint '{name}' cannot move, its limits are both {lower or 0:g}: {other}what is held is 'fixed'"
             yield document.finding("locked-joint", limit, message)
+
+
+def limit_units(document: ModelDocument) -> Iterator[Finding]:
+    """Joints turn a few times, and slide as far as a house is long."""
+    for joint in document.elements("joint"):
+        limit, kind = joint.find("limit"), joint.attrib["type"]
+        if limit is None or kind not in _ODD_LIMITS:
+            continue
+        (least, most), unit = _ODD_LIMITS[kind]
+        farthest = max(abs(number(limit, name) or 0.0) for name in ("lower", "upper"))
+        if least < farthest <= most:
+            message = f"{kind} joint '{joint.attrib['name']}' goes as far as {farthest:g} {unit}?"
+            yield document.finding("odd-limits", limit, message)
 
 
 def motors(document: ModelDocument) -> Iterator[Finding]:
@@ -96,7 +117,7 @@ def mimics(document: ModelDocument) -> Iterator[Finding]:
             yield document.finding("bad-mimic", joint, f"joint '{joint.attrib['name']}' mimics {trouble}")
 
 
-def reaches(document: ModelDocument) -> Iterator[Finding]:
+def mimic_limits(document: ModelDocument) -> Iterator[Finding]:
     """No follower is taken beyond its own limits: which of the two then gives way, nobody has said."""
     joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
     for name, joint in joints.items():

@@ -6,20 +6,24 @@ from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.document import ModelDocument
+from sim_action.core.geometry import ZERO
 from sim_action.robot.robot_model import Finding
-from sim_action.robot.values import SHAPES, number, vector
+from sim_action.robot.urdf_elements import SHAPES, number, vector
+from sim_action.robot.xml_document import ModelDocument
 
 LARGEST: Final = 50.0
 """In m. A part of a robot that is larger was drawn in millimetres."""
+
+_TURN: Final = 6.3
+"""In rad: 360 deg, rounded up as people do."""
 
 KINDS: Final = (*SHAPES, "mesh")
 
 
 def kinds(document: ModelDocument) -> Iterator[Finding]:
     """Each is one of URDF's; what follows the shape in its <geometry> is read by nobody."""
-    for geometry in document.elements("link/collision/geometry", "link/visual/geometry"):
-        shape = next(iter(geometry), None)
+    for holder in document.elements("link/collision/geometry", "link/visual/geometry"):
+        shape = next(iter(holder), None)
         if shape is not None and shape.tag not in KINDS:
             message = f"<{shape.tag}> is no shape; there are {', '.join(KINDS)}"
             yield document.finding("unknown-shape", shape, message)
@@ -47,6 +51,15 @@ def extents(document: ModelDocument) -> Iterator[Finding]:
         if offset > LARGEST:
             message = f"an <origin> {offset:g} m away; URDF is in metres: is this in millimetres?"
             yield document.finding("absurd-size", origin, message)
+
+
+def angles(document: ModelDocument) -> Iterator[Finding]:
+    """Nobody turns a part by more than a whole turn."""
+    for origin in document.elements("joint/origin", "link/collision/origin", "link/inertial/origin"):
+        largest = max(map(abs, vector(origin, "rpy", ZERO)))
+        if largest > _TURN:
+            message = f"an <origin> turned by {largest:g} rad, more than a whole turn: is this in degrees?"
+            yield document.finding("odd-angle", origin, message)
 
 
 def presence(document: ModelDocument) -> Iterator[Finding]:

@@ -8,9 +8,9 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.messages import shown
-from sim_action.robot.document import ModelDocument, read_document
-from sim_action.robot.findings import refuse_errors
-from sim_action.robot.model_files import Version, parsed_version
+from sim_action.robot.audit.rules import refuse_errors
+from sim_action.robot.packages import Version, parsed_version
+from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 
 _OLDEST: Final[Version] = (1, 4)
 
@@ -62,3 +62,43 @@ def _only_model(document: ModelDocument) -> Element:
         message = f"this SDF has {len(models)} models: {names}; a robot is one, in which others may be nested"
         refuse_errors([document.finding("not-a-robot", models[1], message)])
     return models[0]
+
+
+_MOST_INCLUDES: Final = 500
+
+
+class OverBudget(Exception):
+    """A model that is made of too much; there is nothing to gain from reading on."""
+
+
+class Budget:
+    """Reads the files of one model, each once, and counts what they come to."""
+
+    def __init__(self, document: ModelDocument) -> None:
+        self._read: dict[Path, ModelDocument] = {}
+        self._includes = 0
+        self._elements = len(document.places)
+        self._bytes = document.size
+
+    def begin_include(self) -> None:
+        """One more is about to be read. Raises OverBudget."""
+        self._includes += 1
+        if self._includes > _MOST_INCLUDES:
+            raise OverBudget(f"a model includes at most {_MOST_INCLUDES} others")
+
+    def read(self, path: Path) -> ModelDocument:
+        """A file, which may have been read before. Raises ModelError, OverBudget."""
+        if path not in self._read:
+            document = read_document(path)
+            self.spend(document)
+            self._bytes += document.size
+            if self._bytes > MAX_BYTES:
+                raise OverBudget(f"a model has at most {MAX_BYTES // 1_000_000} MB, with all that it includes")
+            self._read[path] = document
+        return self._read[path]
+
+    def spend(self, document: ModelDocument) -> None:
+        """Its elements are there once more. Raises OverBudget."""
+        self._elements += len(document.places)
+        if self._elements > MAX_ELEMENTS:
+            raise OverBudget(f"a model has at most {MAX_ELEMENTS:,} elements, with all that it includes")

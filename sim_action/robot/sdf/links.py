@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.robot.sdf.composition import Entry
+from sim_action.robot.sdf.elements import Notes, SdfProblem, needed, number_of, numbers_of, says_yes, text_of, vector_of
 from sim_action.robot.sdf.frames import Frames
-from sim_action.robot.sdf.looks import looks_in, write_colour
-from sim_action.robot.sdf.passed_over import tell_contact, tell_parts
-from sim_action.robot.sdf.problems import Notes
-from sim_action.robot.sdf.scopes import Entry
-from sim_action.robot.sdf.shapes import shape_in, write_shape
-from sim_action.robot.sdf.values import number_of, numbers_of, says_yes
-from sim_action.robot.sdf.writing import UrdfWriter, numbers
+from sim_action.robot.sdf.unsupported_parts import tell_contact, tell_parts
+from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
+from sim_action.robot.urdf_elements import is_numbers
 
 _MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
 """With what the format has for each that is left out, in kg m^2."""
@@ -112,3 +113,101 @@ class LinkWriter:
             name = f"collision '{collision.get('name', '')}' of {owner}"
             tell_parts(self._notes, collision, name)
             tell_contact(self._notes, collision, name)
+
+
+EMPTY: Final = "empty"
+"""The shape of what cannot be touched."""
+
+_INSTEAD: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "plane": "it is endless, and belongs to a world: a part of a robot is a <box>",
+        "heightmap": "it belongs to a world",
+        "image": "make a mesh of it",
+        "polyline": "make a mesh of it",
+        "cone": "make a mesh of it",
+    }
+)
+
+
+def shape_in(holder: Element) -> Element | None:
+    """The shape of a <collision> or <visual>; None is one that is empty on purpose. Raises SdfProblem."""
+    shape = next(iter(needed(holder, "geometry")), None)
+    if shape is None:
+        raise SdfProblem("missing-part", holder, "a <geometry> without a shape")
+    return None if shape.tag == EMPTY else shape
+
+
+def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path) -> None:
+    """Writes a shape into a <geometry> of URDF; `file`: where paths of meshes start from. Raises SdfProblem."""
+    if shape.tag == "mesh":
+        write_mesh(writer, parent, shape, file)
+        return
+    if shape.tag not in _WRITERS:
+        instead = _INSTEAD.get(shape.tag, f"there are {', '.join((*_WRITERS, 'mesh'))}")
+        raise SdfProblem("unknown-shape", shape, f"a <{shape.tag}> is not simulated: {instead}")
+    _WRITERS[shape.tag](writer, parent, shape)
+
+
+def write_mesh(writer: UrdfWriter, parent: Element, mesh: Element, file: Path) -> None:
+    """Writes a mesh into a <geometry> of URDF. Raises SdfProblem."""
+    uri = text_of(mesh, "uri")
+    if not uri:
+        raise SdfProblem("missing-part", mesh, "<mesh> without <uri>")
+    scale = mesh.find("scale")
+    writer.add_mesh(parent, mesh, uri, (1.0, 1.0, 1.0) if scale is None else vector_of(scale), file)
+
+
+def _box(writer: UrdfWriter, parent: Element, shape: Element) -> None:
+    writer.add(parent, "box", shape, size=numbers(*vector_of(needed(shape, "size"))))
+
+
+def _sphere(writer: UrdfWriter, parent: Element, shape: Element) -> None:
+    writer.add(parent, "sphere", shape, radius=_length(shape, "radius"))
+
+
+def _cylinder(writer: UrdfWriter, parent: Element, shape: Element) -> None:
+    writer.add(parent, shape.tag, shape, radius=_length(shape, "radius"), length=_length(shape, "length"))
+
+
+def _ellipsoid(writer: UrdfWriter, parent: Element, shape: Element) -> None:
+    radii = vector_of(needed(shape, "radii"))
+    if len(set(radii)) > 1:
+        raise SdfProblem("unknown-shape", shape, "an <ellipsoid> that is no sphere is not simulated: make a mesh of it")
+    writer.add(parent, "sphere", shape, radius=numbers(radii[0]))
+
+
+def _length(shape: Element, tag: str) -> str:
+    return numbers(*numbers_of(needed(shape, tag), 1))
+
+
+_WRITERS: Final[Mapping[str, Callable[[UrdfWriter, Element, Element], None]]] = MappingProxyType(
+    {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "capsule": _cylinder, "ellipsoid": _ellipsoid}
+)
+
+
+# Of each plain shape, what has to be said, and in how many numbers.
+_SIZES: Final = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
+
+
+def looks_in(visual: Element) -> Element | None:
+    """Its shape; None for what is no mesh, and no plain shape of a size: nobody misses it."""
+    shape = next(iter(visual.findall("geometry/*")), None)
+    if shape is None or shape.tag == "mesh":
+        return shape
+    sizes = _SIZES.get(shape.tag, {})
+    stated = all(is_numbers(shape.findtext(name) or "", count) for name, count in sizes.items())
+    return shape if sizes and stated else None
+
+
+def write_colour(writer: UrdfWriter, written: Element, visual: Element) -> None:
+    """Writes the colour of a visual, if it states one: red, green, blue, and what shines through, which may be left."""
+    words = (visual.findtext("material/diffuse") or "").split()[:3]
+    text = " ".join(words)
+    if is_numbers(text, 3):
+        material = writer.add(written, "material", visual, name=f"of visual '{visual.get('name', '')}'")
+        writer.add(material, "color", visual, rgba=f"{text} 1")

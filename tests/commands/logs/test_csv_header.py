@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.commands.logs.csv_header import MOST_COLUMNS, Header, HeaderError
-from sim_action.commands.logs.joint_columns import JointColumn
+from sim_action.commands.logs import JointColumn
+from sim_action.commands.logs.csv_log import MOST_COLUMNS, Header, HeaderError
 
 
 def test_a_header_of_twists() -> None:

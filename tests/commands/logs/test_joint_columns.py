@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.commands.logs.joint_columns import JointColumn, Kind, followed, targets
+from sim_action.commands.logs import JointColumn, Kind, followed, targets
 from sim_action.state.command import JointTargets
 
 

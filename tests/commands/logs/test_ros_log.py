@@ -11,7 +11,7 @@ import pytest
 from rosbags.rosbag2 import CompressionMode, Writer
 
 from sim_action.commands.logs import Moment
-from sim_action.commands.logs.ros_log import files_of, path_problem, read_moments
+from sim_action.commands.logs.rosbag import files_of, path_problem, read_moments
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.geometry import Twist
 from sim_action.state.command import JointTargets

@@ -7,8 +7,7 @@ from typing import Any, get_args
 import pytest
 from rosbags.typesys.store import Typestore
 
-from sim_action.commands.logs.ros_messages import TYPES, MessageError, command_of
-from sim_action.commands.logs.ros_types import TWISTS, MessageType
+from sim_action.commands.logs.rosbag import TWISTS, TYPES, MessageError, MessageType, command_of
 from sim_action.core.geometry import Twist
 from sim_action.state.command import JointTargets
 from tests.commands.logs.bags import JOINTS, ROS1, ROS2, STAMPED, TWIST, joint_state, stamped, twist

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sim_action.meshes import clean_mesh
 from sim_action.meshes.hulls import _drawn_in
-from sim_action.robot.references import _ENGINE_MARGIN
+from sim_action.robot.mesh_references import _ENGINE_MARGIN
 from tests.mesh_files import CORNERS, obj, stl, two_objects
 
 pytest.importorskip("mujoco")

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from sim_action.core.workspace import Workspace
 from sim_action.recording.export.mcap_log import McapLog
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from tests.recording.export.logs import read
 from tests.recording.export.runs import MOMENTS, TIME, run, sensing_run

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from sim_action.commands.last_words import LastWords
+from sim_action.commands.stderr_tail import LastWords
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import did_you_mean, escaped_line

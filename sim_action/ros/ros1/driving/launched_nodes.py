@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.commands import ClosedLoop
-from sim_action.commands.last_words import LastWords
+from sim_action.commands.stderr_tail import LastWords
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.ros.processes import children
 from sim_action.ros.ros1.catkin_packages import workspace_of

@@ -16,7 +16,7 @@ from sim_action.core.messages import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.robot.packages import Packages
 from sim_action.robot.xacro_documents import XacroError
-from sim_action.robot.xacro_files import Expansion, expand
+from sim_action.robot.xacro_expansion import Expansion, expand
 
 _UNKNOWN: Final = "unknown-argument"
 _FALLBACKS: Final = Path(__file__).parent / "packages"

@@ -14,7 +14,7 @@ from pydantic import PrivateAttr
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
-from sim_action.robot import load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.call import Request
 from sim_action.ros.ros1.gazebo_plugins import DEVICES, base_in_model, plugins_of

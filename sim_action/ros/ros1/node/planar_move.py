@@ -10,7 +10,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, is_level
 from sim_action.drives.mecanum_motion import NOT_LEVEL
 from sim_action.drives.wheels import centre_of_mass
-from sim_action.robot.mobility import Mobility
+from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 from sim_action.world import GRAVITY

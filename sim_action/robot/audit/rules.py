@@ -124,7 +124,7 @@ def refuse_errors(findings: Iterable[Finding], allowed: Iterable[str] = ()) -> N
         raise RefusedModel(problems)
 
 
-def notes_of(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+def limited_notes(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """What is told of a model that was taken: the first findings of each rule, and how many more there are."""
     told, seen = list[Finding](), Counter[str]()
     left_out: dict[str, Finding] = {}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
+from xml.etree.ElementTree import Element
 
 from sim_action.core.messages import did_you_mean
-from sim_action.robot.document import ModelDocument
-from sim_action.robot.robot_model import Finding
-from sim_action.robot.values import child_of, parent_of
+from sim_action.robot.robot_model import MOVING_TYPES, Finding
+from sim_action.robot.urdf_elements import child_of, parent_of
+from sim_action.robot.xml_document import ModelDocument
 
 _JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
@@ -84,3 +85,26 @@ def _reached(root: str, children: dict[str, list[str]]) -> set[str]:
             reached.add(link)
             waiting += children.get(link, [])
     return reached
+
+
+MOST_MOVING_JOINTS: Final = 128 - 7
+"""Of joints that have a position."""
+
+MOST_JOINTS: Final = 128 - 1
+"""Of all joints, those that are fixed too: one link is the base."""
+
+_ADVICE: Final = "make one link of those that fixed joints hold together, and leave out what need not move"
+
+
+def joint_counts(document: ModelDocument) -> Iterator[Finding]:
+    """The engine has room for all joints."""
+    joints = list(document.elements("joint"))
+    moving = [joint for joint in joints if joint.get("type") in MOVING_TYPES]
+    yield from _beyond(document, joints, MOST_JOINTS, "joints")
+    yield from _beyond(document, moving, MOST_MOVING_JOINTS, "joints that move")
+
+
+def _beyond(document: ModelDocument, joints: Sequence[Element], most: int, what: str) -> Iterator[Finding]:
+    if len(joints) > most:
+        message = f"{len(joints)} {what}, and the engine takes {most}: {_ADVICE}"
+        yield document.finding("too-many-joints", joints[most], message)

@@ -11,8 +11,7 @@ from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.sdf.problems import Notes, SdfProblem
-from sim_action.robot.sdf.values import flag_of, number_of, text_of
+from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, number_of, text_of
 
 Usual = bool | float | None
 """What it is where it changes nothing; None: that it is there at all is odd."""

@@ -20,12 +20,15 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, Final
 from xml.dom.minidom import Document
+from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import Location
-from sim_action.core.messages import did_you_mean
+from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.packages import PackageError, Packages
-from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of, read_bytes
+from sim_action.robot.robot_model import Finding
+from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of, read_bytes, unknown_argument
 from sim_action.robot.xacro_errors import explained
+from sim_action.robot.xml_document import ModelDocument, shown_file, shown_place
 
 Argument = str | bool | int | float
 
@@ -49,6 +52,24 @@ class Expansion:
     text: str
     places: tuple[Location, ...]
     notes: tuple[str, ...]
+
+
+def read_xacro(
+    path: Path, arguments: Mapping[str, Argument], packages: Packages
+) -> tuple[ModelDocument, list[Finding]]:
+    """Evaluate a xacro file, which runs the expressions in it. Return the URDF and xacro's warnings. Raises ModelError.
+
+    The elements of the document know their places in the .xacro files.
+    """
+    try:
+        expansion = expand(path, arguments, packages)
+    except XacroError as error:
+        refuse_errors([error.finding()])
+        raise
+    root = ET.fromstring(expansion.text)  # noqa: S314 - written by xacro from documents without a DOCTYPE
+    places = {element: shown_place(place) for element, place in zip(root.iter(), expansion.places, strict=True)}
+    warnings = [finding("xacro-warning", note, Location(shown_file(path))) for note in expansion.notes]
+    return ModelDocument(root, places), warnings
 
 
 def expand(path: Path, arguments: Mapping[str, Argument], packages: Packages) -> Expansion:
@@ -217,9 +238,3 @@ def _as_notes(chatter: str) -> list[str]:
         else:
             notes.append(line.removeprefix("warning: "))
     return list(dict.fromkeys(notes))
-
-
-def unknown_argument(name: str, declared: set[str], path: Path) -> XacroError:
-    """What is said of one of `robot.args` that the files do not know."""
-    message = f"robot.args: no <xacro:arg> is named '{name}'{did_you_mean(name, declared)}"
-    return XacroError("unknown-argument", message, Location(str(path)))

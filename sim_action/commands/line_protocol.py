@@ -20,7 +20,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sim_action.commands.last_words import LastWords
+from sim_action.commands.stderr_tail import LastWords
 from sim_action.core.errors import ScriptError
 from sim_action.core.messages import escaped_line, shown
 

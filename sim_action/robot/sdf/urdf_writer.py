@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.robot.document import ModelDocument
+from sim_action.robot.xml_document import ModelDocument
 
 
 class UrdfWriter:

@@ -6,22 +6,24 @@ message types is compared with ours and never used, since `rosbags` makes Python
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, Literal
 
-from sim_action.commands.logs import Moment
-from sim_action.commands.logs.ros_messages import TYPES, MessageError, command_of
+from sim_action.commands.logs import KINDS, JointColumn, Moment, followed, targets
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.files import read_at_most
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.messages import did_you_mean, escaped_line
-from sim_action.state.command import Command
+from sim_action.state.command import Command, is_finite
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
+
 
 PACKAGE: Final = "rosbags"
 METADATA: Final = "metadata.yaml"
@@ -174,3 +176,59 @@ def _refuse_other(connection: Connection, digests: set[str]) -> None:
             f"'{connection.topic}' is of a type {connection.msgtype} that is not the one of ROS (by its digest, "
             f"{connection.digest})"
         )
+
+
+class MessageError(ValueError):
+    """A message that no robot can be told."""
+
+
+def command_of(type_name: str, message: Any) -> Command:
+    """What a message of one of `TYPES` tells a robot. Raises MessageError."""
+    command = TYPES[type_name](message)
+    if not is_finite(command):
+        raise MessageError("a value of it is not finite")
+    return command
+
+
+def _twist(message: Any) -> Twist:
+    return Twist(_vector(message.linear), _vector(message.angular))
+
+
+def _vector(message: Any) -> Vector3:
+    return (float(message.x), float(message.y), float(message.z))
+
+
+def _stamped_twist(message: Any) -> Twist:
+    return _twist(message.twist)
+
+
+def _joint_state(message: Any) -> Command:
+    names = list(message.name)
+    if len(set(names)) != len(names):
+        raise MessageError("a joint is named twice in it")
+    values: dict[JointColumn, float] = {}
+    for kind in KINDS:
+        numbers: Sequence[float] = getattr(message, kind).tolist()
+        if numbers and len(numbers) != len(names):
+            raise MessageError(f"it has {len(names)} names, and {len(numbers)} numbers in '{kind}'")
+        values.update((JointColumn(kind, name), number) for name, number in zip(names, numbers, strict=False))
+    if not values:
+        raise MessageError("it has no position, no velocity and no effort")
+    columns = list(values)
+    return targets((columns[place], values[columns[place]]) for place in followed(columns))
+
+
+TYPES: Final[Mapping[str, Callable[[Any], Command]]] = MappingProxyType(
+    {
+        "geometry_msgs/msg/Twist": _twist,
+        "geometry_msgs/msg/TwistStamped": _stamped_twist,
+        "sensor_msgs/msg/JointState": _joint_state,
+    }
+)
+"""Type of a message -> how it is read."""
+
+
+MessageType = Literal["geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped", "sensor_msgs/msg/JointState"]
+
+TWISTS: Final[frozenset[str]] = frozenset({"geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"})
+"""Those that drive a base."""

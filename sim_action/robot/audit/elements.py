@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.document import ModelDocument
+from sim_action.core.messages import FirstFew, did_you_mean
 from sim_action.robot.robot_model import Finding
-from sim_action.robot.values import CONTACT, MOMENTS, MOST, SHAPES, is_expression, is_numbers
+from sim_action.robot.urdf_elements import (
+    CONTACT,
+    MOMENTS,
+    MOST,
+    NUMBERS,
+    SHAPES,
+    is_expression,
+    is_numbers,
+    number_text,
+)
+from sim_action.robot.xml_document import ModelDocument
 
 _REQUIRED: Final = {
     "link": ("name",),
@@ -64,7 +75,7 @@ _HINTS: Final = {
 """What is to be done about other formats, by their root."""
 
 
-def robot(document: ModelDocument) -> Iterator[Finding]:
+def root(document: ModelDocument) -> Iterator[Finding]:
     """Whether it is a URDF at all."""
     root = document.root
     if root.tag != "robot":
@@ -74,7 +85,7 @@ def robot(document: ModelDocument) -> Iterator[Finding]:
         yield document.finding("not-a-robot", root, "a model has at least one <link>, this one has none")
 
 
-def required(document: ModelDocument) -> Iterator[Finding]:
+def required_attributes(document: ModelDocument) -> Iterator[Finding]:
     """Attributes that must be there."""
     for path, names in _REQUIRED.items():
         for element in document.elements(path):
@@ -83,7 +94,7 @@ def required(document: ModelDocument) -> Iterator[Finding]:
                     yield document.finding("missing-part", element, f"<{element.tag}> without '{name}'")
 
 
-def children(document: ModelDocument) -> Iterator[Finding]:
+def required_children(document: ModelDocument) -> Iterator[Finding]:
     """Elements that must be in others."""
     for path, tags in _CHILDREN.items():
         for element in document.elements(path):
@@ -147,3 +158,96 @@ def _is_large(word: str) -> bool:
         return word[-1:].isdigit() and abs(float(word)) > MOST
     except ValueError:
         return False
+
+
+# Above the elements of others that are known, there are those of URDF.
+_KNOWN: Final = {
+    ".": ("link", "joint", "material", "transmission", "gazebo", "group", "sensor", "plugin", "ros2_control"),
+    "link": ("inertial", "collision", "visual", "contact", "material", "gravity", "sensor"),
+    "link/inertial": ("origin", "mass", "inertia"),
+    "link/collision": ("origin", "geometry", "material", "contact", "verbose"),
+    "joint": (
+        "parent",
+        "child",
+        "origin",
+        "axis",
+        "limit",
+        "dynamics",
+        "mimic",
+        "safety_controller",
+        "calibration",
+        "joint_properties",
+    ),
+}
+"""Path of what they are in -> names."""
+
+_LIKENESS: Final = 0.75
+_LONGEST: Final = 30
+# Each compares a name with others.
+_MOST_TOLD: Final = 100
+
+
+def misspelled_tags(document: ModelDocument) -> Iterator[Finding]:
+    """Names of elements that are nearly one that is read."""
+    near: dict[tuple[str, str], str | None] = {}
+    for path, known in _KNOWN.items():
+        for element in document.elements(path):
+            for child in element:
+                if child.tag in known or len(child.tag) > _LONGEST or len(near) > _MOST_TOLD:
+                    continue
+                if (path, child.tag) not in near:
+                    near[path, child.tag] = _nearest(child.tag, known)
+                meant = near[path, child.tag]
+                if meant is not None:
+                    message = f"<{child.tag}> in <{element.tag}> is read by nobody; did you mean <{meant}>?"
+                    yield document.finding("unknown-tag", child, message)
+
+
+def _nearest(tag: str, known: tuple[str, ...]) -> str | None:
+    found = difflib.get_close_matches(tag.lower(), known, n=1, cutoff=_LIKENESS)
+    return found[0] if found else None
+
+
+def repeated_inertials(document: ModelDocument) -> Iterator[Finding]:
+    """A second <inertial>: parts that weigh something are links of their own."""
+    for link in document.elements("link"):
+        for inertial in link.findall("inertial")[1:]:
+            message = (
+                f"a second <inertial> in link '{link.attrib['name']}': the first counts; add them up, or remove it"
+            )
+            yield document.finding("second-inertial", inertial, message)
+
+
+def gazebo_numbers(document: ModelDocument) -> Iterator[Finding]:
+    """Coefficients are numbers, and not below zero."""
+    for tag in document.elements("gazebo"):
+        for name in NUMBERS:
+            text = number_text(tag, name)
+            if text is None:
+                continue
+            message = f"<{name}>{text}</{name}>: expected a finite number that is not negative"
+            if is_expression(text):
+                yield document.finding("unexpanded-expression", tag, f"{message}; expand this expression of xacro")
+            elif not is_numbers(text, 1) or float(text) < 0:
+                yield document.finding("bad-number", tag, message)
+
+
+def gazebo_references(document: ModelDocument) -> Iterator[Finding]:
+    """What is said of a link is said of one that is there."""
+    names = {element.attrib["name"] for element in document.elements("link", "joint")}
+    hinted = FirstFew()
+    for tag in document.elements("gazebo"):
+        name = tag.get("reference")
+        if name is not None and name not in names:
+            hint = did_you_mean(name, names) if hinted.one_more() else ""
+            message = f'<gazebo reference="{name}">: no link or joint has this name{hint}'
+            yield document.finding("unknown-reference", tag, message)
+
+
+def gazebo_frictions(document: ModelDocument) -> Iterator[Finding]:
+    """Friction is the same in all directions: the engines have one coefficient."""
+    for tag in document.elements("gazebo"):
+        mu1, mu2 = (number_text(tag, name) for name in ("mu1", "mu2"))
+        if mu1 and mu2 and not is_expression(mu1 + mu2) and float(mu1) != float(mu2):
+            message = f"friction of {mu1} in one direction and {mu2} in the other: mu1 counts in both"
+            yield document.finding("two-frictions", tag, message)

@@ -12,10 +12,10 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import Box, Vector3
 from sim_action.robot.audit.shapes import LARGEST
-from sim_action.robot.document import ModelDocument
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding
-from sim_action.robot.values import vector
+from sim_action.robot.urdf_elements import vector
+from sim_action.robot.xml_document import ModelDocument
 
 # In m: PyBullet puts so much around every hull, and a wheel would roll over 2 % too far.
 _ENGINE_MARGIN: Final = 0.001

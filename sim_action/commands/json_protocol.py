@@ -1,0 +1,209 @@
+"""What a controller in another process gets to see, as values that JSON has: names and units are those of Python."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, Final, NoReturn
+
+from sim_action.commands.robot_description import JointDescription, RobotDescription
+from sim_action.core.geometry import Pose, Twist
+from sim_action.core.messages import did_you_mean, shown
+from sim_action.state.command import Answer, Command, JointTargets
+
+if TYPE_CHECKING:
+    from sim_action.state.observation import Contact, Observation
+
+
+Json = dict[str, Any]
+
+
+def observation_json(observation: Observation) -> Json:
+    """An observation; numbers are written so that reading them gives the same bits."""
+    return {
+        "time": observation.time,
+        "pose": _pose(observation.pose),
+        "twist": _twist(observation.twist),
+        "joints": {name: state._asdict() for name, state in observation.joints.items()},
+        "contacts": [_contact(contact) for contact in observation.contacts],
+        "sensors": {name: _reading(reading) for name, reading in observation.sensors.items()},
+    }
+
+
+def robot_json(robot: RobotDescription) -> Json:
+    """What there is to know of the robot, but for how it is asked."""
+    return {
+        "name": robot.name,
+        "base": robot.base,
+        "links": list(robot.links),
+        "joints": {name: _joint(joint) for name, joint in robot.joints.items()},
+    }
+
+
+def _reading(reading: Any) -> Json:
+    """All readings are dataclasses: field by field."""
+    return {field.name: _value(getattr(reading, field.name)) for field in fields(reading)}
+
+
+def _value(value: Any) -> Any:
+    """What a field of a reading is in JSON, which has no infinities.
+
+    Of a distance (what else could be infinite?), inf says that nothing is there, and becomes null; -inf that something
+    is too near to be measured (ROS REP 117), and becomes 0, which is never measured where there is a nearest.
+    """
+    match value:
+        case Pose():
+            return _pose(value)
+        case Twist():
+            return _twist(value)
+        case float():
+            return value if math.isfinite(value) else 0.0 if value == -math.inf else None
+        case tuple() | list():
+            return [_value(item) for item in value]
+        case _ if hasattr(value, "__array_interface__"):
+            return _array(value)
+        case _:
+            return value
+
+
+def _array(array: Any) -> Any:
+    """A row of numbers is a list; what has more dimensions, such as an image, is its bytes."""
+    if array.ndim <= 1:
+        return _value(array.tolist())
+    data = array.astype(array.dtype.newbyteorder("<"), order="C", copy=False).tobytes()
+    return {"shape": list(array.shape), "type": array.dtype.name, "base64": base64.b64encode(data).decode("ascii")}
+
+
+def _pose(pose: Pose) -> Json:
+    return {
+        "position_xyz": list(pose.position_xyz),
+        "orientation_xyzw": list(pose.orientation_xyzw),
+        "yaw": pose.yaw,
+    }
+
+
+def _twist(twist: Twist) -> Json:
+    return {"linear_xyz": list(twist.linear_xyz), "angular_xyz": list(twist.angular_xyz)}
+
+
+def _contact(contact: Contact) -> Json:
+    return {
+        "link": contact.link,
+        "body": contact.body,
+        "position_xyz": list(contact.position_xyz),
+        "force": contact.force,
+    }
+
+
+def _joint(joint: JointDescription) -> Json:
+    return {
+        "type": joint.type,
+        "moves": joint.moves,
+        "lower": _limit(joint.lower),
+        "upper": _limit(joint.upper),
+        "max_effort": _limit(joint.max_effort),
+        "max_velocity": _limit(joint.max_velocity),
+        "mimics": joint.mimics,
+    }
+
+
+def _limit(value: float | None) -> float | None:
+    """JSON has no infinity; what limits nothing is no limit."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+_TARGETS: Final = ("position", "velocity", "effort", "max_effort")
+_SPEEDS: Final = ("linear", "angular", "lateral")
+
+
+class AnswerError(ValueError):
+    """Why a line is no answer; "it" is the line."""
+
+
+def answer_of(line: bytes) -> Answer:
+    """What an answer commands; None if it leaves the last command standing. Raises AnswerError."""
+    found = _object(_parsed_line(line))
+    _check_keys(found, ("twist", *_TARGETS), "it")
+    commands: list[Command] = [_twist_command(found["twist"])] if "twist" in found else []
+    if any(key in found for key in _TARGETS):
+        position, velocity, effort, max_effort = (_numbers(found.get(key, {}), key) for key in _TARGETS)
+        commands.append(JointTargets(position, velocity, effort, max_effort))
+    return tuple(commands) if len(commands) > 1 else next(iter(commands), None)
+
+
+def is_acknowledgement(line: bytes) -> bool:
+    """Whether an answer commands nothing. Raises AnswerError."""
+    return answer_of(line) is None
+
+
+def _parsed_line(line: bytes) -> Any:
+    try:
+        return json.loads(line, object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant)
+    except UnicodeDecodeError:
+        raise AnswerError("it is not UTF-8 text") from None
+    except json.JSONDecodeError as error:
+        raise AnswerError(f"it is not JSON: {error.msg} (column {error.colno})") from None
+    except RecursionError:
+        raise AnswerError("it is nested too deep") from None
+    except AnswerError:
+        raise
+    except ValueError as error:  # such as a whole number of thousands of digits
+        raise AnswerError(f"it cannot be read: {error}") from None
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise AnswerError(f"it has the key {shown(name)} twice")
+        found[name] = value
+    return found
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise AnswerError(f"it has {name}, which is no number that a motor can be given (nor JSON)")
+
+
+def _object(value: Any) -> Mapping[str, Any]:
+    if value is None:
+        return {}
+    if not isinstance(value, dict):
+        raise AnswerError(f"it is {_found(value)}; expected an object, such as {{}}")
+    return value
+
+
+def _check_keys(found: Mapping[str, Any], allowed: Collection[str], where: str) -> None:
+    for key in found:
+        if key not in allowed:
+            raise AnswerError(f"{where} has the unknown key {shown(key)}{did_you_mean(key, allowed)}")
+
+
+def _twist_command(value: Any) -> Twist:
+    speeds = _numbers(value, "twist")
+    _check_keys(speeds, _SPEEDS, "'twist'")
+    return Twist.planar(speeds.get("linear", 0.0), speeds.get("angular", 0.0), lateral=speeds.get("lateral", 0.0))
+
+
+def _numbers(value: Any, where: str) -> dict[str, float]:
+    if not isinstance(value, dict):
+        raise AnswerError(f"'{where}' is {_found(value)}; expected an object of numbers by name")
+    return {name: _number(number, f"'{where}.{name}'") for name, number in value.items()}
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise AnswerError(f"{where} is {_found(value)}; expected a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise AnswerError(f"{where} is too large a number")
+    return number
+
+
+def _found(value: Any) -> str:
+    return "null" if value is None else "an object" if isinstance(value, dict) else shown(value)

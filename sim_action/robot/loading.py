@@ -1,0 +1,141 @@
+"""Load the robot model that a scenario names: a built-in model, or a file of URDF, xacro, SDF or MJCF."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from sim_action.core.errors import ModelError
+from sim_action.core.messages import did_you_mean
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.robot.audit.rules import limited_notes
+from sim_action.robot.packages import PackageError, Packages, find_model_file, is_model_folder
+from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.urdf import model_of, read_urdf
+from sim_action.robot.xml_document import ModelDocument, read_document
+
+if TYPE_CHECKING:
+    from sim_action.robot.spec import Robot
+
+_BUILT_IN_FOLDER: Final = Path(__file__).parent / "built_in"
+
+BUILT_IN: Final = MappingProxyType(
+    {"turtlebot3_burger": "two-wheeled robot, 1 kg, diff drive: wheel radius 0.033 m, separation 0.160 m"}
+)
+"""Name of each model that comes with sim-action -> its description."""
+
+
+class ModelLibrary:
+    """A cache of loaded models: each model of a suite is read once, even when many scenarios name it.
+
+    A cached model does not change when its files change. Create one library for each call that reads scenarios.
+    """
+
+    def __init__(self) -> None:
+        self._models: dict[Hashable, RobotModel | ModelError] = {}
+
+    def load(self, robot: Robot, workspace: Workspace) -> RobotModel:
+        """Return the model as `load_model` does, or from the cache. Raises ModelError, also from the cache."""
+        key = (workspace.root, workspace.allow_outside, *_place(robot, workspace), _options(robot))
+        if key not in self._models:
+            self._models[key] = _read_or_error(robot, workspace)
+        found = self._models[key]
+        if isinstance(found, ModelError):
+            raise found.with_traceback(None)
+        return found
+
+
+def _read_or_error(robot: Robot, workspace: Workspace) -> RobotModel | ModelError:
+    try:
+        return load_model(robot, workspace)
+    except ModelError as error:
+        # The context would keep alive all that was being read when the error was raised.
+        error.__context__ = error.__cause__ = None
+        return error.with_traceback(None)
+
+
+def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
+    """The part of the key that names the file.
+
+    Scenarios in different folders may mean the same file. A package name may mean another package in each folder.
+    """
+    if robot.model in BUILT_IN:
+        return (robot.model,)
+    if not robot.packages and "://" not in robot.model:
+        try:
+            return (workspace.file(robot.model),)
+        except PathError:
+            pass  # load_model reports it
+    return workspace.directory, robot.model
+
+
+def _options(robot: Robot) -> str:
+    return robot.model_dump_json(include={"args", "packages", "allow"})
+
+
+def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
+    """Read the model that a robot names. Raises ModelError.
+
+    A xacro file is evaluated, which runs the expressions in it.
+    """
+    model = _read_model(robot, workspace)
+    return replace(model, findings=limited_notes(model.findings))
+
+
+def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
+    if robot.model in BUILT_IN:
+        return read_urdf(_BUILT_IN_FOLDER / f"{robot.model}.urdf")
+    packages = Packages(workspace, robot.packages)
+    path = _path(robot.model, packages)
+    if not robot.is_xacro:
+        return _model(read_document(path), path, packages, robot.allow)
+    # xacro takes 40 ms to import.
+    from sim_action.robot.xacro_expansion import read_xacro
+
+    document, warnings = read_xacro(path, robot.args, packages)
+    model = _model(document, path, packages, robot.allow)
+    return replace(model, findings=(*model.findings, *warnings))
+
+
+def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
+    """Return the model of a document. Its root element decides the format; MJCF also needs the file suffix .xml."""
+    if document.root.tag == "mujoco" and path.suffix == ".xml":
+        # MuJoCo takes 0.1 s to import.
+        from sim_action.robot.mjcf import read_mjcf
+
+        return read_mjcf(path, packages)
+    if document.root.tag != "sdf":
+        return model_of(document, path, packages, allow)
+    from sim_action.robot.sdf.conversion import urdf_of_sdf
+
+    urdf, findings = urdf_of_sdf(document, path, packages, allow)
+    model = model_of(urdf, path, packages, allow)
+    return replace(model, findings=(*model.findings, *findings))
+
+
+def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
+    """Check a file of xacro or MJCF as text, without running it. Return what was not checked. Raises ModelError."""
+    packages = Packages(workspace, robot.packages)
+    path = _path(robot.model, packages)
+    if robot.is_mjcf:
+        read_document(path)
+        return (f"links and joints of {robot.model} are not checked yet: MuJoCo reads the file when the scenario runs",)
+    from sim_action.robot.xacro_check import check_xacro_text
+
+    return check_xacro_text(path, robot.args, packages)
+
+
+def _path(name: str, packages: Packages) -> Path:
+    if "/" not in name and "." not in name:
+        built_in = f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}"
+        raise ModelError(f"{built_in}, or the path of a .urdf, .xacro, .sdf or .xml file")
+    workspace = packages.workspace
+    try:
+        if "://" in name or is_model_folder(workspace.directory / name):
+            return find_model_file(name, workspace.directory / "scenario", packages).path
+        return workspace.file(name)
+    except (PathError, PackageError) as error:
+        raise ModelError(str(error)) from None
