@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,10 +14,10 @@ from typing import Any
 import pytest
 
 from sim_action.commands import ClosedLoop
-from sim_action.commands.process import ProcessCommands
+from sim_action.commands.process import ProcessCommands, program_of
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import PathError, Workspace
 from sim_action.state.command import JointTargets
 from tests.scenarios import LEAST, load, told
 from tests.traces import START, scene
@@ -188,3 +189,46 @@ def test_a_program_that_has_gone_since_is_an_error(tmp_path: Path) -> None:
     gone = ProcessCommands(process=("./gone",))
     with pytest.raises(ScriptError, match=r"'\./gone' does not exist"):
         gone.open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))
+
+
+def found(folder: Path, word: str) -> Path:
+    return program_of(word, Workspace(folder, folder))
+
+
+def test_a_word_is_looked_for_on_path(tmp_path: Path) -> None:
+    there = shutil.which("sh")
+    assert there is not None
+    assert found(tmp_path, "sh") == Path(there)
+
+
+def test_a_word_with_a_slash_is_a_file_of_the_workspace(tmp_path: Path) -> None:
+    program = tmp_path / "bin/controller"
+    program.parent.mkdir()
+    program.touch(0o700)
+    assert found(tmp_path, "./bin/controller") == found(tmp_path, "bin/controller") == program
+
+
+def test_a_link_is_run_under_its_own_name(tmp_path: Path) -> None:
+    # By which a Python knows its virtual environment, and busybox its applet.
+    (tmp_path / "program").touch(0o700)
+    (tmp_path / "link").symlink_to("program")
+    assert found(tmp_path, "./link") == tmp_path / "link"
+
+
+@pytest.mark.parametrize(
+    ("word", "why"),
+    [
+        ("no-such-program", "no program 'no-such-program' is on PATH"),
+        ("controller", "no program 'controller' is on PATH; the file beside the scenario is './controller'"),
+        ("./controller", "'./controller' may not be executed; chmod +x, or begin with what runs it"),
+        ("./absent", "'./absent' does not exist"),
+        ("../out", "outside the workspace"),
+        ("/bin/sh", "outside the workspace"),
+        ("./", "is a folder"),
+    ],
+)
+def test_what_is_no_program(word: str, why: str, tmp_path: Path) -> None:
+    (tmp_path / "controller").touch(0o600)
+    with pytest.raises(PathError) as raised:
+        found(tmp_path, word)
+    assert why in str(raised.value)

@@ -26,7 +26,7 @@ from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.conftest import sim_action
-from tests.robot.sdf_models import INERTIAL, joint, link, sdf
+from tests.robot.sdf.models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written
 
 # Poses as people write them in SDF: from the ground, with the wheels' axes along their own z.

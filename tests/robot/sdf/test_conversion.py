@@ -18,7 +18,7 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import Joint, RobotModel
 from sim_action.robot.urdf import read_urdf
-from tests.robot.sdf_models import load
+from tests.robot.sdf.models import load
 from tests.ros_workspace import written
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed")

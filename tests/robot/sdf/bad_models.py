@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tests.robot.sdf_models import INERTIAL, SPHERE, joint, link, sdf
+from tests.robot.sdf.models import INERTIAL, SPHERE, joint, link, sdf
 
 BASE, TOOL = link("base"), link("tool", "<pose>0 0 1 0 0 0</pose>")
 JOINT = joint("lift", "base", "tool", "<axis><xyz>0 0 1</xyz></axis>", "continuous")

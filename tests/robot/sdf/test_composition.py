@@ -9,7 +9,7 @@ import pytest
 from sim_action.core.errors import RefusedModel
 from sim_action.core.geometry import Vector3
 from sim_action.robot.robot_model import RobotModel
-from tests.robot.sdf_models import joint, link, load, load_named, near, position, sdf
+from tests.robot.sdf.models import joint, link, load, load_named, near, position, sdf
 from tests.robot.test_urdf import TETRAHEDRON, mesh_file
 from tests.ros_workspace import written
 

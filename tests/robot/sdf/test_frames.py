@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.geometry import Vector3
-from tests.robot.sdf_models import facing, joint, link, load, near, position, sdf
+from tests.robot.sdf.models import facing, joint, link, load, near, position, sdf
 
 HALF = math.pi / 2
 QUARTER_TURN = f"0 0 0 0 0 {HALF}"

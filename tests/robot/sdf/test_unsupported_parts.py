@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.robot.sdf_models import INERTIAL, joint, link, load, rules, sdf
+from tests.robot.sdf.models import INERTIAL, joint, link, load, rules, sdf
 from tests.ros_workspace import written
 
 GEOMETRY = "<geometry><sphere><radius>0.1</radius></sphere></geometry>"

@@ -6,19 +6,45 @@ import random
 import shutil
 import sys
 from pathlib import Path
+from typing import Any, get_args
 
 import pytest
 from rosbags.rosbag2 import CompressionMode, Writer
+from rosbags.typesys.store import Typestore
 
 from sim_action.commands.logs import Moment
-from sim_action.commands.logs.rosbag import files_of, path_problem, read_moments
+from sim_action.commands.logs.rosbag import (
+    TWISTS,
+    TYPES,
+    MessageError,
+    MessageType,
+    command_of,
+    files_of,
+    path_problem,
+    read_moments,
+)
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.geometry import Twist
 from sim_action.state.command import JointTargets
 from tests.commands.logs import bags
-from tests.commands.logs.bags import ROS1, ROS2, WRITERS, drive, joint_state, joints, mcap_file, ros1_bag, ros2_bag
+from tests.commands.logs.bags import (
+    JOINTS,
+    ROS1,
+    ROS2,
+    STAMPED,
+    TWIST,
+    WRITERS,
+    drive,
+    joint_state,
+    joints,
+    mcap_file,
+    ros1_bag,
+    ros2_bag,
+    stamped,
+    twist,
+)
 
-TWISTS = [(0.0, 0.2, 0.0), (0.1, 0.2, 0.5), (1.5, 0.0, 0.0)]
+TWIST_MESSAGES = [(0.0, 0.2, 0.0), (0.1, 0.2, 0.5), (1.5, 0.0, 0.0)]
 in_every_format = pytest.mark.parametrize("log", list(WRITERS))
 
 
@@ -40,9 +66,9 @@ def told(path: Path, topic: str = "/cmd_vel", type_name: str | None = None) -> s
 @in_every_format
 @pytest.mark.parametrize("type_name", [bags.TWIST, bags.STAMPED])
 def test_twists_of_one_topic_come_out_as_they_went_in(log: str, type_name: str, tmp_path: Path) -> None:
-    entries = [*drive(TWISTS, type_name=type_name), *drive([(0.05, 9.0, 9.0)], "/other")]
+    entries = [*drive(TWIST_MESSAGES, type_name=type_name), *drive([(0.05, 9.0, 9.0)], "/other")]
     path = written(tmp_path, log, sorted(entries, key=lambda entry: entry[0]))
-    assert read(path) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWISTS]
+    assert read(path) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
     assert read(path, type_name=type_name) == read(path)
 
 
@@ -60,14 +86,14 @@ def test_joints_come_out_as_they_went_in(log: str, tmp_path: Path) -> None:
 
 @in_every_format
 def test_a_topic_or_a_type_that_is_not_there_is_told_with_those_that_are(log: str, tmp_path: Path) -> None:
-    path = written(tmp_path, log, drive(TWISTS))
+    path = written(tmp_path, log, drive(TWIST_MESSAGES))
     assert "no topic '/cmd_val'; did you mean '/cmd_vel'?" in told(path, "/cmd_val")
     assert "'/cmd_vel' is of type geometry_msgs/msg/Twist, where the scenario says" in told(path, type_name=bags.JOINTS)
 
 
 @in_every_format
 def test_a_message_that_no_robot_can_be_told_is_named(log: str, tmp_path: Path) -> None:
-    path = written(tmp_path, log, drive([*TWISTS, (2.0, float("nan"), 0.0)]))
+    path = written(tmp_path, log, drive([*TWIST_MESSAGES, (2.0, float("nan"), 0.0)]))
     assert told(path) == "monday: message 4 of '/cmd_vel': a value of it is not finite"
 
 
@@ -78,7 +104,7 @@ def test_types_that_tell_no_robot_where_to_go_are_told(tmp_path: Path) -> None:
 
 
 def test_a_type_of_the_same_name_with_other_fields_is_refused(tmp_path: Path) -> None:
-    path = ros1_bag(tmp_path / "a.bag", drive(TWISTS))
+    path = ros1_bag(tmp_path / "a.bag", drive(TWIST_MESSAGES))
     digest = ROS1.generate_msgdef(bags.TWIST)[1].encode()
     data = path.read_bytes()
     assert digest in data
@@ -87,13 +113,13 @@ def test_a_type_of_the_same_name_with_other_fields_is_refused(tmp_path: Path) ->
 
 
 def test_the_files_of_a_bag_may_come_in_any_order(tmp_path: Path) -> None:
-    folder = ros2_bag(tmp_path / "later", drive(TWISTS[1:]))
-    shutil.copy(ros2_bag(tmp_path / "earlier", drive(TWISTS[:1])) / "earlier.db3", folder)
+    folder = ros2_bag(tmp_path / "later", drive(TWIST_MESSAGES[1:]))
+    shutil.copy(ros2_bag(tmp_path / "earlier", drive(TWIST_MESSAGES[:1])) / "earlier.db3", folder)
     metadata = (folder / "metadata.yaml").read_text()
     listed = "relative_file_paths:\n  - later.db3\n"
     assert listed in metadata
     (folder / "metadata.yaml").write_text(metadata.replace(listed, f"{listed}  - earlier.db3\n"))
-    assert read(folder) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWISTS]
+    assert read(folder) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
 
 
 def test_a_topic_of_several_types_is_refused(tmp_path: Path) -> None:
@@ -111,7 +137,7 @@ def test_what_is_no_cdr_is_refused(tmp_path: Path) -> None:
 
 
 def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
-    path = mcap_file(tmp_path / "a.mcap", drive(TWISTS))
+    path = mcap_file(tmp_path / "a.mcap", drive(TWIST_MESSAGES))
     data = path.read_bytes()
     assert b"float64 x" in data
     path.write_bytes(data.replace(b"float64 x", b"float32 {"))
@@ -119,19 +145,19 @@ def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
 
 
 def test_a_bag_whose_files_would_have_to_be_unpacked_is_refused(tmp_path: Path) -> None:
-    path = ros2_bag(tmp_path / "bag", drive(TWISTS), compression=CompressionMode.FILE)
+    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES), compression=CompressionMode.FILE)
     with pytest.raises(RecordingError, match="compressed as wholes"):
         list(files_of(path, "monday"))
 
 
 def test_the_files_of_a_bag_are_those_that_its_metadata_name(tmp_path: Path) -> None:
-    path = ros2_bag(tmp_path / "bag", drive(TWISTS))
+    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES))
     assert list(files_of(path, "monday")) == ["metadata.yaml", "bag.db3"]
 
 
 @pytest.mark.parametrize("text", ["", "[", "rosbag2_bagfile_information: 3", "a: b", "!!python/object:os.system x"])
 def test_metadata_that_say_nothing_are_an_error(text: str, tmp_path: Path) -> None:
-    path = ros2_bag(tmp_path / "bag", drive(TWISTS))
+    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES))
     (path / "metadata.yaml").write_text(text)
     with pytest.raises(RecordingError, match=r"^monday: "):
         list(files_of(path, "monday"))
@@ -146,7 +172,7 @@ def test_paths_that_no_log_can_be_read_from(tmp_path: Path) -> None:
 
 
 def test_without_rosbags_it_is_told_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = mcap_file(tmp_path / "a.mcap", drive(TWISTS))
+    path = mcap_file(tmp_path / "a.mcap", drive(TWIST_MESSAGES))
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
     assert "pip install '.[rosbags]'" in told(path)
 
@@ -158,7 +184,7 @@ def test_a_log_without_a_message_is_an_error(log: str, tmp_path: Path) -> None:
 
 @in_every_format
 def test_damaged_logs_are_logs_or_an_error_for_people(log: str, tmp_path: Path) -> None:
-    whole = written(tmp_path, log, drive(TWISTS))
+    whole = written(tmp_path, log, drive(TWIST_MESSAGES))
     draw = random.Random(log)
     for trial in range(60):
         path = tmp_path / f"{trial}-{log}"
@@ -188,3 +214,42 @@ def damage(path: Path, draw: random.Random) -> None:
             for _ in range(draw.randrange(1, 8)):
                 data[draw.randrange(len(data))] = draw.choice((0, 255, draw.randrange(256)))
     path.write_bytes(data)
+
+
+both_generations = pytest.mark.parametrize("store", [ROS1, ROS2], ids=["ros1", "ros2"])
+
+
+def test_every_type_that_a_scenario_can_name_is_read() -> None:
+    assert set(get_args(MessageType)) == set(TYPES)
+    assert set(TYPES) > TWISTS
+
+
+@both_generations
+def test_twists_with_and_without_a_stamp(store: Typestore) -> None:
+    assert command_of(TWIST, twist(store, 1.0, 2.0)) == Twist.planar(1.0, 2.0)
+    assert command_of(STAMPED, stamped(store, 1.0, 2.0)) == Twist.planar(1.0, 2.0)
+
+
+@both_generations
+def test_a_joint_state_says_where_to_go_and_else_how_fast(store: Typestore) -> None:
+    message = joint_state(store, ["a", "b"], position=[1, 2], velocity=[3, 4], effort=[float("nan")] * 2)
+    assert command_of(JOINTS, message) == JointTargets(position={"a": 1.0, "b": 2.0})
+    assert command_of(JOINTS, joint_state(store, ["a"], velocity=[3], effort=[5])) == JointTargets(velocity={"a": 3.0})
+    assert command_of(JOINTS, joint_state(store, ["a"], effort=[5])) == JointTargets(effort={"a": 5.0})
+
+
+@pytest.mark.parametrize(
+    ("message", "what"),
+    [
+        (twist(ROS2, float("nan"), 0.0), "not finite"),
+        (joint_state(ROS2, ["a"], position=[float("inf")]), "not finite"),
+        (joint_state(ROS2, ["a", "b"], position=[1.0]), "2 names, and 1 numbers in 'position'"),
+        (joint_state(ROS2, ["a"], position=[1.0], effort=[1.0, 2.0]), "1 names, and 2 numbers in 'effort'"),
+        (joint_state(ROS2, ["a"]), "no position, no velocity and no effort"),
+        (joint_state(ROS2, ["a", "a"], position=[1.0, 2.0]), "named twice"),
+    ],
+)
+def test_a_message_that_no_robot_can_be_told_is_refused(message: Any, what: str) -> None:
+    type_name = message.__msgtype__
+    with pytest.raises(MessageError, match=what):
+        command_of(type_name, message)

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.core.geometry import Vector3
 from sim_action.robot.robot_model import Mimic, Plugin
-from tests.robot.sdf_models import joint, link, load, near, position, rules, sdf
+from tests.robot.sdf.models import joint, link, load, near, position, rules, sdf
 
 HALF = math.pi / 2
 QUARTER_TURN = f"0 0 0 0 0 {HALF}"

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.robot.audit.rules import ALLOWABLE
-from tests.robot.bad_sdf_models import BAD_SDF_MODELS, GOOD, BadSdf
-from tests.robot.sdf_models import joint, link, load, sdf
+from tests.robot.sdf.bad_models import BAD_SDF_MODELS, GOOD, BadSdf
+from tests.robot.sdf.models import joint, link, load, sdf
 from tests.robot.test_urdf import TETRAHEDRON
 from tests.ros_workspace import written
 from tests.work import work_of

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from sim_action.core.geometry import Vector3
-from tests.robot.sdf_models import INERTIAL, SPHERE, joint, link, load, near, rules, sdf
+from tests.robot.sdf.models import INERTIAL, SPHERE, joint, link, load, near, rules, sdf
 
 HALF = math.pi / 2
 

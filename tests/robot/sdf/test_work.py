@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import ModelError
-from tests.robot.sdf_models import link, load, sdf
+from tests.robot.sdf.models import link, load, sdf
 from tests.work import work_of
 
 

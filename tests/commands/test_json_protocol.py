@@ -1,18 +1,149 @@
-"""Answers of programs: what they mean, and why they are none."""
+"""Observations as JSON: the same bits, and nothing that JSON does not have."""
 
 from __future__ import annotations
 
+import base64
 import json
 import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from sim_action.commands.json_protocol import AnswerError, answer_of
-from sim_action.core.geometry import Twist
+from sim_action.commands.json_protocol import AnswerError, answer_of, observation_json, robot_json
+from sim_action.commands.robot_description import RobotDescription
+from sim_action.core.geometry import Pose, Twist
 from sim_action.state.command import JointTargets, commands_of, is_finite
+from sim_action.state.observation import Contact, JointState, Observation
+from sim_action.state.readings import ContactReading, ImuReading, OdometryReading, Reading
+from tests.traces import scene
+
+SEEN = Observation(
+    time=0.1 + 0.2,
+    pose=Pose((1 / 3, -2.0, 1e-9), (0.0, 0.0, math.sin(0.5), math.cos(0.5))),
+    twist=Twist((0.1, 0.0, -0.0), (0.0, 0.0, 2.0)),
+    joints={"wheel": JointState(1.0, 2.0, 3.0)},
+    contacts=(Contact(0.3, "base", "ground", (0.1, 0.2, 0.3), 9.81),),
+    sensors={"bumper": ContactReading(time=0.25, touching=True, force=1.5, bodies=("wall",))},
+)
+
+
+def through_json(seen: Observation) -> Any:
+    return json.loads(json.dumps(observation_json(seen), allow_nan=False))
+
+
+def test_everything_that_python_sees_is_there() -> None:
+    assert through_json(SEEN) == {
+        "time": 0.1 + 0.2,
+        "pose": {
+            "position_xyz": [1 / 3, -2.0, 1e-9],
+            "orientation_xyzw": [0.0, 0.0, math.sin(0.5), math.cos(0.5)],
+            "yaw": pytest.approx(1.0),
+        },
+        "twist": {"linear_xyz": [0.1, 0.0, -0.0], "angular_xyz": [0.0, 0.0, 2.0]},
+        "joints": {"wheel": {"position": 1.0, "velocity": 2.0, "effort": 3.0}},
+        "contacts": [{"link": "base", "body": "ground", "position_xyz": [0.1, 0.2, 0.3], "force": 9.81}],
+        "sensors": {"bumper": {"time": 0.25, "touching": True, "force": 1.5, "bodies": ["wall"]}},
+    }
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_numbers_keep_their_bits(number: float) -> None:
+    found = through_json(replace(SEEN, joints={"wheel": JointState(number, 0.0, 0.0)}))
+    assert struct.pack("d", found["joints"]["wheel"]["position"]) == struct.pack("d", number)
+
+
+def test_readings_have_the_fields_that_they_have_in_python() -> None:
+    pose, twist = Pose((1.0, 2.0, 0.0)), Twist.planar(0.5)
+    sensors: dict[str, Reading] = {
+        "imu": ImuReading(0.1, (0.0, 0.0, 0.0, 1.0), (0.1, 0.2, 0.3), (0.0, 0.0, 9.81)),
+        "odom": OdometryReading(0.2, pose, twist),
+    }
+    found = through_json(replace(SEEN, sensors=sensors))["sensors"]
+    assert found["imu"] == {
+        "time": 0.1,
+        "orientation_xyzw": [0.0, 0.0, 0.0, 1.0],
+        "angular_velocity_xyz": [0.1, 0.2, 0.3],
+        "linear_acceleration_xyz": [0.0, 0.0, 9.81],
+    }
+    assert found["odom"]["pose"]["position_xyz"] == [1.0, 2.0, 0.0]
+    assert found["odom"]["twist"]["linear_xyz"] == [0.5, 0.0, 0.0]
+
+
+@dataclass(frozen=True)
+class Whatever:
+    """A reading of a kind that is still to come."""
+
+    time: float
+    value: Any
+
+    def columns(self) -> Mapping[str, Any]:
+        return {}
+
+
+def told(value: Any) -> Any:
+    return through_json(replace(SEEN, sensors={"s": Whatever(0.0, value)}))["sensors"]["s"]["value"]
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (math.inf, None),
+        (math.nan, None),
+        ((1.0, -math.inf, "a"), [1.0, 0.0, "a"]),
+        (np.array([0.5, np.inf, -np.inf, np.nan]), [0.5, None, 0.0, None]),
+        (np.array([1, 2], dtype=np.int32), [1, 2]),
+        (np.float32(0.5), 0.5),
+        (np.bool_(True), True),
+        (Pose((1.0, 2.0, 3.0)), {"position_xyz": [1.0, 2.0, 3.0], "orientation_xyzw": [0, 0, 0, 1.0], "yaw": 0.0}),
+        (Twist((1.0, 2.0, 3.0)), {"linear_xyz": [1.0, 2.0, 3.0], "angular_xyz": [0.0, 0.0, 0.0]}),
+        (None, None),
+    ],
+)
+def test_readings_become_what_json_has(value: Any, expected: Any) -> None:
+    assert told(value) == expected
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.arange(24, dtype=np.uint8).reshape(2, 4, 3),
+        np.arange(24, dtype=np.uint8).reshape(2, 4, 3)[:, ::2],
+        np.arange(6, dtype=">f4").reshape(2, 3),
+    ],
+    ids=["plain", "a view with gaps", "big-endian"],
+)
+def test_an_image_is_its_bytes_row_by_row(image: NDArray[Any]) -> None:
+    found = told(image)
+    assert found["type"] == image.dtype.name
+    kind = np.dtype(found["type"]).newbyteorder("<")
+    again = np.frombuffer(base64.b64decode(found["base64"]), dtype=kind).reshape(found["shape"])
+    assert (again == image).all()
+
+
+def test_a_robot_is_told_without_infinities() -> None:
+    there = scene()
+    joints = tuple(replace(joint, lower=-math.inf, upper=1.5) for joint in there.model.joints)
+    robot = RobotDescription.of(replace(there, model=replace(there.model, joints=joints)), 20.0, "p")
+    found = json.loads(json.dumps(robot_json(robot), allow_nan=False))
+    assert (found["name"], found["base"]) == ("turtlebot3_burger", "base_footprint")
+    assert "wheel_left_link" in found["links"]
+    assert found["joints"]["wheel_left_joint"] == {
+        "type": "continuous",
+        "moves": True,
+        "lower": None,
+        "upper": 1.5,
+        "max_effort": robot.joints["wheel_left_joint"].max_effort,
+        "max_velocity": robot.joints["wheel_left_joint"].max_velocity,
+        "mimics": None,
+    }
+
 
 MANY = '"{}":1'
 
