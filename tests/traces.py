@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from sim_action.assertions import Assertion, Monitor
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.workspace import Workspace

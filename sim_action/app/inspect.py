@@ -9,8 +9,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.drives.sides import sides_on_ground
-from sim_action.drives.skid import SkidSteer
+from sim_action.drives.skid import SkidSteer, sides_on_ground
 from sim_action.drives.wheels import Wheel, wheels_on_ground
 from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.kinematics import link_poses, robot_box

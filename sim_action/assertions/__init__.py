@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from enum import Enum
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self, TypeGuard
+from typing import TYPE_CHECKING, ClassVar, Final
 
+from sim_action.assertions.monitors import Monitor
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
@@ -22,73 +22,10 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
-    from sim_action.state.verdict import Mark, Signal, Verdict
+    from sim_action.state.verdict import Mark, Signal
 
 
-class State(Enum):
-    """What a monitor can say before the run is over."""
-
-    PENDING = "a goal that has not come true yet"
-    HOLDS = "a goal that came true, or an invariant that was not broken so far"
-    BROKEN = "no later moment can mend it"
-
-
-class Monitor(Protocol):
-    """The fold: frozen, and replaced by `observe`."""
-
-    @property
-    def state(self) -> State:
-        """What is known so far."""
-
-    def observe(self, trace: Trace) -> Self:
-        """The monitor after the moments that follow; `trace` has every physics step."""
-
-    def verdict(self) -> Verdict:
-        """The judgement, if nothing more came."""
-
-
-class Follower(Monitor, Protocol):
-    """A monitor that goes on from the moment before: it has to know where its time window begins."""
-
-    def begin(self, trace: Trace) -> Self:
-        """The monitor after moments up to the one that its window opens at; that one is observed too."""
-
-
-class Decisive(Monitor, Protocol):
-    """A monitor that says itself when it is decided.
-
-    Of others, a goal is decided when it comes true, and an invariant when it breaks.
-    """
-
-    @property
-    def is_decided(self) -> bool:
-        """Whether no later moment can change what it says."""
-
-
-class Drawn(Monitor, Protocol):
-    """A monitor that can show what it looks at."""
-
-    @property
-    def is_momentary(self) -> bool:
-        """Whether its curves depend on nothing that was before: they are of use beyond its time window, too."""
-
-    def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """What it would fold, were it to observe `trace`, which is not empty, and may be decimated."""
-
-
-def is_follower(monitor: Monitor) -> TypeGuard[Follower]:
-    """Whether its class says so; to compare it with the protocol takes as long as to observe a block of moments."""
-    return hasattr(type(monitor), "begin")
-
-
-def is_decisive(monitor: Monitor) -> TypeGuard[Decisive]:
-    """Whether its class says so."""
-    return hasattr(type(monitor), "is_decided")
-
-
-def is_drawn(monitor: Monitor) -> TypeGuard[Drawn]:
-    """Whether its class says so."""
-    return hasattr(type(monitor), "signals")
+_MAX_TITLE: Final = 100
 
 
 class Assertion(FrozenModel):
@@ -129,7 +66,7 @@ class Assertion(FrozenModel):
 
         `trace` is the whole run, and may be decimated; `after` and `before`, in s of sim time, are the expectation's.
         """
-        from sim_action.assertions.window import signals_of
+        from sim_action.assertions.monitors.window import signals_of
 
         return signals_of(self.monitor(scene, start), trace, after, before)
 
@@ -164,6 +101,11 @@ class Assertion(FrozenModel):
         yield self
 
 
+def shortened_title(title: str) -> str:
+    """Return a title that is made of other titles, cut to 100 characters."""
+    return title if len(title) <= _MAX_TITLE else f"{title[: _MAX_TITLE - 3]}..."
+
+
 ASSERTIONS: Final = Table[type[Assertion]](
     "assertion",
     {
@@ -184,13 +126,13 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "odometry_error": "sim_action.assertions.odometry_error:OdometryError",
         "sensor": "sim_action.assertions.sensor:SensorReading",
         "joint": "sim_action.assertions.joint:JointReading",
-        "joint_within": "sim_action.assertions.joint_within:JointWithin",
+        "joint_within": "sim_action.assertions.joint:JointWithin",
         "effort": "sim_action.assertions.effort:Effort",
         "energy": "sim_action.assertions.energy:Energy",
         "stl": "sim_action.assertions.stl:Stl",
-        "any_of": "sim_action.assertions.any_of:AnyOf",
-        "all_of": "sim_action.assertions.all_of:AllOf",
-        "not": "sim_action.assertions.negation:Negation",
-        "assertion": "sim_action.assertions.user_code:UserAssertion",
+        "any_of": "sim_action.assertions.combined:AnyOf",
+        "all_of": "sim_action.assertions.combined:AllOf",
+        "not": "sim_action.assertions.combined:Negation",
+        "assertion": "sim_action.assertions.user_assertion:UserAssertion",
     },
 )

@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import check_order
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.bounds import check_order
+from sim_action.assertions.monitors.goals import Goal, HoldTime, Invariant, joined
+from sim_action.assertions.monitors.proximity import forces, least_so_far, nearest_of, with_zeros
 from sim_action.core import units
 from sim_action.core.field_types import PositiveNewtons, PositiveSeconds
 from sim_action.core.messages import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.world import GROUND
+from sim_action.state.verdict import Signal, Verdict
+from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from sim_action.state.observation import Contact, Observation
+    from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.trace_records import Nearness
+
 
 _PATTERN: Final = re.compile(r"[*?\[]")
+
+# s: what is pushed along is out of touch for up to five steps at a time, in MuJoCo.
+_LOST_TOUCH: Final = 0.05
 
 
 class Touch(Assertion):
@@ -92,7 +107,165 @@ class Touch(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.contact_monitor import TouchMonitor
-        from sim_action.assertions.stretch import Stretch
+        from sim_action.assertions.monitors.goals import HoldTime
 
-        return TouchMonitor(self, 1 / scene.physics.rate, Stretch(self.span or 0.0))
+        return TouchMonitor(self, 1 / scene.physics.rate, HoldTime(self.span or 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class TouchMonitor:
+    """Folds the force of each step that has a touch; a stored trace has fewer moments than that.
+
+    Attributes:
+        step: s of sim time.
+        force: the fold against `at_least`, or against nothing.
+        limit: the fold against `at_most`.
+        touches: whether there was one at all.
+        last: sim time in s of the last one that is strong enough.
+        nearest: how near it came.
+        instead: another contact: of the body with another link, or else the first of all others.
+        end: sim time in s of the last moment seen.
+    """
+
+    is_momentary: ClassVar[bool] = False
+
+    spec: Touch
+    step: float
+    stretch: HoldTime
+    force: Goal = Goal()
+    limit: Invariant = Invariant()
+    touches: bool = False
+    last: float | None = None
+    nearest: Nearness | None = None
+    instead: Contact | None = None
+    end: float | None = None
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return joined(self.limit.state, self.stretch.state)
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided: a touch is, unless there is a force that it must not exceed."""
+        return self.state is State.BROKEN or (self.state is State.HOLDS and self.spec.at_most is None)
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        time, force = forces(filter(self.spec.is_meant, trace.contacts))
+        others = [contact for contact in trace.contacts if not self.spec.is_meant(contact)]
+        end = float(trace.time[-1]) if len(trace) else self.end
+        nearest = nearest_of(trace, self.spec.watch, self.nearest)
+        seen = replace(self, end=end, instead=self._instead_of(others), nearest=nearest)
+        return seen.touched(time, force) if len(time) else seen
+
+    def _instead_of(self, others: list[Contact]) -> Contact | None:
+        """The first of those that come nearest to what was meant."""
+        known = others if self.instead is None else [self.instead, *others]
+        of_body = (contact for contact in known if contact.body == self.spec.body)
+        return next(of_body, next(iter(known), None))
+
+    def touched(self, time: FloatArray, force: FloatArray) -> Self:
+        """The fold after these steps with a touch, (N,) s and (N,) N."""
+        enough = force - (self.spec.at_least or 0.0)
+        limit = self.limit if self.spec.at_most is None else self.limit.observe(time, self.spec.at_most - force)
+        seen = replace(self, force=self.force.observe(time, enough), limit=limit, touches=True)
+        strong = time[enough >= 0]
+        return seen.lasted(strong) if len(strong) else seen
+
+    def lasted(self, time: FloatArray) -> Self:
+        """The fold after these steps whose touch is strong enough, (N,) s."""
+        return replace(self, stretch=self.stretch.observe(*self._touching(time)), last=float(time[-1]))
+
+    def _touching(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Moments in s, and whether there is a touch: at all of `time`, and not at the step before each new one."""
+        import numpy as np
+
+        longest = max(_LOST_TOUCH, 1.5 * self.step)
+        begins = np.flatnonzero(np.diff(time, prepend=-np.inf if self.last is None else self.last) > longest)
+        # The steps without a touch are not in the list: one stands for all of them, where a touch begins anew.
+        moments = np.insert(time, begins, time[begins] - self.step)
+        return moments, np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals: the force, the duration of the touch, and touch or no touch."""
+        import numpy as np
+
+        spec, body = self.spec, self.spec.body
+        time, force = forces(filter(spec.is_meant, trace.contacts))
+        pressed, touches = (with_zeros(trace.time, time, values, self.step) for values in (force, np.ones(len(time))))
+        pressing = Signal(f"force on {body}", "N", *pressed, spec.at_least, spec.at_most)
+        touching = Signal(f"touching {body}", "contacts", *touches, lower=1.0)
+        asked = (
+            [] if spec.span is None else [self._lasting_curve(trace, time[force >= (spec.at_least or 0.0)], spec.span)]
+        )
+        asked += [pressing, touching] if spec.at_least or spec.at_most else [touching, pressing]
+        return (*asked, *self._nearness(trace))
+
+    def _lasting_curve(self, trace: Trace, time: FloatArray, span: float) -> Signal:
+        moments, holds = self._touching(time) if len(time) else (trace.time, trace.time < 0)
+        lasted = self.stretch.lasting(moments, holds)
+        return Signal(f"time touching {self.spec.body}", "s", moments, lasted, lower=span)
+
+    def _nearness(self, trace: Trace) -> Iterator[Signal]:
+        time, distance = (None, None) if self.spec.watch is None else least_so_far(trace, self.spec.watch)
+        if time is not None and distance is not None and len(time):
+            yield Signal(f"least distance to {self.spec.body}", "m", time, distance)
+
+    def verdict(self) -> Verdict:
+        """Of the force that was too much; else of what is missing; else of the strictest that was asked."""
+        spec, passed = self.spec, self.state is State.HOLDS
+        if self.limit.state is State.BROKEN or (passed and spec.at_least is None and spec.span is None):
+            return self._at_most() if spec.at_most is not None else self._counted()
+        if spec.span is not None and self.force.state is State.HOLDS:
+            return self._lasting(spec.span)
+        return self._counted() if spec.at_least is None or not self.touches else self._at_least(spec.at_least)
+
+    def _counted(self) -> Verdict:
+        if self.end is None and not self.touches:
+            return Verdict(False, None, 1.0, None, "contacts", None, "no moment to measure")
+        if not self.touches:
+            message = f"did not touch {self.spec.body} in {self.end:.1f} s; {self._near()}{self._instead()}"
+            return Verdict(False, 0.0, 1.0, -1.0, "contacts", self.end, message)
+        message = f"touched {self.spec.body} at {self.force.time:.2f} s, with {units.display(self._met(0.0), 'N')}"
+        return Verdict(True, 1.0, 1.0, 0.0, "contacts", self.force.time, message)
+
+    def _at_least(self, limit: float) -> Verdict:
+        passed, force = self.force.state is State.HOLDS, self._met(limit)
+        found, wanted = units.display_apart(force, limit, "N")
+        message = f"touched {self.spec.body} with {found}{'' if passed else f' of {wanted}'} at {self.force.time:.2f} s"
+        return Verdict(passed, force, limit, self.force.margin, "N", self.force.time, message)
+
+    def _at_most(self) -> Verdict:
+        limit, passed = self.spec.at_most or 0.0, self.limit.state is State.HOLDS
+        force = limit - (self.limit.margin or 0.0)
+        found, allowed = units.display_apart(force, limit, "N")
+        bound = f", {'limit' if passed else 'more than'} {allowed}"
+        message = (
+            f"touched {self.spec.body} with {'at most ' if passed else ''}{found} at {self.limit.time:.2f} s{bound}"
+        )
+        return Verdict(passed, force, limit, self.limit.margin, "N", self.limit.time, message)
+
+    def _lasting(self, span: float) -> Verdict:
+        touch = self.stretch
+        lasted, wanted = units.display_apart(touch.longest, span, "s")
+        how_long = lasted if touch.state is State.HOLDS else f"{lasted} of {wanted}"
+        message = f"touched {self.spec.body} for {how_long}, from {touch.began:.2f} s on"
+        passed, margin = touch.state is State.HOLDS, touch.longest - span
+        return Verdict(passed, touch.longest, span, margin, "s", touch.goal.time, message)
+
+    def _met(self, limit: float) -> float:
+        return limit + (self.force.margin or 0.0)
+
+    def _near(self) -> str:
+        if self.nearest is None:
+            return ""
+        return f"came within {units.display(self.nearest.distance, 'm')} at {self.nearest.time:.2f} s; "
+
+    def _instead(self) -> str:
+        other = self.instead
+        if other is None:
+            return "touched nothing else"
+        if other.body == self.spec.body:
+            return f"{other.link} touched it at {other.time:.2f} s"
+        return f"{other.link} touched {other.body} at {other.time:.2f} s"

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import Bounds, SignalMonitor
-from sim_action.assertions.combined import short
-from sim_action.assertions.every import Every
-from sim_action.assertions.joint_choice import as_written, choice_problems, chosen, reading_of, unit_problem
+from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions.joint_selection import as_written, choice_problems, chosen, reading_of, unit_problem
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
 
 
 class Effort(Assertion):
@@ -60,7 +64,7 @@ class Effort(Assertion):
             f"{key.replace('rms', 'RMS').replace('_', ' ')} {as_written(value)}"
             for key, value in self._limits().items()
         )
-        return short(f"{self.key}{of} {', '.join(limits)}")
+        return shortened_title(f"{self.key}{of} {', '.join(limits)}")
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Joints that are not there, and limits in the unit of another kind of joint."""
@@ -74,8 +78,6 @@ class Effort(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.effort_monitor import RootMeanSquareMonitor, magnitude
-
         monitors: list[Monitor] = []
         for joint in chosen(scene.model, self.joints):
             dimension, effort = joint.dimension("effort"), reading_of(joint.name, "effort")
@@ -89,4 +91,67 @@ class Effort(Assertion):
                 monitors.append(
                     RootMeanSquareMonitor(f"{joint.name} RMS effort", effort, who, dimension.si, rms_at_most)
                 )
-        return Every(tuple(monitors))
+        return AllLimits(tuple(monitors))
+
+
+def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatArray]:
+    """The signal, of (T,), without its sign."""
+    import numpy as np
+
+    return lambda trace: np.abs(signal(trace))
+
+
+@dataclass(frozen=True, slots=True)
+class RootMeanSquareMonitor:
+    """Adds up the squares of a signal; judged at the end, as later moments may mend it.
+
+    Attributes:
+        squares: their sum, over `moments`, the last of which is at sim time `end` in s.
+    """
+
+    is_momentary: ClassVar[bool] = False
+
+    name: str
+    signal: Callable[[Trace], FloatArray]
+    who: str
+    unit: str
+    limit: float
+    squares: float = 0.0
+    moments: int = 0
+    end: float | None = None
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return State.HOLDS
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if not len(trace):
+            return self
+        squares = float(self._squares(trace)[-1])
+        return replace(self, squares=squares, moments=self.moments + len(trace), end=float(trace.time[-1]))
+
+    def verdict(self) -> Verdict:
+        """Measured is the root mean square so far."""
+        if self.end is None:
+            return Verdict(True, None, self.limit, None, self.unit, None, "no moment to measure")
+        measured = math.sqrt(self.squares / self.moments)
+        passed = measured <= self.limit
+        value, limit = units.display_apart(measured, self.limit, self.unit)
+        message = f"{self.who} {value} RMS until {self.end:.2f} s, {'limit' if passed else 'more than'} {limit}"
+        return Verdict(passed, measured, self.limit, self.limit - measured, self.unit, self.end, message)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals: of all moments up to each, of which the last counts."""
+        import numpy as np
+
+        means = self._squares(trace) / (self.moments + np.arange(1, len(trace) + 1))
+        return (Signal(self.name, self.unit, trace.time, np.sqrt(means), upper=self.limit).at_end(),)
+
+    def _squares(self, trace: Trace) -> FloatArray:
+        """(T,) their sum up to each moment."""
+        import numpy as np
+
+        # One after the other, from what came before: otherwise it would round differently for every way to cut a trace.
+        return np.asarray(np.cumsum(np.concatenate(([self.squares], self.signal(trace) ** 2)))[1:], dtype=np.float64)

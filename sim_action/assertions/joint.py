@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion, Monitor, State
-from sim_action.assertions.bounds import Bounds, SignalMonitor, check_order
-from sim_action.assertions.joint_choice import as_written, reading_of
-from sim_action.assertions.nearest import Nearest
+from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions.joint_selection import as_written, chosen, name_problem, reading_of, unit_problem
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.bounds import Bounds, Interval, IntervalsMonitor, SignalMonitor, check_order
+from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
-from sim_action.core.field_types import JointQuantity
-from sim_action.core.messages import did_you_mean
+from sim_action.core.field_types import JointEffort, JointPosition, JointQuantity, JointVelocity
+from sim_action.core.messages import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS, Reading
 from sim_action.state.verdict import Signal
@@ -89,7 +90,7 @@ class JointReading(Assertion):
         signal = reading_of(self.name, self.reading)
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
         if near is not None and tolerance is not None:
-            nearest = Nearest(f"{self.name} came", units.display(near, unit), unit, tolerance)
+            nearest = ClosestApproach(f"{self.name} came", units.display(near, unit), unit, tolerance)
             return NearMonitor(f"{self.name} {self.reading}", signal, near, nearest)
         return SignalMonitor(
             f"{self.name} {self.reading}", signal, Bounds(f"{self.name} had {self.reading}", unit, at_least, at_most)
@@ -105,7 +106,7 @@ class NearMonitor:
     name: str
     signal: Callable[[Trace], FloatArray]
     value: float
-    nearest: Nearest
+    nearest: ClosestApproach
 
     @property
     def state(self) -> State:
@@ -117,7 +118,7 @@ class NearMonitor:
         return replace(self, nearest=self.nearest.observe(trace.time, self._distance(trace)))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See Drawn.signals."""
+        """See PlottableMonitor.signals."""
         return self.nearest.drawn(f"{self.name} from {self.nearest.place}", trace.time, self._distance(trace))
 
     def verdict(self) -> Verdict:
@@ -126,3 +127,80 @@ class NearMonitor:
 
     def _distance(self, trace: Trace) -> FloatArray:
         return abs(self.signal(trace) - self.value)
+
+
+Written = float | str
+
+_BOUNDS = "an invariant: name, or pattern such as '*_wheel_joint', to [lower, upper]"
+
+
+class JointWithin(Assertion):
+    """An invariant: positions, velocities and motor efforts of joints stay between bounds.
+
+    A pattern means every joint whose name it fits: `"*"` is all of them.
+    """
+
+    key: ClassVar[str] = "joint_within"
+
+    position: Annotated[dict[str, tuple[JointPosition, JointPosition]], Field(description=_BOUNDS)] = Field(
+        default_factory=dict
+    )
+    velocity: Annotated[dict[str, tuple[JointVelocity, JointVelocity]], Field(description=_BOUNDS)] = Field(
+        default_factory=dict
+    )
+    effort: Annotated[dict[str, tuple[JointEffort, JointEffort]], Field(description=_BOUNDS)] = Field(
+        default_factory=dict
+    )
+
+    @model_validator(mode="after")
+    def _bounds_something(self) -> Self:
+        if not any(True for _ in self.asked()):
+            raise ValueError("give at least one joint in 'position', 'velocity' or 'effort'")
+        for reading, name, (written_lower, written_upper) in self.asked():
+            lower, upper = (units.parse(bound, *READINGS[reading]) for bound in (written_lower, written_upper))
+            if lower >= upper:
+                raise ValueError(
+                    f"the bounds of '{name}' are the wrong way round: {written_lower} is not below {written_upper}"
+                )
+        return self
+
+    def asked(self) -> Iterator[tuple[Reading, str, tuple[Written, Written]]]:
+        """What is read, of which joints, and the bounds as they were written."""
+        for name, bounds in self.position.items():
+            yield "position", name, bounds
+        for name, bounds in self.velocity.items():
+            yield "velocity", name, bounds
+        for name, bounds in self.effort.items():
+            yield "effort", name, bounds
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        bounds = ((f"{name} {reading}", *map(as_written, bounds)) for reading, name, bounds in self.asked())
+        return shortened_title(
+            f"{self.key} " + ", ".join(f"{what} {lower} to {upper}" for what, lower, upper in bounds)
+        )
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Joints that are not there, and units that are not those of a joint that turns, or slides."""
+        hinted = FirstFew()
+        for reading, name, bounds in self.asked():
+            if (trouble := name_problem(scene.model, name, hinted)) is not None:
+                yield (reading, name), trouble
+            for joint in chosen(scene.model, (name,)):
+                for index, written in enumerate(bounds):
+                    if (misfit := unit_problem(joint, reading, written)) is not None:
+                        yield (reading, name, index), misfit
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        intervals = self._intervals(scene)
+        return IntervalsMonitor(tuple(side for each in intervals for side in each.sides(each.upper - each.lower)))
+
+    def _intervals(self, scene: Scene) -> Iterator[Interval]:
+        for reading, name, bounds in self.asked():
+            for joint in chosen(scene.model, (name,)):
+                dimension = joint.dimension(reading)
+                lower, upper = (units.parse(bound, dimension) for bound in bounds)
+                label = joint.name if reading == "position" else f"{joint.name} {reading}"
+                yield Interval(label, dimension.si, lower, upper, reading_of(joint.name, reading))

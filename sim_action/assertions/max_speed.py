@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import Bounds, SignalMonitor
-from sim_action.assertions.every import Every
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.world.scene import Scene
@@ -46,4 +46,4 @@ class MaxSpeed(Assertion):
         if self.angular is not None:
             bounds = Bounds("turned with", "rad/s", None, self.angular)
             monitors.append(SignalMonitor("turn rate", lambda trace: trace.turn_rate, bounds))
-        return Every(tuple(monitors))
+        return AllLimits(tuple(monitors))

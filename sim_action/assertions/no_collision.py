@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
 
-from sim_action.assertions import Assertion, Monitor, State
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor, State
 from sim_action.core import units
 from sim_action.core.messages import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
-from sim_action.world import GROUND
+from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -89,10 +90,10 @@ class NoCollisionMonitor:
         return first._replace(force=force)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See Drawn.signals: whether it touches something at each step, and how strongly."""
+        """See PlottableMonitor.signals: whether it touches something at each step, and how strongly."""
         import numpy as np
 
-        from sim_action.assertions.stepwise import forces, with_zeros
+        from sim_action.assertions.monitors.proximity import forces, with_zeros
 
         time, force = forces(filter(self._is_forbidden, trace.contacts))
         touches, pressed = (with_zeros(trace.time, time, values, self.step) for values in (np.ones(len(time)), force))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from sim_action.assertions import Monitor, State
-from sim_action.assertions.bounds import Bounds, LengthBounds
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.bounds import Bounds
+from sim_action.assertions.travel import LengthBounds
 from sim_action.core.geometry import Vector3
 from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
@@ -45,11 +46,11 @@ class PathLengthMonitor:
 
     @property
     def is_decided(self) -> bool:
-        """See Decisive.is_decided."""
+        """See DecidingMonitor.is_decided."""
         return self.bounds.is_decided
 
     def begin(self, trace: Trace) -> Self:
-        """See Follower.begin: the way to where the window opens does not count."""
+        """See CumulativeMonitor.begin: the way to where the window opens does not count."""
         return replace(self, position_xyz=_last_position(trace)) if len(trace) else self
 
     def observe(self, trace: Trace) -> Self:
@@ -61,7 +62,7 @@ class PathLengthMonitor:
         return replace(self, bounds=bounds, position_xyz=_last_position(trace), length=float(lengths[-1]))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See Drawn.signals."""
+        """See PlottableMonitor.signals."""
         lengths = trace.arc_length_from(self.position_xyz, self.length)
         return (self.bounds.drawn("path length", trace.time, lengths),)
 

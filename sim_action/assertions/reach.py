@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
 
-from sim_action.assertions import Assertion, Monitor, State
-from sim_action.assertions.nearest import Nearest
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
 from sim_action.core.field_types import Metres, PositiveMetres, PositiveRadians, Radians
 from sim_action.state.verdict import Mark, Signal, goal
@@ -46,7 +47,7 @@ class Reach(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        nearest = Nearest("came", self.place, "m", self.tolerance, self.yaw_tolerance)
+        nearest = ClosestApproach("came", self.place, "m", self.tolerance, self.yaw_tolerance)
         return ReachMonitor(self, nearest)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
@@ -61,7 +62,7 @@ class ReachMonitor:
     is_momentary: ClassVar[bool] = True
 
     spec: Reach
-    nearest: Nearest
+    nearest: ClosestApproach
 
     @property
     def state(self) -> State:
@@ -73,7 +74,7 @@ class ReachMonitor:
         return replace(self, nearest=self.nearest.observe(trace.time, *self._errors(trace)))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See Drawn.signals."""
+        """See PlottableMonitor.signals."""
         return self.nearest.drawn(f"distance to {self.spec.place}", trace.time, *self._errors(trace))
 
     def verdict(self) -> Verdict:

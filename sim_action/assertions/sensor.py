@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import check_bounds
-from sim_action.assertions.joint_choice import as_written
+from sim_action.assertions import Assertion
+from sim_action.assertions.joint_selection import as_written
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.bounds import check_bounds
+from sim_action.assertions.monitors.goals import Goal, Invariant
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
 from sim_action.core.messages import did_you_mean
@@ -17,15 +21,22 @@ from sim_action.core.units import Dimension
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.trace_records import SensorRecord
+
 
 Which = Literal["min", "max", "mean", "norm", "x", "y", "z", "w"]
 
 _STATISTICS = ("min", "max", "mean")
+
 _DIMENSIONS = tuple(column.dimension for columns in READING_COLUMNS.values() for column in columns.values())
+
+_AXES: Final = "xyzw"
 
 
 class SensorReading(Assertion):
@@ -100,8 +111,6 @@ class SensorReading(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.sensor_monitor import SensorMonitor
-
         bounds = self._magnitude(self.at_least), self._magnitude(self.at_most)
         return SensorMonitor(self.name, self.reading, self.which, self.what, *bounds, once=self.once)
 
@@ -114,3 +123,122 @@ def _trouble(column: ReadingColumn, which: str | None) -> str | None:
     if which is None:
         return f"it has several numbers; say which, by 'which': {', '.join(allowed)}"
     return None if which in allowed else f"it has no '{which}'{did_you_mean(which, allowed)}"
+
+
+@dataclass(frozen=True, slots=True)
+class SensorMonitor:
+    """Folds the margin to the nearer of both bounds.
+
+    Attributes:
+        sensor, reading, which: what is read.
+        what: the same, for people.
+        once: whether one reading is enough.
+        value: what was read at the moment that the fold is about.
+        unit: SI symbol; known once something was read.
+    """
+
+    is_momentary: ClassVar[bool] = True
+
+    sensor: str
+    reading: str
+    which: str | None
+    what: str
+    at_least: float | None
+    at_most: float | None
+    once: bool
+    fold: Goal | Invariant | None = None
+    value: float = 0.0
+    unit: str = ""
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self._fold.state
+
+    @property
+    def _fold(self) -> Goal | Invariant:
+        return self.fold or (Goal() if self.once else Invariant())
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        record = trace.sensors.get(self.sensor)
+        if record is None or not len(record):
+            return self
+        values = picked(record.columns[self.reading], self.which)
+        fold = self._fold.observe(record.time, self._margin(values))
+        if fold is self._fold:
+            return self
+        value = float(values[int((record.time == fold.time).argmax())])
+        return replace(self, fold=fold, value=value, unit=self._unit_of(record))
+
+    def _margin(self, values: FloatArray) -> FloatArray:
+        import numpy as np
+
+        margin = np.full(len(values), math.inf)
+        # A bound that was not asked for is no infinite one: the value may be infinite, too.
+        if self.at_least is not None:
+            margin = np.minimum(margin, values - self.at_least)
+        if self.at_most is not None:
+            margin = np.minimum(margin, self.at_most - values)
+        return margin
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals: at the sensor's own rate; nothing where a reading is infinite."""
+        import numpy as np
+
+        record = trace.sensors.get(self.sensor)
+        if record is None or not len(record):
+            return ()
+        values = picked(record.columns[self.reading], self.which)
+        finite = np.where(np.isfinite(values), values, np.nan)
+        return (Signal(self.what, self._unit_of(record), record.time, finite, self.at_least, self.at_most),)
+
+    def _unit_of(self, record: SensorRecord) -> str:
+        return READING_COLUMNS[record.kind][self.reading].dimension.si
+
+    def verdict(self) -> Verdict:
+        """Measured is what was read at the moment that decides; None if it is infinite."""
+        fold, passed = self._fold, self.state is State.HOLDS
+        limit, side = self._nearer_bound()
+        if fold.time is None or fold.margin is None:
+            return Verdict(passed, None, limit, None, self.unit, None, f"{self.what}: nothing was read")
+        value, bound = units.display_apart(self.value, limit, self.unit)
+        holds = f"{self.what} was {value} at {fold.time:.2f} s"
+        message = {
+            (True, True): holds,
+            (True, False): f"{holds} at the nearest, never within its bounds; {side} {bound}",
+            (False, True): f"{holds}, {'lowest' if side == 'at least' else 'highest'}; {side} {bound}",
+            (False, False): f"{holds}, {'less' if side == 'at least' else 'more'} than {bound}",
+        }[self.once, passed]
+        measured, margin = (number if math.isfinite(number) else None for number in (self.value, fold.margin))
+        return Verdict(passed, measured, limit, margin, self.unit, fold.time, message)
+
+    def _nearer_bound(self) -> tuple[float, str]:
+        """The bound that the value is nearer to, or farther beyond."""
+        if self.at_most is None or (
+            self.at_least is not None and self.value - self.at_least < self.at_most - self.value
+        ):
+            assert self.at_least is not None, "one of both is given"
+            return self.at_least, "at least"
+        return self.at_most, "at most"
+
+
+def picked(column: Any, which: str | None) -> FloatArray:
+    """(N,) a number of each reading, from a column (N,) or (N, ...)."""
+    import numpy as np
+
+    values = np.asarray(column, dtype=np.float64)
+    if which is None:
+        return values
+    rows = values.reshape(len(values), -1)
+    if which in _AXES:
+        return rows[:, _AXES.index(which)]
+    if which == "norm":
+        return np.asarray(np.sqrt((rows * rows).sum(axis=1)), dtype=np.float64)
+    if which == "mean":
+        return np.array([_mean(row[finite]) for row, finite in zip(rows, np.isfinite(rows), strict=True)])
+    return np.asarray(rows.min(axis=1) if which == "min" else rows.max(axis=1), dtype=np.float64)
+
+
+def _mean(finite: FloatArray) -> float:
+    return float(finite.mean()) if len(finite) else math.inf

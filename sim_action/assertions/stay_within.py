@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import check_interval
-from sim_action.assertions.intervals import Interval, IntervalsMonitor
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, check_interval
 from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.state.verdict import Mark, line, rectangle

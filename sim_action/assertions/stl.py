@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.temporal_logic import dimensions
+from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.temporal_logic.dimensions import dimension_problems, margin_unit
 from sim_action.assertions.temporal_logic.formula import (
     Always,
     Eventually,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Observation
 
 _STEP_ROUNDING: Final = 1e-6
-_LONGEST_TITLE: Final = 100
 
 
 class Stl(Assertion):
@@ -79,21 +79,20 @@ class Stl(Assertion):
     @property
     def title(self) -> str:
         """See Assertion.title."""
-        text = f"{self.key} {' '.join(self.formula.split())}"
-        return text if len(text) <= _LONGEST_TITLE else f"{text[: _LONGEST_TITLE - 3]}..."
+        return shortened_title(f"{self.key} {' '.join(self.formula.split())}")
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Joints that are not there, metres compared with seconds, intervals between two physics steps."""
-        found = (*dimensions.problems(self.parsed, scene.model), *_empty(self.parsed, scene.physics.rate))
+        found = (*dimension_problems(self.parsed, scene.model), *_empty(self.parsed, scene.physics.rate))
         for at, message in found:
             yield (), f"{message}; {place(self.formula, at)}"
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.stl_monitor import StlMonitor
+        from sim_action.assertions.temporal_logic.monitor import StlMonitor
 
         x, y, _ = start.pose.position_xyz
-        units = {comparison: dimensions.unit(comparison, scene.model) for comparison in comparisons(self.parsed)}
+        units = {comparison: margin_unit(comparison, scene.model) for comparison in comparisons(self.parsed)}
         return StlMonitor.of(self.parsed, (x, y), units)
 
 

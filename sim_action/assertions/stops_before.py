@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Monitor
-from sim_action.assertions.at_rest import AtRest
-from sim_action.assertions.bounds import check_interval
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.bounds import check_interval
+from sim_action.assertions.monitors.goals import HoldTime
+from sim_action.assertions.monitors.proximity import distances, nearest_of
+from sim_action.assertions.settled import AtRest
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
 from sim_action.core.messages import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.observation import Observation
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_action.state.observation import Contact, Observation
+    from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.trace_records import Nearness
 
 
 class StopsBefore(AtRest):
@@ -65,7 +74,141 @@ class StopsBefore(AtRest):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.stops_before_monitor import StopsBeforeMonitor
-        from sim_action.assertions.stretch import Stretch
+        from sim_action.assertions.monitors.goals import HoldTime
 
-        return StopsBeforeMonitor(self, Stretch(self.span))
+        return StopsBeforeMonitor(self, HoldTime(self.span))
+
+
+@dataclass(frozen=True, slots=True)
+class StopsBeforeMonitor:
+    """How long the robot rested at the right distance, and what there is to say if it did not.
+
+    Attributes:
+        touch: the first contact with the body.
+        nearest: the least distance.
+        gap: m, at the last moment seen; None if it is more than it may be.
+        met: m, the gap when the rest was long enough.
+        motion: what it does at the last moment seen, for messages.
+    """
+
+    is_momentary: ClassVar[bool] = False
+
+    spec: StopsBefore
+    rest: HoldTime
+    touch: Contact | None = None
+    nearest: Nearness | None = None
+    gap: float | None = None
+    met: float | None = None
+    motion: str = ""
+    end: float | None = None
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return State.BROKEN if self.touch is not None else self.rest.state
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided: what has stopped may still roll on."""
+        return self.state is State.BROKEN
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        touches = (contact for contact in trace.contacts if contact.body == self.spec.body)
+        seen = replace(
+            self, touch=self.touch or next(touches, None), nearest=nearest_of(trace, self.spec.far, self.nearest)
+        )
+        return seen.moved(trace, self._gaps(trace)) if len(trace) else seen
+
+    def moved(self, trace: Trace, gaps: FloatArray) -> Self:
+        """The fold after these moments; `gaps`: (T,) m, infinite where it is more than it may be."""
+        import numpy as np
+
+        rest = self.rest.observe(trace.time, self._rests(trace, gaps))
+        met = self.met
+        if met is None and rest.state is State.HOLDS:
+            met = float(gaps[int((trace.time == rest.goal.time).argmax())])
+        gap = float(gaps[-1]) if np.isfinite(gaps[-1]) else None
+        return replace(self, rest=rest, met=met, gap=gap, motion=self._motion(trace), end=float(trace.time[-1]))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals: the gap, and how long it has rested with one that is right."""
+        lower, upper = self.spec.gap
+        rest = self.rest.lasting(trace.time, self._rests(trace, self._gaps(trace)))
+        return (
+            Signal(f"gap to {self.spec.body}", "m", *self._known_gaps(trace), lower, upper),
+            Signal("time at rest", "s", trace.time, rest, lower=self.rest.wanted),
+        )
+
+    def _known_gaps(self, trace: Trace) -> tuple[FloatArray, FloatArray]:
+        """(N,) s and (N,) m: all that is known, up to the first touch."""
+        import numpy as np
+
+        time, gaps = distances(trace, self.spec.near, self.spec.far)
+        touch = next((contact for contact in trace.contacts if contact.body == self.spec.body), None)
+        if touch is None:
+            return time, gaps
+        before = time < touch.time
+        return np.append(time[before], touch.time), np.append(gaps[before], 0.0)
+
+    def _rests(self, trace: Trace, gaps: FloatArray) -> NDArray[np.bool_]:
+        """(T,) whether it is at rest with a gap that is right."""
+        import numpy as np
+
+        lower, upper = self.spec.gap
+        slow = (trace.speed <= self.spec.speed) & (trace.turn_rate <= self.spec.turn_rate)
+        return np.asarray(slow & (gaps >= lower) & (gaps <= upper))
+
+    def _motion(self, trace: Trace) -> str:
+        speed, turn_rate = float(trace.speed[-1]), float(trace.turn_rate[-1])
+        if speed > self.spec.speed:
+            return f"moving with {units.display(speed, 'm/s')}"
+        return "at rest" if turn_rate <= self.spec.turn_rate else f"turning with {units.display(turn_rate, 'rad/s')}"
+
+    def verdict(self) -> Verdict:
+        """Measured is the gap; or how long the rest was, if that is what is missing."""
+        lower, upper = self.spec.gap
+        if self.touch is not None:
+            message = f"{self.touch.link} touched {self.spec.body} at {self.touch.time:.2f} s"
+            return Verdict(False, 0.0, lower, -lower, "m", self.touch.time, message)
+        if self.met is not None:
+            limit, margin = min((lower, self.met - lower), (upper, upper - self.met), key=lambda side: side[1])
+            message = f"at rest {units.display(self.met, 'm')} before {self.spec.body} from {self.rest.began:.2f} s on"
+            return Verdict(True, self.met, limit, margin, "m", self.rest.goal.time, message)
+        if self.gap is not None and self.gap >= lower:
+            return self._too_short()
+        return self._elsewhere()
+
+    def _too_short(self) -> Verdict:
+        rest, where = self.rest, f"{units.display(self.gap or 0.0, 'm')} before {self.spec.body}"
+        lasted, wanted = units.display_apart(rest.longest, rest.wanted, "s")
+        message = f"at rest for {lasted} of {wanted}; {self._last()} {where}"
+        return Verdict(False, rest.longest, rest.wanted, rest.longest - rest.wanted, "s", self.end, message)
+
+    def _elsewhere(self) -> Verdict:
+        lower, upper = self.spec.gap
+        if self.gap is None and self.nearest is None:
+            what = "no moment to measure" if self.end is None else "no distance to measure"
+            return Verdict(False, None, upper, None, "m", self.end, what)
+        if self.gap is not None:
+            gap, limit = units.display_apart(self.gap, lower, "m")
+            message = f"{self._last()} {gap} before {self.spec.body}, less than {limit}"
+            return Verdict(False, self.gap, lower, self.gap - lower, "m", self.end, message)
+        distance, time = (self.nearest.distance, self.nearest.time) if self.nearest else (0.0, 0.0)
+        near, limit = units.display_apart(distance, upper, "m")
+        message = f"{self._last()} more than {limit} before {self.spec.body}; nearest was {near} at {time:.2f} s"
+        return Verdict(False, distance, upper, min(0.0, upper - distance), "m", self.end, message)
+
+    def _last(self) -> str:
+        return f"at {self.end or 0.0:.2f} s it was {self.motion},"
+
+    def _gaps(self, trace: Trace) -> FloatArray:
+        import numpy as np
+
+        gaps = np.full(len(trace), np.inf)
+        record = trace.clearances.get(self.spec.near)
+        if record is not None:
+            # A stored trace has fewer moments than distances.
+            _, moments, found = np.intersect1d(trace.time, record.time, return_indices=True)
+            gaps[moments] = record.distance[found]
+        return gaps

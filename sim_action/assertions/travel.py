@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
-from sim_action.assertions import Monitor
-from sim_action.assertions.bounds import Bounds, LengthBounds, SignalMonitor
+from pydantic import Field, model_validator
+
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_bounds
+from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
     from sim_action.state.verdict import Mark
+
+
+class LengthBounds(Assertion):
+    """The two bounds of an assertion on a length."""
+
+    at_least: Annotated[PositiveMetres | None, Field(description="a goal: must be reached")] = None
+    at_most: Annotated[NonNegativeMetres | None, Field(description="an invariant: must not be exceeded")] = None
+
+    @model_validator(mode="after")
+    def _has_a_bound(self) -> Self:
+        check_bounds(self.at_least, self.at_most, "m")
+        return self
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return f"{self.key} {bounds_title(self.at_least, self.at_most, 'm')}"
 
 
 class Travel(LengthBounds):

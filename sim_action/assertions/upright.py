@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from sim_action.assertions import Assertion, Monitor
-from sim_action.assertions.bounds import Bounds, SignalMonitor
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor
 from sim_action.core import units
 from sim_action.core.field_types import PositiveRadians
 from sim_action.world.scene import Scene

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
@@ -15,26 +16,57 @@ from sim_action.core.field_types import (
     PositiveRadians,
     PositiveRadiansPerSecond,
 )
+from sim_action.core.geometry import Twist
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import Drive
-from sim_action.drives.ackermann_motion import AckermannMotion
-from sim_action.drives.ackermann_ways import AckermannWays
-from sim_action.drives.heading import along, axle_problems, heading_of, rolling
-from sim_action.drives.keys import Heading, MotorTorque, WheelRadius
+from sim_action.drives import NOT_PLANAR, Drive, is_planar
+from sim_action.drives.diff import JointNames
 from sim_action.drives.plugins import StatedSteering, steering_by_plugin
-from sim_action.drives.sided import JointNames
-from sim_action.drives.steering import DrivenWheel, Kingpin, tightest
-from sim_action.drives.steering_joints import STRAIGHT, SteeringLimit, limit_of, upright, why_not_steering
-from sim_action.drives.wheel_problems import length_problems, why_no_wheel
-from sim_action.drives.wheel_speeds import WheelSpeeds
-from sim_action.drives.wheels import Wheel, steering_joint, wheel, wheels_on_ground
-from sim_action.drives.wording import heading_text, radius_text, remarked, torque_text
+from sim_action.drives.steering import (
+    STRAIGHT,
+    DrivenWheel,
+    Kingpin,
+    SteeringLimit,
+    limit_of,
+    steered,
+    tightest,
+    upright,
+    why_not_steering,
+)
+from sim_action.drives.wheel_settings import (
+    Heading,
+    MotorTorque,
+    WheelRadius,
+    WheelSpeeds,
+    heading_text,
+    length_problems,
+    radius_text,
+    ramp_towards,
+    remarked,
+    torque_text,
+    why_no_wheel,
+)
+from sim_action.drives.wheels import (
+    Wheel,
+    along,
+    axle_problems,
+    heading_of,
+    rolling,
+    steering_joint,
+    wheel,
+    wheels_on_ground,
+)
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
-from sim_action.world import GRAVITY
+from sim_action.state.command import JointTargets
+from sim_action.state.wheel_motion import PlanarWay
+from sim_action.world.gravity import GRAVITY
 
 # In m: steered wheels that are no further from the fixed axle steer nothing.
 _LEAST_WHEELBASE: Final = 1e-3
+
+ON_THE_SPOT = "a twist asked to turn on the spot, which Ackermann steering cannot: it stood still"
+
+TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: it took the tightest there is"
 
 
 class AckermannDrive(Drive):
@@ -132,11 +164,11 @@ class AckermannDrive(Drive):
             torque=self.torque,
         )
 
-    def wheel_motion(self, model: RobotModel) -> AckermannWays:
+    def wheel_motion(self, model: RobotModel) -> AckermannOdometry:
         """See Drive.wheel_motion."""
         heading = self._forward(model)
         middle = along(heading, self._axle(model), 0.0)
-        return AckermannWays(self._kingpins(model), self._driven(model), heading, middle)
+        return AckermannOdometry(self._kingpins(model), self._driven(model), heading, middle)
 
     def mobility(self, model: RobotModel) -> Mobility:
         """See Drive.mobility."""
@@ -219,3 +251,124 @@ class AckermannDrive(Drive):
         """Where something on a side is, in m, by the track that is stated."""
         is_amid = self.track is None or abs(left) < _LEAST_WHEELBASE
         return left if is_amid or self.track is None else math.copysign(self.track / 2, left)
+
+
+class AckermannMotion:
+    """Forward speed and curvature, ramping towards what the last twist asks for.
+
+    Wheels turn as the curve wants it that they are steered for at a step, not the one that steering is on its way to.
+    """
+
+    def __init__(
+        self,
+        kingpins: tuple[Kingpin, ...],
+        wheels: tuple[DrivenWheel, ...],
+        *,
+        steering_limit: float,
+        most_steering: float,
+        most_speed: float,
+        speeds: WheelSpeeds,
+        torque: float | None,
+    ) -> None:
+        """`most_steering`: rad a step; `most_speed`: m/s a step."""
+        self._kingpins = kingpins
+        self._wheels = wheels
+        self._tightest = tightest(kingpins, steering_limit)
+        self._most_steering = most_steering
+        self._most_speed = most_speed
+        self._speeds = speeds
+        self._max_effort = {} if torque is None else {found.joint: torque for found in wheels}
+        self._speed = self._curvature = 0.0
+        self._notes: dict[str, None] = {}
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """See DriveMotion.joints."""
+        return frozenset([*(pin.joint for pin in self._kingpins), *(found.joint for found in self._wheels)])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See DriveMotion.notes."""
+        return (*self._notes, *self._speeds.notes)
+
+    @property
+    def released(self) -> JointTargets:
+        """See DriveMotion.released."""
+        return JointTargets()
+
+    def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
+        """See DriveMotion.targets."""
+        if not is_planar(twist):
+            self._notes[NOT_PLANAR] = None
+        curvature = self._wanted_curvature(twist)
+        speed = twist.linear_xyz[0] * self._speeds.told_share(self._wheel_speeds(twist.linear_xyz[0], curvature))
+        planned = []
+        for _ in range(steps):
+            before = (self._speed, self._curvature)
+            self._curvature = steered(self._kingpins, self._curvature, curvature, self._most_steering)
+            self._speed = self._within_limits(ramp_towards(speed, self._speed, self._most_speed))
+            planned.append(self._joint_targets())
+            if before == (self._speed, self._curvature):
+                break
+        return planned
+
+    def _wanted_curvature(self, twist: Twist) -> float:
+        speed, turn = twist.linear_xyz[0], twist.angular_xyz[2]
+        if speed == 0:
+            if turn != 0:
+                self._notes[ON_THE_SPOT] = None
+            # Who stops keeps the wheel where it is.
+            return self._curvature
+        if abs(turn) > self._tightest * abs(speed):
+            self._notes[TOO_TIGHT] = None
+            return self._tightest if turn * speed > 0 else -self._tightest
+        return turn / speed
+
+    def _within_limits(self, speed: float) -> float:
+        """While the wheels are still turned for another curve, that may take them faster than this one."""
+        return speed * self._speeds.share(self._wheel_speeds(speed, self._curvature))
+
+    def _wheel_speeds(self, speed: float, curvature: float) -> dict[str, float]:
+        """In rad/s."""
+        return {found.joint: speed * found.way(curvature) / found.gear for found in self._wheels}
+
+    def _joint_targets(self) -> JointTargets:
+        return JointTargets(
+            position={pin.joint: pin.turns * pin.angle(self._curvature) for pin in self._kingpins},
+            velocity=self._wheel_speeds(self._speed, self._curvature),
+            max_effort=self._max_effort,
+        )
+
+
+@dataclass(frozen=True)
+class AckermannOdometry:
+    """The inverse of `ackermann_motion`: how far by the driven wheels, which way by the steering.
+
+    Attributes:
+        heading: rad, of forward from the base's x axis.
+    """
+
+    kingpins: tuple[Kingpin, ...]
+    wheels: tuple[DrivenWheel, ...]
+    heading: float
+    middle_xy: tuple[float, float]
+
+    @property
+    def gears(self) -> Mapping[str, float]:
+        """See WheelMotion.gears."""
+        return {found.joint: found.gear for found in self.wheels}
+
+    @property
+    def steering(self) -> tuple[str, ...]:
+        """See WheelMotion.steering."""
+        return tuple(pin.joint for pin in self.kingpins)
+
+    def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
+        """See WheelMotion.way."""
+        curvatures = [pin.curvature(pin.turns * steered[pin.joint]) for pin in self.kingpins]
+        curvature = fmean(filter(math.isfinite, curvatures)) if any(map(math.isfinite, curvatures)) else 0.0
+        # Least squares: of wheels that roll on one axle, all have a say, the outer one the most.
+        shares = {found.joint: found.way(curvature) for found in self.wheels}
+        ahead = sum(share * rolled[name] for name, share in shares.items())
+        ahead /= sum(share**2 for share in shares.values())
+        return PlanarWay(*along(self.heading, ahead, 0.0), curvature * ahead)

@@ -2,15 +2,201 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Self
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import fsum
+from typing import Annotated, ClassVar, Final, Self
 
-from sim_action.drives.plugins import DIFF_PLUGINS
-from sim_action.drives.sided import SidedDrive
-from sim_action.drives.wheels import radius
+from pydantic import Field
+
+from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondSquared
+from sim_action.core.geometry import Twist
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.drives import NOT_PLANAR, Drive, is_planar
+from sim_action.drives.plugins import DIFF_PLUGINS, StatedSides, sides_by_plugin
+from sim_action.drives.wheel_settings import (
+    LEAST_LENGTH,
+    Heading,
+    MotorTorque,
+    WheelRadius,
+    WheelSpeeds,
+    heading_text,
+    joint_problems,
+    length_problems,
+    radius_text,
+    ramp_towards,
+    remarked,
+    torque_text,
+)
+from sim_action.drives.wheels import (
+    Rolling,
+    Wheel,
+    along,
+    axle_problems,
+    heading_of,
+    radius,
+    rolling,
+    turned_forward,
+    wheel,
+)
+from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import JointTargets
+from sim_action.state.wheel_motion import PlanarWay
+from sim_action.world.gravity import GRAVITY
+
+JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
+
+# In rad from the base's x axis: rather a mistake than a robot that goes that way.
+_BACKWARD: Final = math.radians(135)
 
 
-class DiffDrive(SidedDrive):
+class TwoSidedDrive(Drive):
+    """Wheels on the left and on the right."""
+
+    title: ClassVar[str]
+    """How people call it."""
+    plugins: ClassVar[tuple[str, ...]]
+    """Those of Gazebo that say which wheels it has."""
+
+    left: Annotated[JointNames, Field(description="joints of the wheels on the left")]
+    right: Annotated[JointNames, Field(description="joints of the wheels on the right")]
+    radius: WheelRadius = None
+    separation: Annotated[
+        PositiveMetres | None, Field(description="between left and right wheels; left out: read from the model")
+    ] = None
+    acceleration: Annotated[PositiveMetresPerSecondSquared, Field(description="limit at the rim of a wheel")] = 1.0
+    torque: MotorTorque = None
+    heading: Heading = None
+
+    @classmethod
+    def by_plugin(cls, model: RobotModel) -> Self | None:
+        """What Gazebo's plugin in the model says, if that fits the model."""
+        stated = sides_by_plugin(model, cls.plugins)
+        drive = cls.as_stated(model, stated) if stated else None
+        return drive if drive and not any(drive.problems(model)) else None
+
+    @classmethod
+    def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
+        """What a plugin says. In Gazebo, joints turn forward to go forward, on whatever side they are."""
+        drive = cls(left=stated.left, right=stated.right, **stated.figures)
+        heading = turned_forward(drive._wheels(model))
+        if heading is None or (abs(heading) <= _BACKWARD and math.cos(heading - drive.forward(model)) > 0):
+            return drive
+        return drive.model_copy(update={"heading": heading})
+
+    def problems(self, model: RobotModel) -> SpecProblems:
+        """Joints that the model has not, wheels that do not roll, figures that it does not tell."""
+        unknown = [*joint_problems(model, "left", self.left), *joint_problems(model, "right", self.right)]
+        yield from unknown
+        if unknown:
+            return
+        yield from length_problems(self, "radius", "separation")
+        if set(self.left) & set(self.right):
+            yield ("right",), "a wheel cannot be on both sides"
+            return
+        heading = self.forward(model)
+        for found in self._wheels(model):
+            yield from axle_problems(found, heading)
+        if self.heading is None and abs(heading) > _BACKWARD:
+            yield ("left",), "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
+        if self.separation is None and self.separation_in(model) < LEAST_LENGTH:
+            yield (), "the left and right wheels are at the same place in the model; give 'separation'"
+        for found in self._wheels(model):
+            if self.radius is None and found.radius is None:
+                yield (), f"the model does not tell the radius of the wheel at '{found.joint}'; give 'radius'"
+                return
+
+    def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> TwoSidedMotion:
+        """See Drive.open."""
+        gears = self._gears(model)
+        return TwoSidedMotion(
+            left={name: gears[name] for name in self.left},
+            right={name: gears[name] for name in self.right},
+            separation=self._effective_separation(model),
+            most_change=self.acceleration / rate,
+            speeds=WheelSpeeds(model, gears),
+            torque=self.torque,
+        )
+
+    def wheel_motion(self, model: RobotModel) -> TwoSidedOdometry:
+        """See Drive.wheel_motion."""
+        heading = self.forward(model)
+        left, right = self.sides(model)
+        ahead = _mean([placed.ahead for placed in (*left, *right)])
+        middle = along(heading, ahead, (_mean_left(left) + _mean_left(right)) / 2)
+        separation = self._effective_separation(model)
+        return TwoSidedOdometry(self._gears(model), self.left, self.right, separation, heading, middle)
+
+    def mobility(self, model: RobotModel) -> Mobility:
+        """See Drive.mobility."""
+        left, right = self.sides(model)
+        return Mobility(
+            heading=self.forward(model),
+            ahead=-_mean([placed.ahead for placed in (*left, *right)]),
+            acceleration=self.acceleration,
+            turn_acceleration=2 * self.acceleration / self._effective_separation(model),
+        )
+
+    def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
+        """See Drive.describe."""
+        sides = f"left {', '.join(self.left)}; right {', '.join(self.right)}"
+        separation = f"separation {self.separation_in(model):.4g} m{self.slip_text(model)}"
+        torque = torque_text(self.torque, model, (*self.left, *self.right))
+        figures = (
+            f"{self.title}: {sides}; {radius_text([*self.radii(model).values()])}, {separation}, "
+            f"acceleration {self.acceleration:.4g} m/s^2{torque}{heading_text(self.forward(model))}"
+        )
+        stated = sides_by_plugin(model, self.plugins)
+        return remarked(figures, stated.remarks if stated and self == self.as_stated(model, stated) else ())
+
+    def forward(self, model: RobotModel) -> float:
+        """Where forward is, in rad from the base's x axis to the left."""
+        if self.heading is not None:
+            return self.heading
+        left, right = ([wheel(model, name) for name in side] for side in (self.left, self.right))
+        return heading_of((*left, *right), left, right)
+
+    def slip_factor(self, model: RobotModel) -> float:
+        """By how much further apart the wheels seem to be when the robot turns."""
+        return 1.0
+
+    def slip_text(self, model: RobotModel) -> str:
+        """What to say of that."""
+        return ""
+
+    def sides(self, model: RobotModel) -> tuple[list[Rolling], list[Rolling]]:
+        """The wheels on the left, and those on the right."""
+        heading = self.forward(model)
+        left, right = ([rolling(wheel(model, name), heading) for name in side] for side in (self.left, self.right))
+        return left, right
+
+    def radii(self, model: RobotModel) -> dict[str, float]:
+        """Joint -> the radius of its wheel in m; problems() reports those that nobody tells."""
+        radii = {found.joint: self.radius or found.radius for found in self._wheels(model)}
+        return {joint: radius for joint, radius in radii.items() if radius is not None}
+
+    def _gears(self, model: RobotModel) -> dict[str, float]:
+        left, right = self.sides(model)
+        radii = self.radii(model)
+        return {placed.joint: placed.turns * radii[placed.joint] for placed in (*left, *right)}
+
+    def _wheels(self, model: RobotModel) -> list[Wheel]:
+        return [wheel(model, name) for name in (*self.left, *self.right)]
+
+    def _effective_separation(self, model: RobotModel) -> float:
+        return self.separation_in(model) * self.slip_factor(model)
+
+    def separation_in(self, model: RobotModel) -> float:
+        """Between left and right wheels, in m."""
+        if self.separation is not None:
+            return self.separation
+        left, right = self.sides(model)
+        return abs(_mean_left(left) - _mean_left(right))
+
+
+class DiffDrive(TwoSidedDrive):
     """Two sides of wheels; forward speed is their mean, turning rate their difference over the separation.
 
     Wheel speeds follow a twist by a ramp, as Gazebo's diff drive plugin does (`wheelAcceleration`).
@@ -33,3 +219,109 @@ class DiffDrive(SidedDrive):
         wheels = [joint.name for joint in model.joints if joint.type == "continuous" and radius(model, joint.name)]
         left, right = ([name for name in wheels if side in name.lower()] for side in ("left", "right"))
         return cls(left=tuple(left), right=tuple(right)) if len(left) == len(right) == len(wheels) / 2 == 1 else None
+
+
+class TwoSidedMotion:
+    """Rim speeds of both sides, ramping towards what the last twist asks for."""
+
+    def __init__(
+        self,
+        left: Mapping[str, float],
+        right: Mapping[str, float],
+        *,
+        separation: float,
+        most_change: float,
+        speeds: WheelSpeeds,
+        torque: float | None,
+    ) -> None:
+        """`left`, `right`: joint -> m that its wheel rolls forward while it turns by 1 rad.
+
+        `separation`: m, as it is in effect; `most_change`: of a rim, in m/s a step.
+        """
+        self._left_gears, self._right_gears = left, right
+        self._half_separation = separation / 2
+        self._most_change = most_change
+        self._speeds = speeds
+        self._max_effort = {} if torque is None else dict.fromkeys((*left, *right), torque)
+        self._left = self._right = 0.0
+        self._was_planar = True
+        self._joints = frozenset((*left, *right))
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """See DriveMotion.joints."""
+        return self._joints
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See DriveMotion.notes."""
+        return (*(() if self._was_planar else (NOT_PLANAR,)), *self._speeds.notes)
+
+    @property
+    def released(self) -> JointTargets:
+        """See DriveMotion.released."""
+        return JointTargets()
+
+    def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
+        """See DriveMotion.targets."""
+        self._was_planar &= is_planar(twist)
+        left, right = self._wanted(twist)
+        planned = []
+        for _ in range(steps):
+            before = (self._left, self._right)
+            self._left = ramp_towards(left, self._left, self._most_change)
+            self._right = ramp_towards(right, self._right, self._most_change)
+            planned.append(self._joint_targets())
+            if before == (self._left, self._right):
+                break
+        return planned
+
+    def _wanted(self, twist: Twist) -> tuple[float, float]:
+        """Rim speeds on the left and on the right, in m/s, as far as motors can."""
+        turn = twist.angular_xyz[2] * self._half_separation
+        left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
+        share = self._speeds.told_share(self._joint_speeds(left, right))
+        return share * left, share * right
+
+    def _joint_targets(self) -> JointTargets:
+        return JointTargets(velocity=self._joint_speeds(self._left, self._right), max_effort=self._max_effort)
+
+    def _joint_speeds(self, left: float, right: float) -> dict[str, float]:
+        """In rad/s, for rim speeds in m/s."""
+        return {
+            **{name: left / gear for name, gear in self._left_gears.items()},
+            **{name: right / gear for name, gear in self._right_gears.items()},
+        }
+
+
+@dataclass(frozen=True)
+class TwoSidedOdometry:
+    """The inverse of `sided_motion`.
+
+    Attributes:
+        left, right: joints of the wheels.
+        separation: m, as it is in effect.
+        heading: rad, of forward from the base's x axis.
+    """
+
+    gears: Mapping[str, float]
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+    separation: float
+    heading: float
+    middle_xy: tuple[float, float]
+    steering: tuple[str, ...] = ()
+
+    def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
+        """See WheelMotion.way."""
+        left, right = (fsum(rolled[name] for name in side) / len(side) for side in (self.left, self.right))
+        return PlanarWay(*along(self.heading, (left + right) / 2, 0.0), (right - left) / self.separation)
+
+
+def _mean_left(wheels: Sequence[Rolling]) -> float:
+    return _mean([placed.left for placed in wheels])
+
+
+def _mean(values: Sequence[float]) -> float:
+    # As statistics.fmean has it, which takes longer to import than a robot to be recognised.
+    return math.fsum(values) / len(values)

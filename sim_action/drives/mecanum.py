@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
@@ -11,21 +13,26 @@ from pydantic import Field
 
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecondSquared, PositiveNewtons
-from sim_action.core.geometry import Vector3
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import Drive
-from sim_action.drives.heading import Rolling, axle_problems, heading_of, rolling
-from sim_action.drives.keys import Heading, WheelRadius
-from sim_action.drives.mecanum_motion import MecanumMotion, Roller, arm
-from sim_action.drives.mecanum_ways import MecanumWays
+from sim_action.drives import Drive, is_level
 from sim_action.drives.plugins import StatedSides, corners_by_plugin
-from sim_action.drives.wheel_problems import joint_problems, length_problems
-from sim_action.drives.wheel_speeds import WheelSpeeds
-from sim_action.drives.wheels import Wheel, centre_of_mass, wheel
-from sim_action.drives.wording import heading_text, radius_text, remarked
+from sim_action.drives.wheel_settings import (
+    Heading,
+    WheelRadius,
+    WheelSpeeds,
+    heading_text,
+    joint_problems,
+    length_problems,
+    radius_text,
+    remarked,
+)
+from sim_action.drives.wheels import Rolling, Wheel, along, axle_problems, centre_of_mass, heading_of, rolling, wheel
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
-from sim_action.world import GRAVITY
+from sim_action.state.command import NO_PUSH, BasePush, JointTargets
+from sim_action.state.wheel_motion import PlanarWay
+from sim_action.world.gravity import GRAVITY
 from sim_action.world.scene import Scene
 
 # Of the weight that is on them, what rollers at 45 deg hold with a friction of 1.
@@ -35,6 +42,8 @@ _HOLD: Final = 1 / math.sqrt(2)
 _CORNERS: Final = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
 
 Pair = Annotated[tuple[str, ...], Field(min_length=2, max_length=2)]
+
+NOT_LEVEL: Final = "a twist asked for more than velocity over the ground and turning rate; the rest was left out"
 
 
 class MecanumDrive(Drive):
@@ -103,9 +112,9 @@ class MecanumDrive(Drive):
             point_xyz=point,
         )
 
-    def wheel_motion(self, model: RobotModel) -> MecanumWays:
+    def wheel_motion(self, model: RobotModel) -> MecanumOdometry:
         """See Drive.wheel_motion."""
-        return MecanumWays(self._rollers(model), self._forward(model))
+        return MecanumOdometry(self._rollers(model), self._forward(model))
 
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
         """See Drive.describe."""
@@ -170,3 +179,146 @@ class MecanumDrive(Drive):
 
     def _force(self, model: RobotModel, gravity: float) -> float:
         return self.force or _HOLD * model.mass * gravity
+
+
+@dataclass(frozen=True, slots=True)
+class Roller:
+    """A wheel with rollers at 45 deg, which form an X seen from above.
+
+    Attributes:
+        gear: m that it would roll forward while its joint turns by 1 rad.
+        way: 1 if it is in front on the left, or in the rear on the right; -1 on the other diagonal.
+    """
+
+    place: Rolling
+    gear: float
+    way: int
+
+    def speed(self, ahead: float, left: float, turn: float) -> float:
+        """Of its joint in rad/s, for a velocity of the base in m/s and rad/s."""
+        here = (ahead - turn * self.place.left, left + turn * self.place.ahead)
+        # Its rollers give way along one diagonal: what is left is across.
+        return (here[0] - self.way * here[1]) / self.gear
+
+
+def arm(wheels: Sequence[Rolling]) -> float:
+    """How far wheels are from the base's origin in the mean, in m."""
+    return fmean(math.hypot(placed.ahead, placed.left) for placed in wheels)
+
+
+class MecanumMotion:
+    """Velocity over the ground and turning rate, ramping towards what the last twist asks for."""
+
+    def __init__(
+        self,
+        wheels: Sequence[Roller],
+        *,
+        heading: float,
+        most_change: float,
+        speeds: WheelSpeeds,
+        force: float,
+        point_xyz: Vector3,
+    ) -> None:
+        """`most_change`: m/s a step, of the velocity, and of what turning is at the wheels."""
+        self._wheels = tuple(wheels)
+        self._heading = heading
+        self._most_change = most_change
+        self._speeds = speeds
+        self._force = force
+        self._point_xyz = point_xyz
+        self._arm = arm([found.place for found in wheels])
+        self._ahead = self._left = self._turn = 0.0
+        self._was_level = True
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """See DriveMotion.joints."""
+        return frozenset(found.place.joint for found in self._wheels)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See DriveMotion.notes."""
+        return (*(() if self._was_level else (NOT_LEVEL,)), *self._speeds.notes)
+
+    @property
+    def released(self) -> JointTargets:
+        """See DriveMotion.released."""
+        return JointTargets(base=NO_PUSH)
+
+    def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
+        """See DriveMotion.targets."""
+        self._was_level &= is_level(twist)
+        wanted = self._wanted(twist)
+        planned = []
+        for _ in range(steps):
+            before = (self._ahead, self._left, self._turn)
+            self._step(*wanted)
+            planned.append(self._joint_targets())
+            if before == (self._ahead, self._left, self._turn):
+                break
+        return planned
+
+    def _wanted(self, twist: Twist) -> tuple[float, float, float]:
+        """Velocity ahead and to the left and turning rate, as far as motors can."""
+        (ahead, left, _), turn = twist.linear_xyz, twist.angular_xyz[2]
+        share = self._speeds.told_share(self._joint_speeds(ahead, left, turn))
+        return share * ahead, share * left, share * turn
+
+    def _step(self, ahead: float, left: float, turn: float) -> None:
+        """All three change by the same part of their way, so that the curve stays the one that was asked for."""
+        change = math.hypot(ahead - self._ahead, left - self._left) + self._arm * abs(turn - self._turn)
+        if change <= self._most_change:
+            self._ahead, self._left, self._turn = ahead, left, turn
+            return
+        part = self._most_change / change
+        self._ahead += part * (ahead - self._ahead)
+        self._left += part * (left - self._left)
+        self._turn += part * (turn - self._turn)
+
+    def _joint_targets(self) -> JointTargets:
+        velocity_xy = along(self._heading, self._ahead, self._left)
+        return JointTargets(
+            velocity=self._joint_speeds(self._ahead, self._left, self._turn),
+            base=BasePush(velocity_xy, self._turn, self._point_xyz, self._force, self._force * self._arm),
+        )
+
+    def _joint_speeds(self, ahead: float, left: float, turn: float) -> dict[str, float]:
+        """In rad/s, for a velocity of the base in m/s and rad/s."""
+        return {found.place.joint: found.speed(ahead, left, turn) for found in self._wheels}
+
+
+@dataclass(frozen=True)
+class MecanumOdometry:
+    """The inverse of `mecanum_motion`: the way that suits all wheels best.
+
+    Attributes:
+        heading: rad, of forward from the base's x axis.
+    """
+
+    wheels: tuple[Roller, ...]
+    heading: float
+    middle_xy: tuple[float, float] = (0.0, 0.0)
+    steering: tuple[str, ...] = ()
+
+    @property
+    def gears(self) -> Mapping[str, float]:
+        """See WheelMotion.gears."""
+        return {found.place.joint: found.gear for found in self.wheels}
+
+    def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
+        """See WheelMotion.way."""
+        ahead, left, turn = (
+            sum(share * rolled[found.place.joint] for share, found in zip(row, self.wheels, strict=True))
+            for row in self._shares
+        )
+        return PlanarWay(*along(self.heading, ahead, left), turn)
+
+    @cached_property
+    def _shares(self) -> list[list[float]]:
+        """(3, 4): what each wheel has to say of the way ahead, of that to the left, and of the turn: least squares."""
+        import numpy as np
+
+        motions = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        ways = [[found.gear * found.speed(*motion) for motion in motions] for found in self.wheels]
+        shares: list[list[float]] = np.linalg.pinv(np.array(ways)).tolist()
+        return shares

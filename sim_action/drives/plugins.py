@@ -17,7 +17,6 @@ SKID_PLUGINS: Final = ("gazebo_ros_skid_steer_drive", *DIFF_PLUGINS)
 """Those of diff drives take several wheels a side."""
 ACKERMANN_PLUGINS: Final = ("gz-sim-ackermann-steering-system", "ignition-gazebo-ackermann-steering-system")
 MECANUM_PLUGINS: Final = ("gz-sim-mecanum-drive-system", "ignition-gazebo-mecanum-drive-system")
-
 _LEFT: Final = ("leftJoint", "left_joint", "leftFrontJoint", "leftRearJoint")
 _RIGHT: Final = ("rightJoint", "right_joint", "rightFrontJoint", "rightRearJoint")
 _CORNERS: Final = ("front_left_joint", "front_right_joint", "back_left_joint", "back_right_joint")

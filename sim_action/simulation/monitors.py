@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, Self
 
-from sim_action.assertions import Monitor, State
-from sim_action.assertions.window import Window
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.window import Window
 from sim_action.core.units import TIME_EPSILON
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation

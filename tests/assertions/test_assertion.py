@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import Monitor, State
-from sim_action.assertions.user_code import UserAssertion
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.user_assertion import UserAssertion
 from sim_action.core.errors import ScriptError
 from sim_action.core.workspace import Workspace
 from sim_action.simulation.monitors import Panel

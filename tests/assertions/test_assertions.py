@@ -8,19 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_action.assertions import ASSERTIONS, Assertion, State
-from sim_action.assertions.all_of import AllOf
-from sim_action.assertions.any_of import AnyOf
+from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.combined import AllOf, AnyOf, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
-from sim_action.assertions.joint import JointReading
-from sim_action.assertions.joint_within import JointWithin
+from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.assertions.negation import Negation
+from sim_action.assertions.monitors import State
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.path_length import PathLength

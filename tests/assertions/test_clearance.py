@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import State
 from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.monitors import State
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness

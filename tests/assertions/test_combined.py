@@ -9,17 +9,16 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import pytest
 
-from sim_action.assertions import Assertion, Monitor, State
-from sim_action.assertions.all_of import AllOf
-from sim_action.assertions.any_of import AnyOf
+from sim_action.assertions import Assertion
+from sim_action.assertions.combined import AllOf, AnyOf, Negation
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.assertions.negation import Negation
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
-from sim_action.assertions.window import Window
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import State
 from sim_action.assertions.effort import Effort
+from sim_action.assertions.monitors import State
 from sim_action.state.verdict import Verdict
 from tests.traces import WHEELS, judged, monitor, scene, trace
 

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.energy import Energy
-from sim_action.assertions.window import Window
+from sim_action.assertions.monitors.window import Window
 from sim_action.state.observation import JointState
 from sim_action.state.verdict import Verdict
 from tests.traces import START, WHEELS, judged, monitor, scene, trace

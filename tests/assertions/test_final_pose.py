@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import State
 from sim_action.assertions.final_pose import FinalPose
-from sim_action.assertions.window import Window
+from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.window import Window
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.simulation.monitors import Panel
 from sim_action.state.verdict import Verdict

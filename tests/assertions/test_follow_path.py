@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import State
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
-from sim_action.assertions.window import Window
+from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.window import Window
 from sim_action.core.workspace import Workspace
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict

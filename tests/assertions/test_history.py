@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.assertions.history import History
+from sim_action.assertions.user_assertion import History
 from sim_action.state.trace import Trace
 from tests.traces import contact, piece, trace
 

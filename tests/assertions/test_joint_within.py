@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions.joint_within import JointWithin
+from sim_action.assertions.joint import JointWithin
 from sim_action.state.verdict import Verdict
 from tests.traces import WHEELS, judged, scene, trace
 

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.assertions import State
 from sim_action.assertions.matches import Matches
-from sim_action.assertions.window import Window
+from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.window import Window
 from sim_action.core.workspace import Workspace
 from sim_action.state.golden_trajectory import Golden
 from sim_action.state.observation import JointState

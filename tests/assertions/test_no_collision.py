@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.assertions import State
+from sim_action.assertions.monitors import State
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.state.verdict import Verdict
 from tests.traces import contact, judged, monitor, scene, trace

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import State
+from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.odometry_error import OdometryError
-from sim_action.assertions.window import Window
 from sim_action.core import units
 from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.state.trace import Trace

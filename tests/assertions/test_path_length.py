@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.path_length import PathLength
-from sim_action.assertions.window import Window
 from sim_action.core.geometry import Pose, Twist
 from sim_action.state.observation import Observation
 from sim_action.state.verdict import Verdict

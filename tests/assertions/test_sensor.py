@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import State
+from sim_action.assertions.monitors import State
 from sim_action.assertions.sensor import SensorReading
 from sim_action.sensors import SENSORS
 from sim_action.state.readings import READING_COLUMNS

@@ -12,17 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_action.assertions import ASSERTIONS, Assertion
-from sim_action.assertions.all_of import AllOf
 from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.combined import AllOf, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
-from sim_action.assertions.joint import JointReading
-from sim_action.assertions.joint_within import JointWithin
+from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.assertions.negation import Negation
+from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.path_length import PathLength
@@ -34,8 +33,7 @@ from sim_action.assertions.stl import Stl
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
-from sim_action.assertions.user_code import UserAssertion
-from sim_action.assertions.window import Window
+from sim_action.assertions.user_assertion import UserAssertion
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch

@@ -14,14 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.assertions import Monitor, State, is_decisive
+from sim_action.assertions.monitors import Monitor, State, is_deciding
+from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.stl import Stl
-from sim_action.assertions.stl_monitor import Joined
-from sim_action.assertions.stl_parts import Part
 from sim_action.assertions.temporal_logic.formula import Formula
+from sim_action.assertions.temporal_logic.monitor import BooleanPart
+from sim_action.assertions.temporal_logic.operators import Part
 from sim_action.assertions.temporal_logic.robustness import Cause
 from sim_action.assertions.temporal_logic.samples import Samples
-from sim_action.assertions.window import Window
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from tests.assertions.temporal_logic.formulas import meaning, plain_formulas, walks
@@ -123,7 +123,7 @@ def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
         # The contrary.
         ("not (always (speed < 0.8))", [P, P, P, H, H]),
         ("not (eventually (speed > 0.8))", [H, H, H, B, B]),
-        # Joined.
+        # BooleanPart.
         ("always (speed < 2) and eventually (speed > 0.8)", [P, P, P, H, H]),
         ("(always (speed < 0.8)) or eventually (x > 2.2)", [P, P, P, P, H]),
         ("(always (speed < 0.7)) or always (speed < 0.9)", [H, H, H, B, B]),
@@ -190,7 +190,7 @@ def test_pieces_say_what_the_whole_says_and_a_decision_stands(
     said, decided = [], False
     for length in range(len(walk) + 1):
         early = folded(formula, walk[:length], [])
-        assert is_decisive(early)
+        assert is_deciding(early)
         said.append(early.state)
         if decided:
             assert said[-1] is said[-2]
@@ -286,7 +286,7 @@ def test_what_is_deep_inside_is_asked_no_more_often_for_it() -> None:
     innermost = _Asked(Counter())
     part: Part = innermost
     for layer in range(20):
-        part = Joined((part,), every=bool(layer % 2))
+        part = BooleanPart((part,), every=bool(layer % 2))
     assert part.state is P
     assert not part.is_decided
     assert innermost.asked["state"] <= 4

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim_action.assertions import State
+from sim_action.assertions.monitors import State
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace

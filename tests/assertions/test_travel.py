@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.assertions import State
+from sim_action.assertions.monitors import State
 from sim_action.assertions.travel import Travel
 from sim_action.core.geometry import Pose, Twist
 from sim_action.state.observation import Observation

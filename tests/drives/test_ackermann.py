@@ -13,8 +13,7 @@ from pydantic import ValidationError
 
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
-from sim_action.drives.ackermann import AckermannDrive
-from sim_action.drives.ackermann_motion import ON_THE_SPOT, TOO_TIGHT
+from sim_action.drives.ackermann import ON_THE_SPOT, TOO_TIGHT, AckermannDrive
 from sim_action.robot.robot_model import Plugin, RobotModel
 from tests.drives.carts import RADIUS, cart, steered, wheel
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.drives.slip import Footing, footings, slip_factor
+from sim_action.drives.skid import Footing, footings, slip_factor
 
 sizes = st.floats(0.05, 3)
 

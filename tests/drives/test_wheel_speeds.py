@@ -15,7 +15,7 @@ from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.drives.wheel_speeds import WheelSpeeds
+from sim_action.drives.wheel_settings import WheelSpeeds
 from sim_action.robot.robot_model import RobotModel
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sim_action.drives.wording import heading_text, radius_text, torque_text
+from sim_action.drives.wheel_settings import heading_text, radius_text, torque_text
 from tests.drives.carts import FOUR, cart
 from tests.traces import WHEELS, burger
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.assertions import Monitor
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Braking, Energy
+from sim_action.assertions.monitors import Monitor
 from sim_action.core.workspace import Workspace
 from sim_action.robot.spec import Robot
 from sim_action.state.command import JointTargets

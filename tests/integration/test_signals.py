@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_action.assertions import ASSERTIONS, Assertion, State
-from sim_action.assertions.combined import Combined
-from sim_action.assertions.negation import Negation
+from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.assertions.combined import Combined, Negation
+from sim_action.assertions.monitors import State
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.workspace import Permissions
 from sim_action.reports import ReportOptions

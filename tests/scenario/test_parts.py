@@ -7,13 +7,11 @@ from pathlib import Path
 import pytest
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.all_of import AllOf
-from sim_action.assertions.any_of import AnyOf
-from sim_action.assertions.negation import Negation
+from sim_action.assertions.combined import AllOf, AnyOf, Negation
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.stl import Stl
 from sim_action.assertions.travel import Travel
-from sim_action.assertions.user_code import UserAssertion
+from sim_action.assertions.user_assertion import UserAssertion
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.workspace import Permissions
 from sim_action.scenario.loading import load_scenario

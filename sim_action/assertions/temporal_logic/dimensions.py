@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from types import MappingProxyType
+from typing import Final, cast
 
 from sim_action.assertions.temporal_logic.formula import (
     Absolute,
@@ -18,15 +19,37 @@ from sim_action.assertions.temporal_logic.formula import (
     comparisons,
     signals_of,
 )
-from sim_action.assertions.temporal_logic.signals import dimension, problem_with
 from sim_action.core import units
-from sim_action.robot.robot_model import RobotModel
+from sim_action.core.messages import did_you_mean
+from sim_action.core.units import Dimension
+from sim_action.robot.robot_model import READINGS, Reading, RobotModel
+
+BASE_SIGNALS: Final = MappingProxyType(
+    {
+        "time": units.TIME,
+        "x": units.LENGTH,
+        "y": units.LENGTH,
+        "z": units.LENGTH,
+        "roll": units.ANGLE,
+        "pitch": units.ANGLE,
+        "yaw": units.ANGLE,
+        "tilt": units.ANGLE,
+        "speed": units.SPEED,
+        "turn_rate": units.ANGULAR_SPEED,
+        "travel": units.LENGTH,
+    }
+)
+"""Of the base link, as `Trace` has them; travel is the distance on the ground from where the robot settled."""
+
+NAMES: Final = (*BASE_SIGNALS, *(f"{reading}(joint)" for reading in READINGS))
+"""All of them, as messages list them."""
 
 Powers = tuple[int, int, int, int]
 """Of m, s, rad and kg."""
 
 _BASES: Final = ("m", "s", "rad", "kg")
 _NONE: Final[Powers] = (0, 0, 0, 0)
+
 _POWERS: Final[dict[str, Powers]] = {
     units.TIME.si: (0, 1, 0, 0),
     units.LENGTH.si: (1, 0, 0, 0),
@@ -37,14 +60,30 @@ _POWERS: Final[dict[str, Powers]] = {
     units.FORCE.si: (1, -2, 0, 1),
     units.TORQUE.si: (2, -2, 0, 1),
 }
+
 _SYMBOLS: Final = {powers: symbol for symbol, powers in _POWERS.items()}
+
+
+def dimension(signal: Signal, model: RobotModel) -> Dimension:
+    """What a signal is measured in; the joint must be there."""
+    if not signal.joint:
+        return BASE_SIGNALS[signal.name]
+    return model.joints_by_name[signal.joint].dimension(cast("Reading", signal.name))
+
+
+def problem_with(signal: Signal, model: RobotModel) -> str | None:
+    """A joint that is not there, or does not move."""
+    moving = [joint.name for joint in model.moving_joints]
+    if not signal.joint or signal.joint in moving:
+        return None
+    return f"the model has no moving joint '{signal.joint}'{did_you_mean(signal.joint, moving)}"
 
 
 class _Unlike(Exception):
     """Terms that cannot be added or compared."""
 
 
-def problems(formula: Formula, model: RobotModel) -> Iterator[tuple[int, str]]:
+def dimension_problems(formula: Formula, model: RobotModel) -> Iterator[tuple[int, str]]:
     """Where in the text something is wrong, and what: joints that are not there, metres beside seconds."""
     missing = [(signal.at, told) for signal in signals_of(formula) if (told := problem_with(signal, model))]
     if missing:
@@ -57,7 +96,7 @@ def problems(formula: Formula, model: RobotModel) -> Iterator[tuple[int, str]]:
             yield comparison.at, str(unlike)
 
 
-def unit(comparison: Comparison, model: RobotModel) -> str:
+def margin_unit(comparison: Comparison, model: RobotModel) -> str:
     """SI symbol of its margin; empty for what has no name."""
     return _SYMBOLS.get(_alike((comparison.left, comparison.right), model) or _NONE, "")
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final, NoReturn, cast, get_args
 
+from sim_action.assertions.temporal_logic.dimensions import BASE_SIGNALS, NAMES
 from sim_action.assertions.temporal_logic.formula import (
     ALL_TIME,
     Absolute,
@@ -32,9 +33,7 @@ from sim_action.assertions.temporal_logic.formula import (
     Until,
     signals,
 )
-from sim_action.assertions.temporal_logic.signals import BASE_SIGNALS, NAMES
-from sim_action.assertions.temporal_logic.spelling import operator_like
-from sim_action.assertions.temporal_logic.tokens import FormulaError, Token, tokens, unit_names
+from sim_action.assertions.temporal_logic.tokens import FormulaError, Token, operator_like, tokens, unit_names
 from sim_action.core.messages import did_you_mean
 from sim_action.core.units import TIME
 from sim_action.robot.robot_model import READINGS
@@ -177,7 +176,7 @@ class _Parser:
         operator = self._advance()
         start = self._next
         right = self._as_term(self._expression(_ADD), start)
-        found = Comparison(self._as_term(left, first), cast(Relation, operator.text), right, first.at)
+        found = Comparison(self._as_term(left, first), cast("Relation", operator.text), right, first.at)
         if self._next.text in get_args(Relation):
             self._refuse(self._next, "one comparison at a time: join two by 'and'")
         if not any(signal for term in (found.left, found.right) for signal in signals(term)):

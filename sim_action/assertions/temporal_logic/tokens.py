@@ -2,19 +2,48 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, Literal
 
-from sim_action.assertions.temporal_logic.spelling import SIGNS
 from sim_action.core import units
 from sim_action.robot.robot_model import READINGS
 
+SIGNS: Final = MappingProxyType(
+    {
+        "&&": "and",
+        "&": "and",
+        "||": "or",
+        "|": "or",
+        "!": "not",
+        "->": "implies",
+        "=>": "implies",
+        "\N{LOGICAL AND}": "and",
+        "\N{LOGICAL OR}": "or",
+        "\N{NOT SIGN}": "not",
+        "\N{RIGHTWARDS ARROW}": "implies",
+        "\N{LESS-THAN OR EQUAL TO}": "<=",
+        "\N{GREATER-THAN OR EQUAL TO}": ">=",
+    }
+)
+"""A sign of another notation -> what is written here; of two that begin alike, the longer one first."""
+
+_OPERATORS: Final = ("not", "and", "or", "implies", "always", "eventually", "until", "abs")
+_OTHER_WORDS: Final = {
+    "g": "always",
+    "globally": "always",
+    "f": "eventually",
+    "finally": "eventually",
+    "u": "until",
+}
+
+# Names of signals and units are nearer to some operator than this asks for.
+_ALIKE: Final = 0.75
 MAX_CHARACTERS: Final = 2000
-
 KEYWORDS: Final = frozenset({"not", "and", "or", "implies", "always", "eventually", "until", "abs", "end"})
-
 _DIMENSIONS: Final = (
     units.TIME,
     units.LENGTH,
@@ -25,7 +54,9 @@ _DIMENSIONS: Final = (
     units.FORCE,
     units.TORQUE,
 )
+
 _UNITS: Final = {symbol: (factor, kind.si) for kind in _DIMENSIONS for symbol, factor in kind.factors.items()}
+
 # The longest that fits: "m/s" is not "m", and "N m" is not "N".
 _UNIT: Final = "|".join(re.escape(symbol) for symbol in sorted(_UNITS, key=len, reverse=True))
 _TOKEN: Final = re.compile(
@@ -39,6 +70,17 @@ _TOKEN: Final = re.compile(
     )""",
     re.VERBOSE,
 )
+
+_SHOWN: Final = 40
+
+Kind = Literal["number", "signal", "word", "keyword", "symbol", "end"]
+
+
+def operator_like(word: str) -> str | None:
+    """The operator that a word is meant to be, if that is plain."""
+    word = word.lower()
+    near = difflib.get_close_matches(word[:20], _OPERATORS, n=1, cutoff=_ALIKE)
+    return _OTHER_WORDS.get(word) or (near[0] if near else None)
 
 
 class FormulaError(ValueError):
@@ -55,11 +97,6 @@ def place(text: str, at: int) -> str:
     before = before if len(before) <= _SHOWN else f"...{before[-_SHOWN:]}"
     after = after if len(after) <= _SHOWN else f"{after[:_SHOWN]}..."
     return f"at character {at + 1}, the arrow: {before}-> {after}".rstrip()
-
-
-_SHOWN: Final = 40
-
-Kind = Literal["number", "signal", "word", "keyword", "symbol", "end"]
 
 
 @dataclass(frozen=True, slots=True)

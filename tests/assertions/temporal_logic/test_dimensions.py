@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from sim_action.assertions.temporal_logic.dimensions import problems, unit
+from sim_action.assertions.temporal_logic.dimensions import dimension_problems, margin_unit
 from sim_action.assertions.temporal_logic.formula import Comparison
 from sim_action.assertions.temporal_logic.parser import parse
 from tests.traces import burger
@@ -35,24 +35,24 @@ SLIDING = dataclasses.replace(
 def test_the_unit_of_a_margin(text: str, si: str) -> None:
     formula = parse(text)
     assert isinstance(formula, Comparison)
-    assert list(problems(formula, MODEL)) == []
-    assert unit(formula, MODEL) == si
+    assert list(dimension_problems(formula, MODEL)) == []
+    assert margin_unit(formula, MODEL) == si
 
 
 def test_a_joint_that_slides_is_measured_in_metres_and_newtons() -> None:
     formula = parse("position(wheel_left_joint) < 5 cm and effort(wheel_left_joint) < 1 kN")
-    assert list(problems(formula, SLIDING)) == []
-    assert len(list(problems(formula, MODEL))) == 2
+    assert list(dimension_problems(formula, SLIDING)) == []
+    assert len(list(dimension_problems(formula, MODEL))) == 2
 
 
 def test_every_problem_has_its_place() -> None:
     text = "always (speed < 1 m and x < 1 m) or tilt * tilt < 3 s"
-    found = list(problems(parse(text), MODEL))
+    found = list(dimension_problems(parse(text), MODEL))
     assert [at for at, _ in found] == [text.index("speed"), text.index("tilt")]
     assert found[1][1] == "'tilt * tilt' is in rad^2, '3 s' in s: they cannot be compared"
 
 
 def test_joints_come_first() -> None:
-    ((at, message),) = problems(parse("speed < 1 m and position(elbow) < 1"), MODEL)
+    ((at, message),) = dimension_problems(parse("speed < 1 m and position(elbow) < 1"), MODEL)
     assert at == 16
     assert message.startswith("the model has no moving joint 'elbow'")

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.assertions.temporal_logic.windows import greatest_of_windows, least_of_windows, until
+from sim_action.assertions.temporal_logic.robustness import greatest_of_windows, least_of_windows, until
 
 values = st.lists(st.integers(-5, 5).map(float), min_size=1, max_size=40)
 

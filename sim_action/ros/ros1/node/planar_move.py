@@ -8,7 +8,7 @@ from typing import ClassVar, Final, Self
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, is_level
-from sim_action.drives.mecanum_motion import NOT_LEVEL
+from sim_action.drives.mecanum import NOT_LEVEL
 from sim_action.drives.wheels import centre_of_mass
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel

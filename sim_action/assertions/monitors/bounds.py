@@ -1,0 +1,264 @@
+"""Assertions that hold a scalar against `at_least` (a goal) and `at_most` (an invariant)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from sim_action.assertions.monitors import Monitor, State, is_plottable
+from sim_action.assertions.monitors.goals import Goal, Invariant, joined
+from sim_action.core import units
+from sim_action.state.verdict import Signal, Verdict
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import FloatArray, Trace
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The fold of a signal against one or both bounds.
+
+    Attributes:
+        verb: what the robot did, for messages: "travelled".
+        unit: SI symbol of the signal.
+        end: sim time in s of the last moment seen.
+    """
+
+    verb: str
+    unit: str
+    at_least: float | None
+    at_most: float | None
+    goal: Goal = Goal()
+    invariant: Invariant = Invariant()
+    end: float = 0.0
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return joined(self.invariant.state, State.HOLDS if self.at_least is None else self.goal.state)
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided: a lower bound that was reached is, unless there is an upper one to exceed."""
+        return self.state is State.BROKEN or (self.at_most is None and self.state is State.HOLDS)
+
+    def observe(self, time: FloatArray, signal: FloatArray) -> Self:
+        """The fold after these moments."""
+        if not len(time):
+            return self
+        goal = self.goal if self.at_least is None else self.goal.observe(time, signal - self.at_least)
+        invariant = self.invariant if self.at_most is None else self.invariant.observe(time, self.at_most - signal)
+        return replace(self, goal=goal, invariant=invariant, end=float(time[-1]))
+
+    def drawn(self, name: str, time: FloatArray, signal: FloatArray) -> Signal:
+        """The curve of the signal, with both bounds."""
+        return Signal(name, self.unit, time, signal, self.at_least, self.at_most)
+
+    def verdict(self) -> Verdict:
+        """The bound that decides: a broken one, else the goal, else the one that held."""
+        if self.at_least is None or self.invariant.state is State.BROKEN:
+            return self._upper()
+        return self._lower(self.at_least)
+
+    def _lower(self, limit: float) -> Verdict:
+        passed, margin = self.goal.state is State.HOLDS, self.goal.margin
+        measured = None if margin is None else limit + margin
+        if measured is None or self.goal.time is None:
+            message = f"{self.verb} nothing: no moment to measure"
+        elif passed:
+            message = f"{self.verb} {units.display(measured, self.unit)} in {self.goal.time:.2f} s"
+        else:
+            reached, wanted = units.display_apart(measured, limit, self.unit)
+            message = f"{self.verb} {reached} of {wanted} in {self.end:.1f} s"
+        return Verdict(passed, measured, limit, margin, self.unit, self.goal.time, message)
+
+    def _upper(self) -> Verdict:
+        limit, fold = self.at_most, self.invariant
+        passed = fold.state is State.HOLDS
+        if limit is None or fold.margin is None or fold.time is None:
+            return Verdict(passed, None, limit, None, self.unit, None, "no moment to measure")
+        measured = limit - fold.margin
+        worst, allowed = units.display_apart(measured, limit, self.unit)
+        message = (
+            f"{self.verb} at most {worst}, limit {allowed}"
+            if passed
+            else f"{self.verb} {worst} at {fold.time:.2f} s, more than {allowed}"
+        )
+        return Verdict(passed, measured, limit, fold.margin, self.unit, fold.time, message)
+
+
+@dataclass(frozen=True, slots=True)
+class SignalMonitor:
+    """A signal that each moment has by itself, against its bounds; `name`: what people call it."""
+
+    is_momentary: ClassVar[bool] = True
+
+    name: str
+    signal: Callable[[Trace], FloatArray]
+    bounds: Bounds
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self.bounds.state
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided."""
+        return self.bounds.is_decided
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, bounds=self.bounds.observe(trace.time, self.signal(trace)))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        return self.bounds.verdict()
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals."""
+        return (self.bounds.drawn(self.name, trace.time, self.signal(trace)),)
+
+
+@dataclass(frozen=True, slots=True)
+class AllLimits:
+    """The monitor of several."""
+
+    monitors: tuple[Monitor, ...]
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return joined(*(monitor.state for monitor in self.monitors))
+
+    @property
+    def is_momentary(self) -> bool:
+        """See PlottableMonitor.is_momentary."""
+        return all(monitor.is_momentary for monitor in self.monitors if is_plottable(monitor))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))
+
+    def verdict(self) -> Verdict:
+        """The limit that was broken first, else the one that was come nearest to, as a part of it."""
+        verdicts = [monitor.verdict() for monitor in self.monitors]
+        nearest = min(verdicts, key=lambda v: (v.margin or 0.0) / (v.limit or 1.0))
+        return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=nearest)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals: those of all."""
+        return tuple(signal for monitor in self.monitors if is_plottable(monitor) for signal in monitor.signals(trace))
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """What a signal, (T,) in `unit`, must stay between; the bounds belong to it."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    signal: Callable[[Trace], FloatArray]
+
+    def sides(self, scale: float = 1.0) -> Iterator[OneSidedBound]:
+        """Both bounds; margins are compared with those of other signals as parts of `scale`."""
+        yield OneSidedBound(self, -1, self.lower, scale)
+        yield OneSidedBound(self, 1, self.upper, scale)
+
+
+@dataclass(frozen=True, slots=True)
+class OneSidedBound:
+    """One bound; `sign` is -1 for a lower and 1 for an upper one."""
+
+    interval: Interval
+    sign: int
+    bound: float
+    scale: float = 1.0
+    fold: Invariant = Invariant()
+
+    def margin(self) -> float:
+        """As a part of the scale; infinite before the first moment."""
+        return math.inf if self.fold.margin is None else self.fold.margin / self.scale
+
+    def time(self) -> float:
+        """Of the margin; infinite before the first moment."""
+        return math.inf if self.fold.time is None else self.fold.time
+
+    def observe(self, trace: Trace) -> Self:
+        """The side after these moments."""
+        signal = self.interval.signal(trace)
+        return replace(self, fold=self.fold.observe(trace.time, self.sign * (self.bound - signal)))
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalsMonitor:
+    """All bounds; the first that was passed speaks, else the one that was nearest."""
+
+    is_momentary: ClassVar[bool] = True
+
+    sides: tuple[OneSidedBound, ...]
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        broken = any(side.fold.state is State.BROKEN for side in self.sides)
+        return State.BROKEN if broken else State.HOLDS
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, sides=tuple(side.observe(trace) for side in self.sides))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        passed = self.state is State.HOLDS
+        broken = [side for side in self.sides if side.fold.state is State.BROKEN]
+        side = min(broken, key=OneSidedBound.time) if broken else min(self.sides, key=OneSidedBound.margin)
+        name, unit = side.interval.name, side.interval.unit
+        margin, time = side.fold.margin, side.fold.time
+        if margin is None or time is None:
+            return Verdict(passed, None, None, None, unit, None, "no moment to measure")
+        measured = side.bound - side.sign * margin
+        where, limit = (f"{name} = {text}" for text in units.display_apart(measured, side.bound, unit))
+        message = f"stayed within; nearest to {limit} with {where}" if passed else f"left past {limit}: {where}"
+        return Verdict(passed, measured, side.bound, margin, unit, time, f"{message} at {time:.2f} s")
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals: one for each interval."""
+        intervals = dict.fromkeys(side.interval for side in self.sides)
+        return tuple(
+            Signal(one.name, one.unit, trace.time, one.signal(trace), one.lower, one.upper) for one in intervals
+        )
+
+
+def check_bounds(
+    at_least: float | None, at_most: float | None, unit: str, written: tuple[str, str] | None = None
+) -> None:
+    """Raises ValueError for no bounds at all, and as `check_order` does."""
+    if at_least is None and at_most is None:
+        raise ValueError("give 'at_least', 'at_most' or both")
+    check_order(at_least, at_most, unit, written)
+
+
+def check_order(
+    at_least: float | None, at_most: float | None, unit: str, written: tuple[str, str] | None = None
+) -> None:
+    """Raises ValueError for bounds that nothing can satisfy; `written`: both, if the unit is not known."""
+    if at_least is not None and at_most is not None and at_least > at_most:
+        lower, upper = written or units.display_apart(at_least, at_most, unit)
+        raise ValueError(f"nothing is at least {lower} and at most {upper}; exchange the two?")
+
+
+def check_interval(name: str, lower: float, upper: float, unit: str) -> None:
+    """Raises ValueError for the bounds of an axis or the like between which there is nothing."""
+    if lower >= upper:
+        told = " is not below ".join(units.display_apart(lower, upper, unit))
+        raise ValueError(f"the bounds of '{name}' are the wrong way round: {told}")
+
+
+def bounds_title(at_least: float | None, at_most: float | None, unit: str) -> str:
+    """Such as "at least 1.5 m, at most 2 m"."""
+    named = (("at least", at_least), ("at most", at_most))
+    return ", ".join(f"{name} {units.display(value, unit)}" for name, value in named if value is not None)

@@ -1,0 +1,71 @@
+"""How near the robot came to bodies, folded over traces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim_action.state.observation import Contact
+    from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.trace_channels import ClearanceWatch
+    from sim_action.state.trace_records import Nearness
+
+
+def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | None) -> Nearness | None:
+    """The first least distance of what a watch tells of these moments and what was known before; None if nothing is."""
+    record = None if watch is None else trace.clearances.get(watch)
+    if record is None or not len(record):
+        return before
+    nearest = record.at(int(record.distance.argmin()))
+    return nearest if before is None or nearest.distance < before.distance else before
+
+
+def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
+    """(N,) s and (N,) m: all that watches of the same two tell."""
+    import numpy as np
+
+    records = [trace.clearances[watch] for watch in watches if watch in trace.clearances]
+    if not records:
+        return np.empty(0), np.empty(0)
+    time, first = np.unique(np.concatenate([record.time for record in records]), return_index=True)
+    return time, np.concatenate([record.distance for record in records])[first]
+
+
+def least_so_far(trace: Trace, watch: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
+    """(N,) s and (N,) m: what was nearest up to each moment that came nearer, and at the last of the trace."""
+    import numpy as np
+
+    time, distance = distances(trace, watch)
+    if not len(time):
+        return time, distance
+    least = np.minimum.accumulate(distance)
+    last = float(trace.time[-1])
+    return (np.append(time, last), np.append(least, least[-1])) if last > time[-1] else (time, least)
+
+
+def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:
+    """(N,) s, each step that has a contact, and (N,) N, the force of all of that step."""
+    import numpy as np
+
+    summed: dict[float, float] = {}
+    for contact in contacts:
+        summed[contact.time] = summed.get(contact.time, 0.0) + contact.force
+    return np.array(list(summed)), np.array(list(summed.values()))
+
+
+def with_zeros(moments: FloatArray, time: FloatArray, values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Values at some steps; 0 at moments that are none of these, and one step before and after each row of them."""
+    import numpy as np
+
+    if not len(time):
+        return moments, np.zeros(len(moments))
+    beside = np.concatenate((moments, time - step, time + step))
+    inside = beside[(beside >= moments[0]) & (beside <= moments[-1])]
+    # Two ways to the same step differ by rounding alone.
+    at = np.searchsorted(time, inside - step / 2)
+    known = np.append(time, np.inf)[at] <= inside + step / 2
+    zeros = np.unique(np.round(inside[~known] / step)) * step
+    grid = np.concatenate((time, zeros))
+    order = np.argsort(grid)
+    return grid[order], np.concatenate((values, np.zeros(len(zeros))))[order]

@@ -1,0 +1,66 @@
+"""The time window of an expectation, around the monitor of any assertion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable
+from sim_action.core.units import TIME_EPSILON
+from sim_action.state.verdict import Signal
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Lets a monitor see the moments from `after` to `before` only; what is pending then is as its verdict says.
+
+    Attributes:
+        after: s of sim time.
+        before: s of sim time, infinite without an end.
+        over: whether the window has closed.
+    """
+
+    monitor: Monitor
+    after: float = 0.0
+    before: float = math.inf
+    over: bool = False
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        state = self.monitor.state
+        if not self.over or state is not State.PENDING:
+            return state
+        return State.HOLDS if self.monitor.verdict().passed else State.BROKEN
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if self.over or not len(trace):
+            return self
+        monitor = self.monitor
+        if is_cumulative(monitor):
+            monitor = monitor.begin(trace.between(-math.inf, self.after))
+        monitor = monitor.observe(trace.between(self.after, self.before))
+        return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - TIME_EPSILON))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        return self.monitor.verdict()
+
+
+def signals_of(monitor: Monitor, trace: Trace, after: float, before: float) -> tuple[Signal, ...]:
+    """What a monitor can show of a whole run; what adds up begins where its window does."""
+    if is_cumulative(monitor):
+        monitor = monitor.begin(trace.between(-math.inf, after))
+    if not is_plottable(monitor):
+        return ()
+    seen = trace if monitor.is_momentary else trace.between(after, before)
+    if not len(seen):
+        return ()
+    end = min(before, float(trace.time[-1]))
+    return tuple(signal.within(after, end) for signal in monitor.signals(seen))
