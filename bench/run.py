@@ -90,7 +90,7 @@ def further_scenario(folder: Path) -> Ratio:
     from bench.raw_loop import drive
     from sim_action.core.process import Interruption
     from sim_action.reports.progress import ProgressListener
-    from sim_action.runner.execution import execute
+    from sim_action.runner.process_pool import execute
     from sim_action.scenario.loading import load_scenario
 
     path = write_suite(folder / "further", 1) / "0.sim.yml"
@@ -112,7 +112,7 @@ def variations(folder: Path) -> Ratio:
     from sim_action.core.process import Interruption
     from sim_action.core.workspace import Permissions
     from sim_action.reports.progress import ProgressListener
-    from sim_action.runner.execution import execute
+    from sim_action.runner.process_pool import execute
     from sim_action.scenario.files import read_file
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.model import LoadedScenario

@@ -19,8 +19,8 @@ from sim_action.core.errors import ModelError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.workspace import Workspace
 from sim_action.robot.spec import Robot
-from sim_action.runner.isolation.child import environment
-from sim_action.runner.native_output import redirect_output
+from sim_action.runner.isolation.child_process import environment
+from sim_action.runner.process_output import redirect_output
 from sim_action.scenario.model import MEMORY, WALL_SECONDS
 
 _CALL: Final = [sys.executable, "-P", "-m", "sim_action.app.inspect_process"]
@@ -69,9 +69,9 @@ def main() -> None:
     with os.fdopen(os.dup(1), "wb") as answer:
         redirect_output(Path(os.devnull))
         if sys.platform == "linux":
-            from sim_action.runner.isolation import limits
+            from sim_action.runner.isolation.process_control import impose_limits
 
-            limits.impose(memory)
+            impose_limits(memory)
         answer.write(_looked(robot, workspace, memory).model_dump_json().encode())
 
 

@@ -19,8 +19,8 @@ from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import skipped
 from sim_action.runner.engine_agreement import compared
-from sim_action.runner.execution import execute
 from sim_action.runner.planning import Plan, PlanRequest, planned
+from sim_action.runner.process_pool import execute
 from sim_action.runner.repeat import repeated
 from sim_action.scenario.source import Refused
 
@@ -44,7 +44,7 @@ def run(request: RunRequest, interruption: Interruption) -> Results:
     options = report_options(request.reports)
     plans = found.plans
     if request.plan.permissions.updates_golden:
-        from sim_action.runner.golden_writing import with_own_goldens
+        from sim_action.runner.golden_update import with_own_goldens
 
         plans = with_own_goldens(plans)
     outcomes = _outcomes(request, plans, options, interruption)

@@ -26,10 +26,9 @@ from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
 from sim_action.engines import PACKAGES, chosen
 from sim_action.results.outcome import Failure, FailureKind, Outcome
-from sim_action.runner.isolation.child import Child
+from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job, out_of_memory
-from sim_action.runner.native_output import split_output
-from sim_action.runner.stack_dump import noted_place
+from sim_action.runner.process_output import noted_place, split_output
 from sim_action.scenario.model import LoadedScenario, Scenario
 
 _MOST_OUTPUT: Final = 64_000
@@ -42,10 +41,10 @@ _MOST_NOTED: Final = 1_000_000
 Limit = Literal["wall limit", "output limit"]
 
 Ending = int | Limit
-"""The exit status of a child, as `Child.poll` has it, or the limit at which it was ended."""
+"""The exit status of a child, as `ChildProcess.poll` has it, or the limit at which it was ended."""
 
 
-def outcome_of(child: Child, ending: Ending) -> Outcome:
+def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
     """The outcome of a child that has ended."""
     job = child.job
     diagnostics, output = split_output(_end_of(job.output_file, _MOST_OUTPUT).decode("utf-8", errors="replace"))
@@ -124,7 +123,7 @@ def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
     return judged == asked and not outcome.failures and outcome.status == ("failed" if failed else "passed")
 
 
-def _afterwards(child: Child, ending: Ending) -> Iterator[str]:
+def _afterwards(child: ChildProcess, ending: Ending) -> Iterator[str]:
     """What to say of a child that has left a verdict."""
     yield from _left_behind(child)
     if ending != 0:
@@ -132,14 +131,14 @@ def _afterwards(child: Child, ending: Ending) -> Iterator[str]:
         yield f"what was to be recorded of it was cut off: {by}"
 
 
-def _left_behind(child: Child) -> tuple[str, ...]:
+def _left_behind(child: ChildProcess) -> tuple[str, ...]:
     if not child.left:
         return ()
     which = "a process" if child.left == 1 else f"{child.left} processes"
     return (f"ended {which} that its script had left behind",)
 
 
-def _failure(child: Child, ending: Ending, output: str) -> Failure:
+def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
     place = _stuck_at(child.job) if ending == "wall limit" else None
     kind, title, cause = _cause(child, ending, output, place)
     message = "; ".join((cause, f"it was last heard of at {child.sim_time:.2f} s of sim time", *_left_behind(child)))
@@ -171,7 +170,7 @@ def _last_words(output: str) -> str:
     return "\n".join(output[-_MOST_LAST_WORDS:].split("\n")[-_MOST_LAST_LINES:])
 
 
-def _cause(child: Child, ending: Ending, output: str, place: Location | None) -> tuple[FailureKind, str, str]:
+def _cause(child: ChildProcess, ending: Ending, output: str, place: Location | None) -> tuple[FailureKind, str, str]:
     """Kind, title and message of an end without a verdict."""
     scenario = child.job.loaded.scenario
     if ending == "wall limit":
@@ -187,7 +186,7 @@ def _cause(child: Child, ending: Ending, output: str, place: Location | None) ->
     return _cause_of_signal(child, by, output)
 
 
-def _stuck(child: Child, place: Location | None) -> Iterator[str]:
+def _stuck(child: ChildProcess, place: Location | None) -> Iterator[str]:
     """What may hold a scenario up for ever; `place`: the line that is known to have been at work."""
     scenario = child.job.loaded.scenario
     if place is not None:
@@ -201,7 +200,7 @@ def _stuck(child: Child, place: Location | None) -> Iterator[str]:
         yield "a stuck assertion"
 
 
-def _cause_of_signal(child: Child, title: str, output: str) -> tuple[FailureKind, str, str]:
+def _cause_of_signal(child: ChildProcess, title: str, output: str) -> tuple[FailureKind, str, str]:
     scenario = child.job.loaded.scenario
     by = f"the process of this scenario was ended by {title}"
     is_full = child.peak_memory + _UNTOUCHED >= scenario.memory_bytes

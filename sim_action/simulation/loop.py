@@ -15,17 +15,16 @@ from sim_action.drives import Drive, recognise
 from sim_action.engines import BACKENDS, Backend, chosen
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
-from sim_action.simulation.initial_overlap import moved_while_settling, refuse_bad_start
 from sim_action.simulation.monitors import End, Panel
+from sim_action.simulation.overlap_checks import Arrivals, moved_while_settling, refuse_bad_start
 from sim_action.simulation.recorder import Footage
 from sim_action.simulation.sensors import Sensing
-from sim_action.simulation.spawn_checks import Arrivals
-from sim_action.simulation.unreached_events import missed
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Verdict
+from sim_action.world import World
 from sim_action.world.scene import Scene
 
 BOLTED: Final = "the base is fixed: twists turn the wheels, and the robot stays where it is"
@@ -173,7 +172,7 @@ class _Loop:
             travelled=float(kept.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=tuple(missed(self._scene.world, panel.time)),
+            notes=tuple(unreached_events(self._scene.world, panel.time)),
         )
 
     def _all_notes(self) -> tuple[str, ...]:
@@ -221,3 +220,20 @@ class _Loop:
 def _fastest(trace: Trace) -> float:
     last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
     return float(np.concatenate(last).max())
+
+
+def unreached_events(world: World, end: float) -> Iterator[str]:
+    """One note for each disturbance, appearance and path that a run of `end` s of sim time did not come to."""
+    for what, begins in _events(world):
+        if begins >= end:
+            yield f"{what}: it is due at {begins:g} s, but the run ended at {end:.4g} s"
+
+
+def _events(world: World) -> Iterator[tuple[str, float]]:
+    for body in world.objects:
+        if body.appears is not None:
+            yield f"body '{body.name}' never appeared", body.appears
+        if body.path:
+            yield f"the path of body '{body.name}' never began", body.path[0].at
+    for index, disturbance in enumerate(world.disturbances):
+        yield f"world.disturbances[{index}] never began", disturbance.at

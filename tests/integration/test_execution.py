@@ -17,10 +17,10 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.core.process import Interruption
 from sim_action.results.outcome import Outcome
-from sim_action.runner.execution import execute
-from sim_action.runner.isolation.child import Child
-from sim_action.runner.isolation.linux import LinuxChild
-from sim_action.runner.isolation.portable import PortableChild
+from sim_action.runner.isolation.child_process import ChildProcess
+from sim_action.runner.isolation.linux_child import LinuxChild
+from sim_action.runner.isolation.portable_child import PortableChild
+from sim_action.runner.process_pool import execute
 from sim_action.scenario.loading import load_scenario
 from sim_action.state.trace_storage import load_trace
 
@@ -60,12 +60,12 @@ def script(folder: Path, name: str, body: str, wall_limit: float = 60, before: s
 class Run:
     """Runs scenarios in one of the ways that there are."""
 
-    way: type[Child]
+    way: type[ChildProcess]
 
     def __call__(self, paths: list[Path], folder: Path, jobs: int = 2) -> list[Outcome]:
         scenarios = [load_scenario(path) for path in paths]
         with Interruption() as interruption:
-            return execute(scenarios, folder / "results", jobs, Silent(), interruption, way=self.way)
+            return execute(scenarios, folder / "results", jobs, Silent(), interruption, child_type=self.way)
 
 
 def test_while_children_run_the_caller_is_made_ready_once(tmp_path: Path) -> None:

@@ -41,7 +41,8 @@ SCRIPTS: Final = {
 }
 # By what they are made of, they are Linux's alone.
 ELSEWHERE: Final = tuple(
-    f"sim_action.runner.isolation.{name}" for name in ("keeper", "limits", "linux", "reaper", "supervisor")
+    f"sim_action.runner.isolation.{name}"
+    for name in ("command_supervisor", "linux_child", "process_control", "supervisor")
 )
 # The command that needs it is refused there, and before any of it is imported.
 ROS_1: Final = "sim_action.ros.ros1"
@@ -92,7 +93,9 @@ def test_every_module_but_those_of_linux_is_imported(tmp_path: Path, system: Sys
     )
     assert ran.returncode == 0, ran.stderr
     imported = ran.stdout.split()
-    assert {"sim_action.runner.isolation.portable", "sim_action.engines.mujoco", "sim_action.app.run"} <= set(imported)
+    assert {"sim_action.runner.isolation.portable_child", "sim_action.engines.mujoco", "sim_action.app.run"} <= set(
+        imported
+    )
     assert len(imported) > 150
 
 

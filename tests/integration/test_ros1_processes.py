@@ -124,7 +124,7 @@ def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
     ("victim", "cause"),
     [
         ("rostestmain", "the launcher was ended by SIGKILL"),
-        ("sim_action.runner.isolation.keeper", "the launcher was ended by SIGKILL"),
+        ("sim_action.runner.isolation.command_supervisor", "the launcher was ended by SIGKILL"),
         ("sim_action.ros.ros1.launch.programs gzserver", "the node 'gazebo' ended with SIGKILL"),
     ],
 )

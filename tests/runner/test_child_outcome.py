@@ -8,14 +8,14 @@ from typing import Self
 import pytest
 
 from sim_action.runner.child_outcome import outcome_of
-from sim_action.runner.isolation.child import Child
+from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.scenario.loading import load_scenario
 
 SCENARIO = "name: n\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
 
 
-class Gone(Child):
+class Gone(ChildProcess):
     """One of Windows, which is over."""
 
     forks = False

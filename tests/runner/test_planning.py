@@ -2,16 +2,183 @@
 
 from __future__ import annotations
 
+import sys
+import tomllib
 from pathlib import Path
+from typing import get_args
 
 import pytest
+from packaging.requirements import Requirement
 
 from sim_action.core.discovery import file_name
+from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.workspace import Permissions
-from sim_action.runner.planning import Planned, PlanRequest, planned, source_of
+from sim_action.engines import BACKENDS, chosen, installed
+from sim_action.runner.planning import Planned, PlanRequest, planned, runs_of, source_of
+from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.source import Refused
 from sim_action.scenario.suite import Suite
 from tests.scenarios import LEAST
+
+TEXT = """\
+name: stands
+robot: {{model: turtlebot3_burger}}
+expect: [upright]
+{more}
+time_limit: 1 s
+"""
+ENGINES = tuple(BACKENDS)
+
+
+@pytest.fixture
+def only_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
+    # What Python has for a module that is not to be found.
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+
+
+def loaded(folder: Path, more: str = "") -> LoadedScenario:
+    path = folder / "stands.sim.yml"
+    path.write_text(TEXT.format(more=more))
+    return load_scenario(path)
+
+
+def engines(folder: Path, more: str = "", backend: str | None = None) -> list[tuple[str, str]]:
+    return [(run.scenario.name, run.scenario.backend) for run in runs_of(loaded(folder, more), backend)]
+
+
+def test_a_scenario_may_name_every_engine_there_is() -> None:
+    assert get_args(Scenario.model_fields["backend"].annotation) == ("auto", *ENGINES)
+
+
+@pytest.mark.pybullet
+def test_auto_is_the_first_that_is_installed(tmp_path: Path) -> None:
+    assert installed() == ENGINES
+    assert engines(tmp_path) == [("stands", "pybullet")]
+
+
+def test_auto_is_another_where_the_first_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    assert engines(tmp_path) == [("stands", "mujoco")]
+
+
+@pytest.mark.pybullet
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_the_file_says_counts_and_what_was_typed_counts_more(engine: str, tmp_path: Path) -> None:
+    (other,) = set(ENGINES) - {engine}
+    assert engines(tmp_path, f"backend: {engine}") == [("stands", engine)]
+    assert engines(tmp_path, f"backend: {engine}", other) == [("stands", other)]
+    assert engines(tmp_path, "agreement: {yaw: 1 deg}", engine) == [("stands", engine)]
+
+
+@pytest.mark.pybullet
+@pytest.mark.parametrize(("more", "backend"), [("", "all"), ("backend: mujoco", "all"), ("agreement: {yaw: 1}", None)])
+def test_on_several_each_run_has_the_name_of_its_engine(more: str, backend: str | None, tmp_path: Path) -> None:
+    assert engines(tmp_path, more, backend) == [("stands [pybullet]", "pybullet"), ("stands [mujoco]", "mujoco")]
+
+
+@pytest.mark.pybullet
+@pytest.mark.usefixtures("only_pybullet")
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("backend: mujoco", "4:1: backend: the engine mujoco is not installed here; there is pybullet"),
+        ("agreement: {yaw: 1}", "4:1: agreement: it takes two engines to compare, and there is only pybullet"),
+    ],
+)
+def test_an_engine_that_the_file_asks_for_and_is_not_there_is_told_on_its_line(
+    more: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidScenario, match=r"stands\.sim\.yml:4:1") as refused:
+        engines(tmp_path, more)
+    assert message in str(refused.value.problems[0])
+
+
+@pytest.mark.pybullet
+@pytest.mark.usefixtures("only_pybullet")
+@pytest.mark.parametrize("backend", ["mujoco", "all"])
+def test_an_engine_that_was_typed_and_is_not_there_ends_the_call(backend: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="there is"):
+        engines(tmp_path, backend=backend)
+
+
+@pytest.mark.usefixtures("only_pybullet")
+def test_without_any_engine_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(UsageError, match="pip install mujoco-core"):
+        chosen("auto")
+
+
+def test_an_agreement_asks_something(tmp_path: Path) -> None:
+    with pytest.raises(InvalidScenario, match="agreement: says how far they may be apart"):
+        loaded(tmp_path, "agreement: {}")
+
+
+ANT = '<mujoco><worldbody><body name="ant"><freejoint/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+
+
+def ant(folder: Path, more: str = "") -> LoadedScenario:
+    (folder / "ant.xml").write_text(ANT)
+    (folder / "ant.sim.yml").write_text(TEXT.format(more=more).replace("turtlebot3_burger", "ant.xml"))
+    return load_scenario(folder / "ant.sim.yml")
+
+
+@pytest.mark.parametrize("backend", [None, "mujoco", "all"])
+def test_a_model_of_mujocos_own_runs_there(backend: str | None, tmp_path: Path) -> None:
+    (run,) = runs_of(ant(tmp_path), backend)
+    assert (run.scenario.name, run.scenario.backend, run.model) == ("stands", "mujoco", None)
+
+
+@pytest.mark.parametrize(
+    ("more", "backend", "message"),
+    [
+        ("", "pybullet", "2:9: robot.model: PyBullet reads most of MJCF without its joints"),
+        ("backend: pybullet", None, "2:9: robot.model: PyBullet reads most of MJCF without its joints"),
+        ("agreement: {yaw: 1}", None, "4:1: agreement: ant.xml is a model for MuJoCo alone"),
+    ],
+)
+def test_a_model_of_mujocos_own_runs_nowhere_else(more: str, backend: str | None, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidScenario) as refused:
+        runs_of(ant(tmp_path, more), backend)
+    assert message in str(refused.value.problems[0])
+
+
+@pytest.mark.pybullet
+@pytest.mark.usefixtures("only_pybullet")
+def test_a_model_of_mujocos_own_is_told_where_mujoco_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(InvalidScenario, match=r"2:9: robot\.model: an \.xml file is a model for MuJoCo; the engine"):
+        runs_of(ant(tmp_path), None)
+
+
+def test_a_model_of_mujocos_own_is_not_read_before_it_runs(tmp_path: Path) -> None:
+    assert ant(tmp_path).unchecked == (
+        "ant.xml is read by MuJoCo when it runs: until then, what is said of links and joints is not checked",
+    )
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "python", "engines"),
+    [
+        ("linux", "x86_64", "3.11", ["pybullet"]),
+        ("linux", "x86_64", "3.12", ["mujoco-core"]),
+        ("linux", "aarch64", "3.11", ["mujoco-core"]),
+        ("darwin", "arm64", "3.11", ["mujoco-core"]),
+        ("darwin", "x86_64", "3.11", []),
+        ("win32", "AMD64", "3.14", ["mujoco-core"]),
+        ("win32", "ARM64", "3.12", []),
+    ],
+)
+def test_what_is_installed_has_wheels_there(system: str, machine: str, python: str, engines: list[str]) -> None:
+    file = Path(__file__).parents[2] / "pyproject.toml"
+    needed = map(Requirement, tomllib.loads(file.read_text())["project"]["dependencies"])
+    here = {"sys_platform": system, "platform_machine": machine, "python_version": python}
+    assert [each.name for each in needed if each.marker and each.marker.evaluate(here)] == engines
+
+
+def test_an_agreement_and_one_engine_exclude_each_other(tmp_path: Path) -> None:
+    with pytest.raises(InvalidScenario, match=r"5:1: backend: leave it out beside 'agreement'"):
+        loaded(tmp_path, "agreement: {yaw: 1}\nbackend: mujoco")
+
 
 SHARED = LEAST.partition("\n")[2]
 FILES = {

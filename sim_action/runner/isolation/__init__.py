@@ -10,15 +10,15 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sim_action.runner.isolation.child import Child
+    from sim_action.runner.isolation.child_process import ChildProcess
 
 
-def way_here() -> type[Child]:
+def child_type_here() -> type[ChildProcess]:
     """The way of this system: the one place that chooses."""
     if sys.platform == "linux":
-        from sim_action.runner.isolation.linux import LinuxChild
+        from sim_action.runner.isolation.linux_child import LinuxChild
 
         return LinuxChild
-    from sim_action.runner.isolation.portable import PortableChild
+    from sim_action.runner.isolation.portable_child import PortableChild
 
     return PortableChild

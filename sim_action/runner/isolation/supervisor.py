@@ -4,7 +4,7 @@ All that descends from it falls to it (`reaper`). And a script that signals its 
 ends its own scenario only: the scenario's process has a group of its own, and so has this one.
 
 It ends as the scenario's process ended, with the same exit code or by the same signal; SIGTERM asks it to end all. That
-it is not `sim_action.runner.worker` itself keeps it small: no engine and no arrays are imported here.
+it is not `sim_action.runner.child_main` itself keeps it small: no engine and no arrays are imported here.
 """
 
 from __future__ import annotations
@@ -17,7 +17,14 @@ import traceback
 from contextlib import suppress
 from typing import NoReturn
 
-from sim_action.runner.isolation import limits, reaper
+from sim_action.runner.isolation.process_control import (
+    AWAITED_SIGNALS,
+    become_subreaper,
+    end_descendants,
+    exit_as,
+    impose_limits,
+    wait_for_child,
+)
 
 assert sys.platform == "linux"
 
@@ -25,25 +32,25 @@ assert sys.platform == "linux"
 def main() -> NoReturn:
     """The entry of a fresh interpreter: the job comes on standard input, the progress descriptor as the argument."""
     progress = int(sys.argv[1])
-    reaper.prepare()
+    become_subreaper()
     worker = os.fork()
     if worker == 0:
         _work(progress)
-    status = reaper.wait_for(worker)
-    _report(progress, left=reaper.end_all(worker))
-    reaper.end_as(status)
+    status = wait_for_child(worker)
+    _report(progress, left=end_descendants(worker))
+    exit_as(status)
 
 
 def _work(progress: int) -> NoReturn:
     """Becomes the scenario's process; never returns into this module."""
     try:
         os.setpgid(0, 0)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, reaper.AWAITED)
-        from sim_action.runner.worker import leave, received_job, run_job, turn_to
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, AWAITED_SIGNALS)
+        from sim_action.runner.child_main import leave, received_job, run_job, turn_to
 
         job = received_job()
         turn_to(job)
-        limits.impose(job.loaded.scenario.memory_bytes)
+        impose_limits(job.loaded.scenario.memory_bytes)
         run_job(job, progress)
         leave()
     except BaseException:  # noqa: BLE001 - nothing may return into the supervisor's code

@@ -18,7 +18,7 @@ from sim_action.core.process import Interruption
 from sim_action.ros.processes import children, descendants, test_result
 from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, NodeRun, runs_in
 from sim_action.ros.ros1.launch.overlay import OUR_MODULES, Overlay
-from sim_action.runner.isolation.process_table import processes
+from sim_action.runner.isolation.process_control import processes
 
 # In s: how long the keeper may take to end all.
 _ENDING: Final = 5.0
@@ -26,7 +26,7 @@ _POLL: Final = 0.002
 
 
 class Launch:
-    """One launcher below a keeper (`isolation.keeper`).
+    """One launcher below a keeper (`isolation.command_supervisor`).
 
     Attributes:
         output: the file of all that its processes print.
@@ -54,7 +54,7 @@ class Launch:
         """
         output = folder / "output.txt"
         # The keeper is of this Python, what it starts is of the distribution's.
-        keeper = [sys.executable, "-P", "-m", "sim_action.runner.isolation.keeper"]
+        keeper = [sys.executable, "-P", "-m", "sim_action.runner.isolation.command_supervisor"]
         variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": OUR_MODULES}
         with output.open("wb") as file:
             process = subprocess.Popen(  # noqa: S603 - what the user asks for

@@ -24,7 +24,7 @@ from typing import Final
 from sim_action.core.errors import UsageError
 from sim_action.ros.ros1.catkin_packages import exported_models, packages_below, packages_of, sources
 from sim_action.ros.ros1.installation import Ros
-from sim_action.runner.isolation.child import environment
+from sim_action.runner.isolation.child_process import environment
 
 _SITE: Final = Path(__file__).with_name("ros_patches.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"

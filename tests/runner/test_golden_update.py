@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_action.core.workspace import Permissions
-from sim_action.runner.engine_choice import runs_of
-from sim_action.runner.golden_writing import with_own_goldens
-from sim_action.runner.planning import Plan
+from sim_action.runner.golden_update import with_own_goldens
+from sim_action.runner.planning import Plan, runs_of
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.source import Refused, Source

@@ -2,7 +2,7 @@
 
 It runs, and is tested, on Linux too. A thread of this process sends the job, and passes on what the child says to a
 socket, since that is what `select` can wait for on Windows. The child ends when this process does, whatever that dies
-of (see `fresh`). What `linux` does and this way cannot:
+of. What `linux` does and this way cannot:
 
 - End all that a script leaves behind. Where there are process groups (macOS), those that stay in the group of the child
   are ended, and not counted; on Windows, where a job object would do it, none are.
@@ -20,17 +20,18 @@ import socket
 import subprocess
 import sys
 import threading
+import traceback
 from contextlib import suppress
-from typing import Final, Self
+from typing import Final, NoReturn, Self
 
-from sim_action.runner.isolation.child import Child, environment
+from sim_action.runner.isolation.child_process import ChildProcess, environment
 from sim_action.runner.job import Job
 
 # A process that the script left behind may hold the pipe, in s.
 _LAST_WORDS: Final = 1.0
 
 
-class PortableChild(Child):
+class PortableChild(ChildProcess):
     """A running child; where there are process groups, the leader of one."""
 
     forks = False
@@ -51,7 +52,7 @@ class PortableChild(Child):
         # What goes wrong before the child sees to its own output is told in the same place.
         with job.output_file.open("ab") as words:
             process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "sim_action.runner.isolation.fresh"],
+                [sys.executable, "-P", "-m", "sim_action.runner.isolation.portable_child"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=words,
@@ -115,3 +116,35 @@ def _relay(job: bytes, process: subprocess.Popen[bytes], progress: socket.socket
     with process.stdout, progress, suppress(OSError):
         while said := os.read(process.stdout.fileno(), 65536):
             progress.sendall(said)
+
+
+def main() -> NoReturn:
+    """Run the child process: a fresh interpreter that has done nothing else.
+
+    The job comes on standard input, which stays open as long as the caller is there; progress goes to standard output.
+    """
+    from sim_action.runner.child_main import leave, received_job, run_job, turn_to
+
+    try:
+        caller, progress = os.dup(0), os.dup(1)
+        job = received_job()
+        turn_to(job)
+        # Not before standard input is another: on Windows, whoever asks anything of a pipe that is read has to wait.
+        threading.Thread(target=_end_with, args=(caller,), daemon=True).start()
+        run_job(job, progress)
+        leave()
+    except BaseException:  # noqa: BLE001 - threads that the user's code has left would hold up the end
+        traceback.print_exc()
+    finally:
+        os._exit(1)
+
+
+def _end_with(caller: int) -> None:
+    """A caller that is killed outright cannot end its children."""
+    with suppress(OSError):
+        os.read(caller, 1)
+        os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -19,10 +19,10 @@ from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome
 from sim_action.results.trace_files import recording_path, replay_path, trace_paths
 from sim_action.runner.child_outcome import Ending, Limit, interrupted, made_with, outcome_of, skipped
-from sim_action.runner.isolation import way_here
-from sim_action.runner.isolation.child import Child
+from sim_action.runner.isolation import child_type_here
+from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
-from sim_action.runner.native_output import muted
+from sim_action.runner.process_output import muted
 from sim_action.scenario.model import LoadedScenario
 
 # The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
@@ -51,35 +51,45 @@ def execute(
     replays: bool = False,
     formats: Sequence[str] = (),
     repeat: int = 1,
-    way: type[Child] | None = None,
+    child_type: type[ChildProcess] | None = None,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> list[Outcome]:
-    """Runs all scenarios, at most `jobs` at a time; traces go below `folder`. One outcome each, in their order.
+    """Run all scenarios, and return one outcome each, in their order.
 
-    An interruption ends what runs; scenarios without an outcome then get one that says so. `fail_fast`: nothing is
-    begun once one has not passed. `replays`: whether they are written, too; `formats`: of recordings that are.
-    `repeat`: how often all of them are run, one time after the other; if more than once, each run has an interpreter
-    and a seed of hashes of its own. `way`: how children are born; left out, as this system has it. `meanwhile`: called
-    once the first children run, when this process has nothing to do but to wait.
+    An interruption ends the running children; scenarios without an outcome then get one that says so.
+
+    Args:
+        scenarios: the scenarios to run.
+        folder: the folder of the results; traces are written below it.
+        jobs: the number of child processes that may run at the same time.
+        listener: is called with the progress and the outcomes.
+        interruption: ends the call early.
+        fail_fast: start no scenario after the first one that has not passed.
+        replays: write replays, too.
+        formats: the formats of recordings to write.
+        repeat: how often the whole list is run, one time after the other; if more than once, each run has its own
+            interpreter and its own seed of hashes.
+        child_type: how child processes are started; by default, as this system allows.
+        meanwhile: called once the first children run, when this process only waits.
 
     Raises UsageError.
     """
-    way = way or way_here()
+    child_type = child_type or child_type_here()
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
-    if way.forks and repeat == 1:
+    if child_type.forks and repeat == 1:
         forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
         _warm_up(forked, formats, replays=replays)
     # On Windows, what a script has left running may hold files in it.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
         runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
         paths = trace_paths([loaded.scenario.name for loaded, _ in runs], folder)
-        made = partial(_job, way=way, replays=replays, formats=formats)
+        made = partial(_job, child_type=child_type, replays=replays, formats=formats)
         waiting = deque(
             (index, made(loaded, path, folder, _subfolder(Path(scratch), index), hash_seed=hash_seed))
             for index, ((loaded, hash_seed), path) in enumerate(zip(runs, paths, strict=True))
         )
-        scheduler = _Scheduler(way, waiting, jobs, listener, interruption, fail_fast=fail_fast)
+        scheduler = _Scheduler(child_type, waiting, jobs, listener, interruption, fail_fast=fail_fast)
         outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
     left = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
@@ -91,14 +101,14 @@ def _job(
     results: Path,
     own: Path,
     *,
-    way: type[Child],
+    child_type: type[ChildProcess],
     hash_seed: int | None,
     replays: bool,
     formats: Sequence[str],
 ) -> Job:
     replay = replay_path(trace) if replays else None
     recordings = tuple(recording_path(trace, name) for name in formats)
-    return Job(loaded, trace, results, own, way.limits_memory, replay, recordings, hash_seed)
+    return Job(loaded, trace, results, own, child_type.limits_memory, replay, recordings, hash_seed)
 
 
 def _subfolder(scratch: Path, index: int) -> Path:
@@ -133,7 +143,7 @@ class _Scheduler:
 
     def __init__(
         self,
-        way: type[Child],
+        child_type: type[ChildProcess],
         waiting: deque[tuple[int, Job]],
         jobs: int,
         listener: Listener,
@@ -141,13 +151,13 @@ class _Scheduler:
         *,
         fail_fast: bool,
     ) -> None:
-        self._way = way
+        self._child_type = child_type
         self._fail_fast = fail_fast
         self._interruption = interruption
         self._waiting = waiting
         self._jobs = jobs
         self._listener = listener
-        self._running: dict[int, Child] = {}
+        self._running: dict[int, ChildProcess] = {}
         self._outcomes: dict[int, Outcome] = {}
 
     def run(self, meanwhile: Callable[[], object]) -> dict[int, Outcome]:
@@ -170,7 +180,7 @@ class _Scheduler:
         while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:
             index, job = self._waiting.popleft()
             deadline = time.monotonic() + job.loaded.scenario.wall_seconds
-            self._running[index] = self._way.start(replace(job, deadline=deadline))
+            self._running[index] = self._child_type.start(replace(job, deadline=deadline))
 
     def _wait(self) -> None:
         nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
@@ -203,13 +213,13 @@ class _Scheduler:
                 self._waiting.clear()
 
 
-def _deadline(child: Child) -> float:
+def _deadline(child: ChildProcess) -> float:
     """What has its verdict gets as long again to be recorded."""
     begun = child.started if child.judged is None else child.judged
     return begun + child.job.loaded.scenario.wall_seconds
 
 
-def _exceeded(child: Child) -> Limit | None:
+def _exceeded(child: ChildProcess) -> Limit | None:
     """The limit that a running child has come to."""
     if time.monotonic() >= _deadline(child):
         return "wall limit"

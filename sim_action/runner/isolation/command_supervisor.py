@@ -1,6 +1,6 @@
 """Runs a command line, and ends all its descendants when it ends.
 
-Usage: `python -m sim_action.runner.isolation.keeper WORDS`.
+Usage: `python -m sim_action.runner.isolation.command_supervisor WORDS`.
 
 SIGTERM, or the end of whoever has started it, ends everything at once. Its exit code is that of the command.
 """
@@ -12,7 +12,15 @@ import signal
 import sys
 from typing import NoReturn
 
-from sim_action.runner.isolation import limits, reaper
+from sim_action.runner.isolation.process_control import (
+    AWAITED_SIGNALS,
+    PR_SET_PDEATHSIG,
+    become_subreaper,
+    end_descendants,
+    exit_as,
+    prctl,
+    wait_for_child,
+)
 
 assert sys.platform == "linux"
 
@@ -21,23 +29,23 @@ _NOT_STARTED = 127
 
 def main() -> NoReturn:
     """The entry of a fresh interpreter."""
-    reaper.prepare()
+    become_subreaper()
     command = os.fork()
     if command == 0:
         _become(sys.argv[1:])
-    status = reaper.wait_for(command)
-    reaper.end_all(command)
-    reaper.end_as(status)
+    status = wait_for_child(command)
+    end_descendants(command)
+    exit_as(status)
 
 
 def _become(words: list[str]) -> NoReturn:
     """Never returns into the keeper's code."""
     try:
         os.setpgid(0, 0)
-        limits.prctl(limits.PR_SET_PDEATHSIG, signal.SIGKILL)
+        prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         # What the keeper does not hear, the command does.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, reaper.AWAITED)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, AWAITED_SIGNALS)
         os.execvp(words[0], words)  # noqa: S606 - as it was asked for
     except OSError as error:
         os.write(2, f"{words[0]}: {error.strerror}\n".encode())

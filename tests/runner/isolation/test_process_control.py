@@ -7,7 +7,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from sim_action.runner.isolation.process_table import Process, processes
+from sim_action.runner.isolation.process_control import Process, processes
 
 
 def test_a_process_has_its_number_parent_and_session(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import signal
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -31,21 +32,53 @@ from sim_action.core.errors import (
     SimulationUnstable,
 )
 from sim_action.core.files import whole_file
+from sim_action.core.messages import escaped_line
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
-from sim_action.runner.artifacts import store_evidence, to_record
 from sim_action.runner.job import JUDGED, Job, out_of_memory
-from sim_action.runner.native_output import redirect_output
-from sim_action.runner.stack_dump import note_before
+from sim_action.runner.process_output import note_before, redirect_output
 from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import Footage
+from sim_action.state.trace_storage import save_trace
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.recording.export.recorded_run import RecordedRun
+
+
+def store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
+    """Writes what was kept of a run where it belongs; returns what to say of it. Raises OSError."""
+    trace, film = footage.trace(), footage.film()
+    if trace is None:
+        return ()
+    job.trace.parent.mkdir(parents=True, exist_ok=True)
+    save_trace(trace, job.trace)
+    if job.replay is None or film is None or footage.start is None:
+        return ()
+    try:
+        # What is not asked for is not imported.
+        from sim_action.recording.replay.making import make_replay
+
+        make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
+    except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
+        return (f"there is no replay of it: {escaped_line(str(error))}",)
+    return ()
+
+
+def to_record(job: Job, scene: Scene, footage: Footage) -> Iterator[RecordedRun]:
+    """The run for recordings, if they are asked for, there is something of it, and it fits into memory."""
+    if not job.recordings:
+        return
+    from sim_action.recording.export.recorded_run import RecordedRun
+
+    with suppress(MemoryError):
+        trace, film = footage.trace(), footage.film()
+        if trace is not None and film is not None:
+            yield RecordedRun.of(scene, film, trace, job.loaded.scenario.sensors, footage.twists())
+
 
 _PROGRESS_PERIOD: Final = 0.1
 _RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
@@ -169,7 +202,7 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
             raise
         notes = store_evidence(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
-            from sim_action.runner.golden_writing import write_goldens
+            from sim_action.runner.golden_update import write_goldens
 
             notes += write_goldens(loaded, scene, trace)
         kept += to_record(job, scene, footage)

@@ -17,9 +17,9 @@ SCENARIO: Final = "name: n\nrobot: {{model: {}, base: fixed}}\nexpect: [upright]
 COUNT: Final = """
 import os, sys
 from pathlib import Path
-from sim_action.loading import load_scenario
-from sim_action.job import Job
-from sim_action.worker import run_job, turn_to
+from sim_action.scenario.loading import load_scenario
+from sim_action.runner.job import Job
+from sim_action.runner.child_main import run_job, turn_to
 
 opened = 0
 def count(event, arguments):

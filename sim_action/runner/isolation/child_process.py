@@ -20,7 +20,7 @@ _SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_")
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[3]
 
 
-class Child(ABC):
+class ChildProcess(ABC):
     """A running child.
 
     Attributes:

@@ -19,11 +19,10 @@ import traceback
 from contextlib import suppress
 from typing import Final, NoReturn, Self
 
-from sim_action.runner.isolation import limits
-from sim_action.runner.isolation.child import Child, environment
-from sim_action.runner.isolation.process_table import processes
+from sim_action.runner.child_main import run_job, turn_to
+from sim_action.runner.isolation.child_process import ChildProcess, environment
+from sim_action.runner.isolation.process_control import impose_limits, processes
 from sim_action.runner.job import Job
-from sim_action.runner.worker import run_job, turn_to
 
 assert sys.platform == "linux"
 
@@ -32,7 +31,7 @@ _ENDING: Final = 5.0
 _ENDING_POLL: Final = 0.001
 
 
-class LinuxChild(Child):
+class LinuxChild(ChildProcess):
     """A running child. Its process is the leader of a session and group of its own."""
 
     forks = True
@@ -140,7 +139,7 @@ def _child_main(job: Job, writer: int) -> NoReturn:
         signal.set_wakeup_fd(-1)
         os.setsid()
         turn_to(job)
-        limits.impose(job.loaded.scenario.memory_bytes)
+        impose_limits(job.loaded.scenario.memory_bytes)
         run_job(job, writer)
         code = 0
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code

@@ -13,7 +13,7 @@ import pytest
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="there is no keeper but on Linux")
 
-KEEPER = [sys.executable, "-m", "sim_action.runner.isolation.keeper"]
+KEEPER = [sys.executable, "-m", "sim_action.runner.isolation.command_supervisor"]
 LEAVES = "(setsid sh -c 'echo $$ > {file}; exec sleep 600' &) ; while [ ! -s {file} ]; do sleep 0.01; done; "
 
 
