@@ -102,7 +102,7 @@ def test_every_spec_pickles_fits_the_burger_and_is_titled_by_its_key(spec: Asser
 
 
 def test_every_assertion_of_the_table_is_tested_here() -> None:
-    # These need a file: tests/assertions/test_assertion.py, test_matches.py.
+    # These need a file: tests/assertions/test_user_assertion.py, test_matches.py.
     assert {spec.key for spec in (*GOALS, *INVARIANTS)} == set(ASSERTIONS) - {"assertion", "matches"}
 
 

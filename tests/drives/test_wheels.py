@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose
 from sim_action.drives import wheels
-from sim_action.drives.wheels import centre_of_mass, wheel, wheels_on_ground
+from sim_action.drives.wheels import Wheel, centre_of_mass, heading_of, rolling, turned_forward, wheel, wheels_on_ground
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.urdf import read_urdf
@@ -106,3 +108,53 @@ def test_a_model_is_walked_through_once_however_often_a_drive_asks(
     # What says something else, if only so much, is walked through on its own.
     turned = replace(nested, joints=tuple(replace(joint, origin=Pose((9.0, 0.0, 0.0))) for joint in nested.joints))
     assert {joint.name: wheel(turned, joint.name) for joint in turned.joints} != found
+
+
+def wheel_rolling(direction: float, ahead: float = 0.0, left: float = 0.0, turns: int = 1) -> Wheel:
+    """A wheel that rolls towards a direction in rad, at a place seen in that direction."""
+    cosine, sine = math.cos(direction), math.sin(direction)
+    place = (cosine * ahead - sine * left, sine * ahead + cosine * left, 0.0)
+    return Wheel("w", 0.1, place, (-turns * sine, turns * cosine, 0.0))
+
+
+directions = st.floats(-3.1, 3.1)
+signs = st.sampled_from([1, -1])
+
+
+@given(directions, signs, signs)
+def test_left_and_right_tell_which_way_is_forward(direction: float, one: int, other: int) -> None:
+    left, right = [wheel_rolling(direction, 0.2, 0.5, one)], [wheel_rolling(direction, 0.1, -0.5, other)]
+    assert heading_of((*left, *right), left, right) == pytest.approx(direction)
+
+
+@given(directions, signs)
+def test_without_sides_forward_is_nearer_to_x(direction: float, turns: int) -> None:
+    heading = heading_of([wheel_rolling(direction, turns=turns)])
+    assert math.cos(heading) >= -1e-9
+    assert math.sin(heading - direction) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(directions, signs)
+def test_joints_that_turn_forward_roll_wheels_where_their_axes_say(direction: float, turns: int) -> None:
+    heading = turned_forward(
+        [wheel_rolling(direction, left=0.5, turns=turns), wheel_rolling(direction, left=-0.5, turns=turns)]
+    )
+    assert heading is not None
+    there = [turns * math.cos(direction), turns * math.sin(direction)]
+    assert [math.cos(heading), math.sin(heading)] == pytest.approx(there, abs=1e-8)
+
+
+@given(directions)
+def test_joints_that_roll_wheels_against_each_other_have_no_direction(direction: float) -> None:
+    assert turned_forward([wheel_rolling(direction), wheel_rolling(direction, turns=-1)]) is None
+
+
+@given(directions, st.floats(-1, 1), st.floats(-1, 1), signs)
+def test_a_wheel_is_seen_in_the_direction_of_its_drive(direction: float, ahead: float, left: float, turns: int) -> None:
+    seen = rolling(wheel_rolling(direction, ahead, left, turns), direction)
+    assert [seen.ahead, seen.left, seen.turns] == pytest.approx([ahead, left, turns])
+
+
+def test_along_y_and_upright_axles() -> None:
+    assert heading_of([wheel_rolling(-math.pi / 2)]) == pytest.approx(math.pi / 2)
+    assert heading_of([Wheel("w", 0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))]) == 0.0

@@ -7,8 +7,11 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.bounds import AllLimits, Bounds, Interval, IntervalsMonitor, SignalMonitor
 from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.travel import Travel
+from tests.traces import trace
 
 both = pytest.mark.parametrize("kind", [Travel, PathLength])
 
@@ -43,3 +46,50 @@ def test_bounds_that_ask_for_nothing_or_the_impossible_are_refused(
 )
 def test_the_title_says_what_is_asked(bounds: dict[str, Any], title: str) -> None:
     assert Travel.model_validate(bounds).title == title
+
+
+SEEN = trace([1.0, 2.0, 3.0], speed=[0.5, 1.5, 1.0], turn_rate=[1.0, 2.0, 8.0])
+
+
+def limits(speed: float, turn_rate: float) -> AllLimits:
+    return AllLimits(
+        (
+            SignalMonitor("speed", lambda seen: seen.speed, Bounds("moved with", "m/s", None, speed)),
+            SignalMonitor("turn rate", lambda seen: seen.turn_rate, Bounds("turned with", "rad/s", None, turn_rate)),
+        )
+    )
+
+
+def test_the_one_that_was_come_nearest_to_as_a_part_of_it_speaks() -> None:
+    assert limits(2.0, 9.0).observe(SEEN).verdict().message.startswith("turned")
+    assert limits(2.0, 80.0).observe(SEEN).verdict().message.startswith("moved")
+
+
+def test_the_one_that_was_broken_first_speaks() -> None:
+    broken = limits(1.0, 7.0).observe(SEEN)
+    assert (broken.state, broken.verdict().time, broken.verdict().unit) == (State.BROKEN, 2.0, "m/s")
+
+
+def test_all_must_hold() -> None:
+    assert limits(2.0, 9.0).observe(SEEN).state is State.HOLDS
+    assert limits(2.0, 7.0).observe(SEEN).state is State.BROKEN
+
+
+MOMENT = trace([1.0, 2.0, 3.0], x=[0.5, 1.5, 1.0], speed=[10.0, 15.0, 19.0])
+PLACE = Interval("x", "m", 0.0, 2.0, lambda seen: seen.base_position_xyz[:, 0])
+SPEED = Interval("speed", "m/s", 0.0, 20.0, lambda seen: seen.speed)
+
+
+def test_margins_are_compared_as_parts_of_their_scales() -> None:
+    assert IntervalsMonitor((*PLACE.sides(), *SPEED.sides())).observe(MOMENT).verdict().unit == "m"
+    scaled = IntervalsMonitor((*PLACE.sides(2.0), *SPEED.sides(20.0))).observe(MOMENT).verdict()
+    assert (scaled.margin, scaled.message) == (
+        1.0,
+        "stayed within; nearest to speed = 20 m/s with speed = 19 m/s at 3.00 s",
+    )
+
+
+def test_a_bound_that_is_passed_breaks_it() -> None:
+    narrow = Interval("x", "m", 0.75, 2.0, PLACE.signal)
+    monitor = IntervalsMonitor(tuple(narrow.sides())).observe(MOMENT)
+    assert (monitor.state, monitor.verdict().message) == (State.BROKEN, "left past x = 0.75 m: x = 0.5 m at 1.00 s")

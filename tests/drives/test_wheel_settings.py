@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import replace
 
@@ -10,14 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.geometry import Twist
-from sim_action.drives import Drive, DriveMotion
+from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.drives.wheel_settings import WheelSpeeds
-from sim_action.robot.robot_model import RobotModel
+from sim_action.drives.wheel_settings import WheelSpeeds, heading_text, radius_text, ramp_towards, torque_text
+from sim_action.robot.robot_model import Plugin, RobotModel
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
+from tests.traces import WHEELS, burger
 
 FASTEST = 20.0
 LEFT, RIGHT = ("a", "b"), ("c", "d")
@@ -93,3 +95,54 @@ def test_the_slowest_wheel_decides() -> None:
     assert math.isclose(found.told_share({"a": 40.0, "b": 2.0}), 0.25)
     (note,) = found.notes
     assert "asked joint 'a'" in note
+
+
+DRIVE = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"))
+
+
+def with_plugin(*more: tuple[str, str]) -> RobotModel:
+    joints = (("left_joint", "c"), ("right_joint", "d"), ("left_steering_joint", "a_steer"))
+    parameters = (*joints, ("right_steering_joint", "b_steer"), *more)
+    return dataclasses.replace(CAR, plugins=(Plugin("gz-sim-ackermann-steering-system", parameters),))
+
+
+@pytest.mark.parametrize(
+    "more", [("steering_limit", "3.14"), ("left_steering_joint", "a_steer"), ("wheel_radius", "1e300")]
+)
+def test_a_plugin_that_says_what_no_car_has_is_passed_over(more: tuple[str, str]) -> None:
+    drive = recognise(with_plugin(more))
+    assert drive == DRIVE
+    assert "ackermann" in DRIVE.describe(with_plugin(more))
+
+
+@pytest.mark.parametrize(("radius", "message"), [(1e-7, "at least 1e-06 m"), (1e200, "at most 1000 m")])
+def test_lengths_have_bounds(radius: float, message: str) -> None:
+    drive = SkidSteer(left=("c",), right=("d",), radius=radius)
+    assert (("radius",), f"must be {message}") in list(drive.problems(CAR))
+
+
+def test_only_a_heading_that_counts_is_told() -> None:
+    assert heading_text(1e-5) == ""
+    assert heading_text(-math.pi / 2) == ", heading -90 deg from the base's x axis"
+
+
+def test_radii_that_differ_are_all_told() -> None:
+    assert radius_text([0.1, 0.1]) == "wheel radius 0.1 m"
+    assert radius_text([0.1, 0.2, 0.1]) == "wheel radii 0.1 m, 0.2 m"
+
+
+def test_a_torque_is_the_stated_one_or_that_of_the_joints() -> None:
+    assert torque_text(2.0, burger(), WHEELS) == ", torque 2 N m"
+    assert torque_text(None, burger(), WHEELS) == ", torque 10 N m"
+    assert torque_text(None, cart(*FOUR), ("a", "b")) == ""
+
+
+a_speed = st.floats(-10, 10)
+
+
+@given(a_speed, a_speed, st.floats(1e-3, 5))
+def test_a_step_goes_as_far_as_it_may_and_never_past(wanted: float, value: float, most: float) -> None:
+    reached = ramp_towards(wanted, value, most)
+    assert abs(reached - value) <= most * (1 + 1e-9)
+    assert min(wanted, value) - 1e-9 <= reached <= max(wanted, value) + 1e-9
+    assert abs(abs(reached - value) - most) < 1e-9 or abs(reached - wanted) < 1e-9

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.user_assertion import UserAssertion
+from sim_action.assertions.user_assertion import History, UserAssertion
 from sim_action.core.errors import ScriptError
 from sim_action.core.workspace import Workspace
 from sim_action.simulation.monitors import Panel
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
-from tests.traces import START, expectation, piece, scenario, scene, trace
+from tests.traces import START, contact, expectation, piece, scenario, scene, trace
 
 P, H, B = State.PENDING, State.HOLDS, State.BROKEN
 
@@ -223,3 +227,44 @@ def test_problems_with_the_file(tmp_path: Path, name: str, message: str) -> None
 def test_a_name_without_file_or_class(name: str) -> None:
     with pytest.raises(ValidationError, match="expected a file and a class"):
         UserAssertion.model_validate(name)
+
+
+MOMENTS = 40
+SEEN = trace(
+    [float(n) for n in range(MOMENTS)], x=[float(n) for n in range(MOMENTS)], contacts=[contact(3.0), contact(30.0)]
+)
+
+
+def grown(cuts: list[int], history: History | None = None) -> list[History]:
+    """After each of the pieces between the cuts."""
+    found = []
+    for start, end in pairwise(cuts):
+        following = piece(SEEN, start, end)
+        history = History.of(following) if history is None else history.followed_by(following)
+        found.append(history)
+    return found
+
+
+def same(one: Trace, other: Trace) -> bool:
+    return np.array_equal(one.state, other.state) and one.contacts == other.contacts
+
+
+@given(st.lists(st.integers(0, MOMENTS)).map(sorted))
+def test_it_is_the_trace_however_that_is_cut(cuts: list[int]) -> None:
+    for history, end in zip(grown([0, *cuts]), cuts, strict=True):
+        assert same(history.whole(), piece(SEEN, 0, end))
+
+
+def test_what_follows_a_moment_twice_does_not_change_what_followed_first() -> None:
+    (early,) = grown([0, 10])
+    first, *_ = grown([10, 20], early)
+    other = early.followed_by(piece(SEEN, 30, 40))
+    assert same(first.whole(), piece(SEEN, 0, 20))
+    assert other.whole().time.tolist() == [*range(10), *range(30, 40)]
+    assert len(early.whole()) == 10
+
+
+def test_most_of_it_is_copied_once_or_twice_whatever_its_length() -> None:
+    wholes = [history.whole().state for history in grown(list(range(MOMENTS)))]
+    moved = sum(not np.shares_memory(before, after) for before, after in pairwise(wholes))
+    assert 0 < moved <= math.log2(MOMENTS)
