@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from docs.generators.markdown import table
+from sim_action.app import catalogue
+from sim_action.app.catalogue import Entry, FieldEntry
 from sim_action.cli.default_options import Defaults
 from sim_action.core.errors import ExitCode
 from sim_action.recording.export import EXPORTS
 from sim_action.robot.audit.rules import RULES
-from sim_action.scenario import catalogue
-from sim_action.scenario.catalogue import Entry, FieldEntry
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
 EXIT_CODES = {

@@ -11,6 +11,7 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel
 
 from docs.generators.markdown import fenced, table
+from sim_action.app import catalogue
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
@@ -19,7 +20,6 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
 from sim_action.robot.spec import Robot
-from sim_action.scenario import catalogue
 from sim_action.scenario.model import Scenario, TraceSettings
 from sim_action.sensors import SENSORS
 from sim_action.state import readings

@@ -20,7 +20,7 @@ from sim_action.results.comparison import Comparison, Thresholds, compared
 from sim_action.results.file import RESULTS_FILE
 from sim_action.results.outcome import Outcome
 from sim_action.results.reading import find_all, read_all
-from sim_action.results.shards import joined
+from sim_action.results.shard_results import joined
 
 STANDARD_OUTPUT: Final = "-"
 

@@ -15,8 +15,8 @@ from sim_action.core.discovery import compared_name, file_name
 from sim_action.core.errors import UsageError
 from sim_action.core.messages import escaped_line
 from sim_action.results.file import Results
-from sim_action.scenario.numbering import numbered
-from sim_action.scenario.sharding import balanced
+from sim_action.results.shards import balanced
+from sim_action.scenario.selection import numbered
 
 MOST_BYTES: Final = (128 << 10) - len("INPUT_SCENARIO=\0")
 """The action has the scenarios of a shard in this variable, and Linux takes no longer one."""

@@ -19,7 +19,7 @@ from sim_action.results.artifacts import Evidence, evidence_of, moved
 from sim_action.results.file import RESULTS_FILE, Results
 from sim_action.results.outcome import Outcome
 from sim_action.results.reading import ResultsFile, find_all, read_all
-from sim_action.results.shards import Entry, Listing, joined
+from sim_action.results.shard_results import Entry, Listing, joined
 from sim_action.results.trace_files import EVIDENCE_FOLDERS, trace_paths
 
 # Of what a stranger may have written; each JUnit suite has it.

@@ -12,7 +12,7 @@ def init(folder: str, force: bool) -> None:
     """Write a commented scenario that passes, and a workflow that runs it."""
     from pathlib import Path
 
-    from sim_action.app.scaffold import write_scaffold
+    from sim_action.app.init import write_scaffold
     from sim_action.app.schema import scenario_schema, schema_text
 
     for path in write_scaffold(Path(folder), schema_text(scenario_schema()), force=force):

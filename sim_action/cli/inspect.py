@@ -6,8 +6,7 @@ from typing import Any
 
 import click
 
-from sim_action.cli.model_flags import asked_model, model_flags
-from sim_action.cli.paths import ALLOW_OUTSIDE
+from sim_action.cli.options import ALLOW_OUTSIDE, asked_model, model_flags
 from sim_action.core.errors import ExitCode
 
 
@@ -21,8 +20,8 @@ def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
 
     Exit code: 2 if no engine could take it.
     """
+    from sim_action.app.inspect import inspection_text
     from sim_action.app.inspect_process import inspect_apart
-    from sim_action.app.inspect_text import inspection_text
 
     found = inspect_apart(*asked_model(model, flags))
     click.echo(found.model_dump_json(indent=2) if as_json else inspection_text(found))

@@ -8,37 +8,33 @@ import click
 @click.command()
 def models() -> None:
     """List the robots that need no path."""
-    from sim_action.app import catalogue_text
-    from sim_action.scenario import catalogue
+    from sim_action.app import catalogue
 
-    click.echo(catalogue_text.listing(catalogue.models()))
+    click.echo(catalogue.listing(catalogue.models()))
 
 
 @click.command()
 def assertions() -> None:
     """List what can stand below `expect:`."""
-    from sim_action.app import catalogue_text
-    from sim_action.scenario import catalogue
+    from sim_action.app import catalogue
 
-    click.echo(catalogue_text.listing(catalogue.assertions()))
+    click.echo(catalogue.listing(catalogue.assertions()))
 
 
 @click.command()
 def commands() -> None:
     """List what can stand below `commands:`, and the drives that turn twists into wheel speeds."""
-    from sim_action.app import catalogue_text
-    from sim_action.scenario import catalogue
+    from sim_action.app import catalogue
 
-    click.echo(catalogue_text.listing((*catalogue.commands(), *catalogue.drives())))
+    click.echo(catalogue.listing((*catalogue.commands(), *catalogue.drives())))
 
 
 @click.command()
 def sensors() -> None:
     """List what can stand below `sensors:`."""
-    from sim_action.app import catalogue_text
-    from sim_action.scenario import catalogue
+    from sim_action.app import catalogue
 
-    click.echo(catalogue_text.listing(catalogue.sensors()))
+    click.echo(catalogue.listing(catalogue.sensors()))
 
 
 @click.command()

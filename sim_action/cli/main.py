@@ -11,7 +11,7 @@ import click
 
 from sim_action import __version__
 from sim_action.cli import SUBCOMMANDS, TAKE_DEFAULTS
-from sim_action.cli.paths import complain
+from sim_action.cli.options import complain
 from sim_action.core.errors import ExitCode, SimActionError
 from sim_action.core.process import collect_garbage_rarely
 

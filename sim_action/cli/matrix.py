@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.paths import PATHS, discovered, note
-from sim_action.cli.selection_flags import selection_flags
+from sim_action.cli.options import PATHS, discovered, note, selection_flags
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sim_action.app.matrix import FileOfScenarios
-    from sim_action.scenario.suite import Suite
+    from sim_action.scenario.selection import Suite
 
 
 @click.command()

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.paths import discovered
-from sim_action.cli.report_flags import report_flags, report_request
-from sim_action.cli.selection_flags import selection_flags, taken_selection
+from sim_action.cli.options import discovered, report_flags, report_request, selection_flags, taken_selection
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -30,7 +28,7 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     """
     from sim_action.app import merge as merging
     from sim_action.core.workspace import Permissions
-    from sim_action.results.shards import Listing
+    from sim_action.results.shard_results import Listing
 
     selection = taken_selection(flags)
     listing = None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.report_flags import report_flags, report_request
+from sim_action.cli.options import report_flags, report_request
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:

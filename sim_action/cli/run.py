@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.paths import ALLOW_OUTSIDE, PATHS, discovered, named_paths
-from sim_action.cli.report_flags import report_flags, report_request
-from sim_action.cli.selection_flags import selection_flags
+from sim_action.cli.options import (
+    ALLOW_OUTSIDE,
+    PATHS,
+    discovered,
+    named_paths,
+    report_flags,
+    report_request,
+    selection_flags,
+)
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sim_action.cli.paths import ALLOW_OUTSIDE, PATHS, discovered
+from sim_action.cli.options import ALLOW_OUTSIDE, PATHS, discovered
 from sim_action.core.errors import ExitCode, Fault
 
 if TYPE_CHECKING:

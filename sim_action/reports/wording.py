@@ -8,7 +8,7 @@ from sim_action.core import units
 from sim_action.core.provenance import Provenance
 from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
-from sim_action.scenario.sharding import Shard
+from sim_action.results.shards import Shard
 from sim_action.state.verdict import Verdict
 
 Mood = Literal["passed", "warned", "failed", "flaky", "error", "skipped"]

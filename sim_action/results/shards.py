@@ -1,196 +1,81 @@
-"""Joins the results of shards: no outcome is lost, none is there twice, and what nobody has run is told."""
+"""Shards: the parts of a list of scenarios that several machines run at the same time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import groupby, zip_longest
-from pathlib import Path, PurePosixPath
-from typing import NoReturn
+import heapq
+import re
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Final, Self, TypeVar
 
-from sim_action.core.discovery import compared_name
+from pydantic import Field, model_validator
+
 from sim_action.core.errors import UsageError
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import escaped_line
-from sim_action.results.outcome import Failure, Outcome
-from sim_action.results.reading import ResultsFile
-from sim_action.scenario.sharding import Shard, shards_text
-from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.selection import ranges_text
 
-Unit = tuple[str, int | None]
-"""What is dealt as one: a scenario or a variation, by its file and its place in that."""
+MOST_SHARDS: Final = 256
+"""GitHub makes no more jobs out of one matrix."""
 
+T = TypeVar("T")
 
-@dataclass(frozen=True, slots=True)
-class Listing:
-    """What has to be in the results, in the order of a run; `empty`: what was named but holds no scenario."""
-
-    scenarios: Sequence[Source | Refused]
-    empty: Sequence[str]
+_Number = Annotated[int, Field(ge=1, le=MOST_SHARDS)]
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """An outcome, and the results file that has it; None: none has it, it was added."""
+class Shard(FrozenModel):
+    """One part of a list of scenarios: every `count`-th of it.
 
-    outcome: Outcome
-    origin: Path | None = None
-
-
-def joined(files: Sequence[ResultsFile], listing: Listing | None) -> list[Entry]:
-    """All outcomes, as one run would list them, then those of missing shards.
-
-    Without a listing, what is not of `--shard` is in the order of its file names. Raises UsageError if these are not
-    results of one list, each part of it once.
+    Attributes:
+        index: which part it is, from 1; it begins with the scenario of that place.
+        count: how many parts there are.
+        total: how many scenarios all parts have together.
     """
-    sharded = [(shard, file) for file in files if (shard := file.results.shard)]
-    _check_files(files)
-    _check_shards(sharded)
-    entries = _ordered(files, sharded)
-    added = list(_not_run(entries, listing, left_any=bool(files))) if listing else []
-    if listing:
-        entries = _as_listed([*entries, *added], listing)
-    return entries + [Entry(outcome) for outcome in _missing_shards(sharded, len(added))]
+
+    index: _Number
+    count: _Number
+    total: Annotated[int, Field(ge=0)]
+
+    @classmethod
+    def parse(cls, text: str, total: int) -> Self:
+        """Reads I/N, of a list of so many scenarios. Raises UsageError."""
+        found = re.fullmatch(r"\s*([0-9]{1,3})\s*/\s*([0-9]{1,3})\s*", text)
+        index, count = map(int, found.groups()) if found else (0, 0)
+        if not 1 <= index <= count <= MOST_SHARDS:
+            allowed = f"I/N with 1 <= I <= N <= {MOST_SHARDS}, such as 1/3"
+            raise UsageError(escaped_line(f"--shard {text}: must be {allowed}"))
+        return cls(index=index, count=count, total=total)
+
+    @model_validator(mode="after")
+    def _is_one_of_all(self) -> Self:
+        if self.index > self.count:
+            raise ValueError(f"there is no shard {self.index} of {self.count}")
+        return self
+
+    def __str__(self) -> str:
+        return f"shard {self.index} of {self.count}"
+
+    def dealt(self, scenarios: Sequence[T]) -> list[T]:
+        """What of a list is in this part, in the order of the list."""
+        return list(scenarios[self.index - 1 :: self.count])
 
 
-def _check_files(files: Iterable[ResultsFile]) -> None:
-    """A scenario has an outcome for each engine that it ran on, by name; all of them are in the same results."""
-    seen: dict[Unit, Path] = {}
-    told = set[tuple[Unit, str]]()
-    for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.outcomes if outcome.file):
-        unit, called = _unit(outcome), _called(outcome)
-        if seen.setdefault(unit, path) != path:
-            _refuse(f"both {seen[unit]} and {path} have results of {called}; nothing is counted twice")
-        if (unit, outcome.name) in told:
-            _refuse(f"{path} has results of {called} twice; nothing is counted twice")
-        told.add((unit, outcome.name))
+def shards_text(indices: Iterable[int], count: int) -> str:
+    """Some of so many shards, such as "shard 2 of 3" or "shards 1-3, 5 of 9"."""
+    ordered = sorted(indices)
+    return f"{'shard' if len(ordered) == 1 else 'shards'} {ranges_text(ordered, ', ')} of {count}"
 
 
-def _called(outcome: Outcome) -> str:
-    return outcome.file if outcome.number is None else f"'{outcome.name}' in {outcome.file}"
+def balanced(scenarios: Sequence[T], durations: Sequence[float], count: int) -> list[list[T]]:
+    """Deals a list to at most so many parts that take about equally long; none is empty, each keeps the list's order.
 
-
-def _unit(outcome: Outcome) -> Unit:
-    return _compared(outcome), outcome.number
-
-
-def _compared(outcome: Outcome) -> str:
-    """Its file, spelled in one way; empty if it is not of one."""
-    return compared_name(outcome.file) if outcome.file else ""
-
-
-def _check_shards(sharded: Sequence[tuple[Shard, ResultsFile]]) -> None:
-    """Whether these can be parts of one list."""
-    seen: dict[int, Path] = {}
-    for shard, file in sharded:
-        other, first = sharded[0]
-        if shard.count != other.count:
-            _refuse(f"{first.path} is {other}, and {file.path} is {shard}: they are not of one run")
-        if shard.total != other.total:
-            _refuse(
-                f"the shards saw different lists: {first.path} is {other} of {other.total} scenarios, "
-                f"and {file.path} is {shard} of {shard.total}"
-            )
-        if shard.index in seen:
-            _refuse(f"both {seen[shard.index]} and {file.path} are {shard}")
-        seen[shard.index] = file.path
-    for shard, _ in sharded[:1]:
-        found = _count(sharded)
-        if found > shard.total or (found < shard.total and len(sharded) == shard.count):
-            _refuse(f"the shards saw different lists: each is of {shard.total} scenarios, and they have {found}")
-
-
-def _ordered(files: Sequence[ResultsFile], sharded: Sequence[tuple[Shard, ResultsFile]]) -> list[Entry]:
-    if len(files) in (1, len(sharded)):
-        # Dealt one by one, they are taken back one by one.
-        hands = [file for _, file in sorted(sharded, key=lambda pair: pair[0].index)] or files
-        rounds = zip_longest(*map(_dealt, hands), fillvalue=())
-        return [entry for turn in rounds for hand in turn for entry in hand]
-    entries = [entry for file in files for entry in _entries(file)]
-    return sorted(entries, key=lambda entry: (PurePosixPath(entry.outcome.file), entry.outcome.number or 0))
-
-
-def _entries(file: ResultsFile) -> list[Entry]:
-    return [Entry(outcome, file.path) for outcome in file.results.outcomes]
-
-
-def _dealt(file: ResultsFile) -> list[list[Entry]]:
-    """All outcomes of what was dealt as one."""
-    return [list(entries) for _, entries in groupby(_entries(file), key=lambda entry: _unit(entry.outcome))]
-
-
-def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
-    """What is not in the listing comes last."""
-    files = [unit[0] for unit in _units(listing)] + [compared_name(escaped_line(pattern)) for pattern in listing.empty]
-    places = {file: place for place, file in enumerate(dict.fromkeys(files))}
-
-    def place(entry: Entry) -> tuple[int, int]:
-        file, number = _unit(entry.outcome)
-        return (places[file], number or 0) if file in places else (len(places), 0)
-
-    return sorted(entries, key=place)
-
-
-def _units(listing: Listing) -> list[Unit]:
-    """Of the scenarios that are listed, in order."""
-    files = [each.file if isinstance(each, Refused) else each.document.file for each in listing.scenarios]
-    compared = {file: compared_name(file) for file in files}
-    return [(compared[file], each.number) for file, each in zip(files, listing.scenarios, strict=True)]
-
-
-def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> Iterator[Entry]:
-    found = {_unit(entry.outcome): entry.outcome for entry in entries}
-    lost = "a result of this scenario; look at the jobs that were to run it"
-    message = f"no shard has left {lost if left_any else 'any results; look at the jobs that were to run them'}"
-    stopped = set[tuple[str, str]]()
-    for unit, scenario in zip(_units(listing), listing.scenarios, strict=True):
-        whole = (unit[0], _group(scenario))
-        if unit in found and found[unit].failures and found[unit].group is None:
-            # Where variations cannot be run, the first one of them tells of them all.
-            stopped.add(whole)
-        if unit not in found and (unit[0], None) not in found and whole not in stopped:
-            yield Entry(_without_result(scenario, message))
-    for pattern in listing.empty:
-        if (compared_name(escaped_line(pattern)), None) not in found:
-            yield Entry(Outcome.of_nothing(pattern))
-
-
-def _group(scenario: Source | Refused) -> str:
-    """The scenario that it is a variation of, if it is one."""
-    return scenario.group or scenario.name if isinstance(scenario, Source) else scenario.name
-
-
-def _without_result(scenario: Source | Refused, message: str) -> Outcome:
-    failure = Failure(kind="missing", title="no result", message=message)
-    if isinstance(scenario, Refused):
-        return Outcome.of_refused(scenario).model_copy(update={"failures": (failure,)})
-    return Outcome(
-        name=scenario.name,
-        file=scenario.document.file,
-        line=scenario.line,
-        number=scenario.number,
-        group=scenario.group,
-        variation=scenario.variation,
-        status="error",
-        failures=(failure,),
-    )
-
-
-def _missing_shards(sharded: Sequence[tuple[Shard, ResultsFile]], added: int) -> Iterator[Outcome]:
-    """One for all: which of them should have run what is not known. If all was added by its name, that is enough."""
-    for shard, _ in sharded[:1]:
-        lost = shard.total - _count(sharded) - added
-        missing = set(range(1, shard.count + 1)) - {present.index for present, _ in sharded}
-        if lost > 0:
-            name = shards_text(missing, shard.count)
-            has, job = ("has", "its job") if len(missing) == 1 else ("have", "their jobs")
-            message = f"{name} {has} left no results; {lost} of {shard.total} scenarios have none; look at {job}"
-            failure = Failure(kind="missing", title="no results", message=message)
-            yield Outcome(name=name, file="", status="error", failures=(failure,))
-
-
-def _count(sharded: Iterable[tuple[Shard, ResultsFile]]) -> int:
-    return sum(len(_dealt(file)) for _, file in sharded)
-
-
-def _refuse(message: str) -> NoReturn:
-    raise UsageError(escaped_line(message))
+    The longest goes first, each to the part that has the least so far: the longest part then takes at most 4/3 of
+    what it would if they were dealt as well as can be (R. L. Graham, Bounds on Multiprocessing Timing Anomalies,
+    1969). `durations` are in s, and above zero.
+    """
+    loads = [(0.0, 0, part) for part in range(min(count, len(scenarios)))]
+    parts: list[list[int]] = [[] for _ in loads]
+    for place in sorted(range(len(scenarios)), key=lambda place: (-durations[place], place)):
+        load, size, part = heapq.heappop(loads)
+        parts[part].append(place)
+        heapq.heappush(loads, (load + durations[place], size + 1, part))
+    return [[scenarios[place] for place in sorted(part)] for part in parts]

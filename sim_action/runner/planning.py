@@ -9,11 +9,11 @@ from sim_action.core.errors import Fault, InvalidScenario, UsageError
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import INSTALLING, chosen, installed
+from sim_action.results.shards import Shard
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of
 from sim_action.scenario.model import LoadedScenario
-from sim_action.scenario.sharding import Shard
+from sim_action.scenario.selection import Suite
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.suite import Suite
 
 
 def runs_of(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario, ...]:

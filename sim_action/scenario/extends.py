@@ -5,10 +5,156 @@ Each value keeps the place of the file that it is from, so that an error about i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Final, get_args, get_origin
 
+from pydantic import BaseModel
+
+from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS
 from sim_action.core.errors import Location
+from sim_action.core.field_types import NamesFile
 from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.drives import DRIVES
+from sim_action.robot.loading import BUILT_IN
+from sim_action.robot.spec import Robot
+from sim_action.sensors import SENSORS
+from sim_action.world import World
+
+_ANY: Final = "*"
+_DEEP: Final = "**"
+
+Pattern = tuple[str, ...]
+"""A way to a file name: `*` for every key or entry, `**` for any number of them."""
+
+
+@cache
+def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
+    """Each way to a text that the specs annotate as NamesFile, as far as such patterns can say it."""
+    found = [
+        *_ways(Robot, if_there, ("robot",)),
+        *_ways(World, if_there, ("world",)),
+        *(way for key in DRIVES for way in _ways(DRIVES.load(key), if_there, ("robot", "drive", key))),
+        *(way for key in SENSORS for way in _ways(SENSORS.load(key), if_there, ("sensors", _ANY, key))),
+        *(way for key in COMMANDS for way in _ways(COMMANDS.load(key), if_there, ("commands",))),
+        *(way for key in COMMANDS for way in _ways(COMMANDS.load(key), if_there, ("commands", _ANY))),
+    ]
+    for key in ASSERTIONS:
+        spec = ASSERTIONS.load(key)
+        ways = list(_ways(spec, if_there, ("expect", _DEEP, key)))
+        # Its value may stand alone in the place of its keys.
+        found += [*(way[:-1] for way in ways if way[-1] == spec.bare_value), *ways]
+    return tuple(dict.fromkeys(found))
+
+
+def _ways(model: type[BaseModel], if_there: bool, to: Pattern) -> Iterator[Pattern]:
+    for name, field in model.model_fields.items():
+        yield from _ways_in(field.annotation, field.metadata, if_there, (*to, field.alias or name))
+
+
+def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Pattern) -> Iterator[Pattern]:
+    """Those in a type; what is said of a list or a map is said of its entries."""
+    told = [*metadata, *getattr(annotation, "__metadata__", ())]
+    if annotation is str and NamesFile(if_there) in told:
+        yield to
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield from _ways(annotation, if_there, to)
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        parts = parts[:1]
+    elif origin is dict:
+        parts = parts[1:]
+    inside = (*to, _ANY) if origin in (tuple, dict) else to
+    for part in parts:
+        yield from _ways_in(part, told, if_there, inside)
+
+
+def seen_from(folder: Path, document: Document, own: Path) -> Document:
+    """The document as it would be written in `folder`, of one that lies in the folder `own`."""
+    if folder == own:
+        return document
+
+    def moved(name: str) -> str:
+        return Path(os.path.relpath(own / name, folder)).as_posix()
+
+    def relocated(data: object) -> object:
+        for pattern in file_keys():
+            data = _changed(data, pattern, lambda name: moved(name) if _is_relative_file(name, own) else name)
+        for pattern in file_keys(if_there=True):
+            data = _changed(data, pattern[:-1], _words)
+            data = _changed(data, pattern, lambda word: moved(word) if _is_there(word, own) else word)
+        return data
+
+    return replace(document, data=_with_variations(relocated(document.data), relocated))
+
+
+def _with_variations(data: object, relocated: Callable[[object], object]) -> object:
+    """The data with the values of its variations changed as they would be where their keys lead."""
+    if not isinstance(data, dict) or not isinstance(stated := data.get("variations"), dict):
+        return data
+    varied = {key: _varied(key.split("."), values, relocated) for key, values in stated.items()}
+    return {**data, "variations": varied}
+
+
+def _varied(steps: list[str], values: object, relocated: Callable[[object], object]) -> object:
+    return tuple(_led_to(steps, value, relocated) for value in values) if isinstance(values, tuple) else values
+
+
+def _led_to(steps: list[str], value: object, relocated: Callable[[object], object]) -> object:
+    """A value as it is changed at the end of a way."""
+    whole = value
+    for step in reversed(steps):
+        whole = {step: whole}
+    whole = relocated(whole)
+    for step in steps:
+        assert isinstance(whole, dict)
+        whole = whole[step]
+    return whole
+
+
+def _is_relative_file(name: str, folder: Path) -> bool:
+    """Else it is an address, the name of a robot that is built in, or a misspelt one."""
+    if "://" in name or Path(name).is_absolute() or not name.isprintable():
+        return False
+    return "/" in name or "." in name or (name not in BUILT_IN and _is_there(name, folder))
+
+
+def _words(text: str) -> object:
+    """As the command takes text apart."""
+    try:
+        import shlex
+
+        return tuple(shlex.split(text))
+    except ValueError:
+        return text
+
+
+def _is_there(name: str, folder: Path) -> bool:
+    try:
+        return not Path(name).is_absolute() and (folder / name).exists()
+    except (OSError, ValueError):  # too long, or a NUL in it
+        return False
+
+
+def _changed(data: object, pattern: tuple[str, ...], change: Callable[[str], object]) -> object:
+    """The data with every text changed that a pattern leads to."""
+    if not pattern:
+        return change(data) if isinstance(data, str) else data
+    step, *rest = pattern
+    if step == _DEEP:
+        data = _changed(data, tuple(rest), change)
+        step, rest = _ANY, [_DEEP, *rest]
+    if isinstance(data, dict):
+        return {
+            key: _changed(value, tuple(rest), change) if step in (_ANY, key) else value for key, value in data.items()
+        }
+    if isinstance(data, tuple) and step == _ANY:
+        return tuple(_changed(value, tuple(rest), change) for value in data)
+    return data
 
 
 def merged(base: Document, over: Document) -> Document:

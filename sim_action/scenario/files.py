@@ -21,8 +21,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.messages import escaped_line, nearest, shown
 from sim_action.core.workspace import PathError, Permissions, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
-from sim_action.scenario.extends import entries_of, merged, without
-from sim_action.scenario.file_references import seen_from
+from sim_action.scenario.extends import entries_of, merged, seen_from, without
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations import MOST_RUNS, expanded
 

@@ -200,7 +200,7 @@ class _Loader:
         self._problems.note_all((), iter(surroundings.problems))
         self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
         if scenario.world.objects:
-            from sim_action.scenario.clash_checks import clash_problems
+            from sim_action.scenario.overlap_checks import clash_problems
 
             self._problems.note_all((), clash_problems(scenario.world))
         self.model = self._read_model(scenario.robot)

@@ -2,15 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from itertools import groupby
+from pathlib import Path
+from typing import Final
 
+from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.messages import counted, did_you_mean, escaped_line
+from sim_action.core.workspace import Permissions
 from sim_action.engines import BACKENDS
+from sim_action.scenario.files import read_file
 from sim_action.scenario.source import Refused, Source
+
+_RANGE: Final = "[0-9]{1,5}(?:-[0-9]{1,5})?"
+_NUMBERED: Final = re.compile(rf"(.+)::({_RANGE}(?:,{_RANGE})*)", re.DOTALL)
+
+
+def ranges_text(numbers: Iterable[int], between: str = ",") -> str:
+    """Numbers in ascending order, those that follow each other as one, such as "1-15,31"."""
+    # Those that follow each other are equally far from their places in the list.
+    runs = [
+        [number for _, number in run] for _, run in groupby(enumerate(sorted(numbers)), lambda pair: pair[1] - pair[0])
+    ]
+    return between.join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+
+
+def numbered(file: str, numbers: Iterable[int]) -> str:
+    """How some scenarios of a file are called."""
+    return f"{file}::{ranges_text(numbers)}"
+
+
+def split(pattern: str) -> tuple[str, frozenset[int] | None]:
+    """A file and the numbers that stand behind its name; None: all. What is there by that very name is a file."""
+    found = _NUMBERED.fullmatch(pattern)
+    if found is None or os.path.lexists(pattern):
+        return pattern, None
+    return found[1], frozenset(number for part in found[2].split(",") for number in _range(part))
+
+
+def _range(text: str) -> range:
+    first, _, last = text.partition("-")
+    return range(int(first), int(last or first) + 1)
+
 
 Scenarios = tuple[Source | Refused, ...]
 """What is written in one file."""
@@ -93,3 +132,46 @@ def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
     for scenario in every:
         if isinstance(scenario, Refused) and not selection.takes(scenario, called):
             yield str(scenario.problems[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """Scenarios, before anybody has read them.
+
+    Attributes:
+        files: in order.
+        empty: what was named but holds no scenario.
+        numbers: of a file of which only some scenarios are meant, their numbers, by what reports call it.
+        selection: which are meant of those.
+    """
+
+    files: Sequence[Path]
+    empty: Sequence[str] = ()
+    numbers: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    selection: Selection = field(default_factory=Selection)
+
+    def read(self, permissions: Permissions, seed: int | None = None) -> dict[Path, Scenarios]:
+        """What is selected of each file, whatever its number; only files of which something is. Raises UsageError.
+
+        `seed`: of what variations draw; None: as each scenario says.
+        """
+        every = [self._scenarios(path, permissions, seed) for path in self.files]
+        chosen = zip(self.files, selected(every, self.selection), strict=True)
+        return {path: scenarios for path, scenarios in chosen if scenarios}
+
+    def numbered(self, scenario: Source | Refused) -> bool:
+        """Whether a scenario is meant by its number."""
+        file = scenario.file if isinstance(scenario, Refused) else scenario.document.file
+        return file not in self.numbers or scenario.number in self.numbers[file]
+
+    def scenarios(self, permissions: Permissions) -> list[Source | Refused]:
+        """All that is meant. Raises UsageError."""
+        return [each for several in self.read(permissions).values() for each in several if self.numbered(each)]
+
+    def _scenarios(self, path: Path, permissions: Permissions, seed: int | None) -> Scenarios:
+        scenarios = read_file(path, permissions, seed)
+        name = file_name(path)
+        beyond = [number for number in self.numbers.get(name, ()) if not 1 <= number <= len(scenarios)]
+        if beyond:
+            raise UsageError(escaped_line(f"{numbered(name, beyond)}: the file holds {len(scenarios)}, counted from 1"))
+        return scenarios

@@ -14,7 +14,7 @@ from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem,
 from sim_action.reports.writing import ReportRequest
 from sim_action.results.file import Results
 from sim_action.results.outcome import Failure, Outcome
-from sim_action.results.shards import Listing
+from sim_action.results.shard_results import Listing
 from tests.outcomes import outcome, results, source, stored
 from tests.work import work_of
 

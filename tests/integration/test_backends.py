@@ -568,7 +568,7 @@ def test_the_same_steps_in_other_blocks_are_the_same_to_the_last_bit(engine: str
 _DIGEST = """
 import sys
 from pathlib import Path
-from sim_action.digest import Digest
+from sim_action.state.reproducibility import Digest
 from tests.integration.engines import advance, at, running, scene_of
 from tests.integration.test_backends import LOPSIDED
 digest = Digest()
@@ -617,13 +617,13 @@ def test_any_rate_simulates(engine: str, rate: float, tmp_path: Path) -> None:
 _CORPUS = r"""
 import json, sys
 from pathlib import Path
-from sim_action.backends import BACKENDS
-from sim_action.channels import Channels
-from sim_action.command import JointTargets
-from sim_action.errors import EngineError, ModelError
-from sim_action.models.findings import ALLOWABLE
+from sim_action.engines import BACKENDS
+from sim_action.state.trace_channels import Channels
+from sim_action.state.command import JointTargets
+from sim_action.core.errors import EngineError, ModelError
+from sim_action.robot.audit.rules import ALLOWABLE
 from tests.integration.engines import at, scene_of
-from tests.models.bad_models import BAD_MODELS
+from tests.robot.bad_models import BAD_MODELS
 for bad in BAD_MODELS:
     print("\nMODEL", bad.name, flush=True)
     try:

@@ -21,7 +21,7 @@ from typing import ClassVar
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.assertions.upright import Upright
-from sim_action.cli import call
+from sim_action.cli.main import call
 
 
 class Faulty(Upright):

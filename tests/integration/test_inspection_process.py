@@ -25,10 +25,10 @@ MODEL: Final = """\
 CALLER: Final = """
 import sys
 from pathlib import Path
-from sim_action.errors import ModelError
-from sim_action.inspection_process import inspect_apart
-from sim_action.workspace import Workspace
-from sim_action.world import Robot
+from sim_action.core.errors import ModelError
+from sim_action.app.inspect_process import inspect_apart
+from sim_action.core.workspace import Workspace
+from sim_action.robot.spec import Robot
 
 here = Path.cwd()
 try:

@@ -28,7 +28,7 @@ PATIENCE: Final = 120
 CALLER: Final = """
 import re, sys
 from pathlib import Path
-from sim_action.cli import call, leave
+from sim_action.cli.main import call, leave
 code = call(sys.argv[1:])
 Path("peak").write_text(re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())[1])
 leave(code)

@@ -10,7 +10,7 @@ import pytest
 from sim_action.core.errors import ExitCode, Location, UsageError
 from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
-from sim_action.scenario.sharding import Shard
+from sim_action.results.shards import Shard
 from sim_action.state.verdict import Verdict
 
 

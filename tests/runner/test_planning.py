@@ -17,8 +17,8 @@ from sim_action.engines import BACKENDS, chosen, installed
 from sim_action.runner.planning import Planned, PlanRequest, planned, runs_of, source_of
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.scenario.selection import Suite
 from sim_action.scenario.source import Refused
-from sim_action.scenario.suite import Suite
 from tests.scenarios import LEAST
 
 TEXT = """\

@@ -75,6 +75,7 @@ STUCK = """\
 import sys, threading, time
 from pathlib import Path
 from sim_action.runner.process_output import note_before
+from sim_action.runner.process_output import note_before
 
 def inner():
     while "in <module>" not in Path(sys.argv[1]).read_text():
@@ -89,6 +90,7 @@ inner()
 BUSY = """\
 import sys, time
 from pathlib import Path
+from sim_action.runner.process_output import note_before
 from sim_action.runner.process_output import note_before
 
 def deep(count):

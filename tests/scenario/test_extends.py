@@ -2,13 +2,131 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import BaseModel
 
+from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS
 from sim_action.core.yaml_document import Document, KeyPath, read_document
-from sim_action.scenario.extends import entries_of, merged, without
+from sim_action.robot.spec import Robot
+from sim_action.scenario.extends import entries_of, file_keys, merged, seen_from, without
+
+
+def moved(folder: Path, data: dict[str, Any]) -> object:
+    own = folder / "lib"
+    own.mkdir(exist_ok=True)
+    (own / "drive.py").touch()
+    return seen_from(folder / "suite", Document("s.yml", data), own).data
+
+
+@pytest.mark.parametrize(
+    ("name", "seen"),
+    [
+        ("r.urdf", "../lib/r.urdf"),
+        ("../r.urdf", "../r.urdf"),
+        ("../suite/r.urdf", "r.urdf"),
+        ("turtlebot3_burger", "turtlebot3_burger"),
+        ("package://a/b.urdf", "package://a/b.urdf"),
+        ("/opt/r.urdf", "/opt/r.urdf"),
+        ("misspelt", "misspelt"),
+    ],
+)
+def test_a_model_is_the_same_file_from_elsewhere(name: str, seen: str, tmp_path: Path) -> None:
+    assert moved(tmp_path, {"robot": {"model": name}}) == {"robot": {"model": seen}}
+
+
+def test_the_words_of_a_process_are_files_if_there_are_such_files(tmp_path: Path) -> None:
+    words = ("python3", "drive.py", "./drive.py", "1.5", "--out=a.b", "x" * 5000)
+    expected = ("python3", "../lib/drive.py", "../lib/drive.py", "1.5", "--out=a.b", "x" * 5000)
+    assert moved(tmp_path, {"commands": {"process": words}}) == {"commands": {"process": expected}}
+    assert moved(tmp_path, {"commands": ({"process": words},)}) == {"commands": ({"process": expected},)}
+
+
+def test_surfaces_and_maps_are_the_same_files(tmp_path: Path) -> None:
+    def world(folder: str) -> dict[str, Any]:
+        shapes = ({"mesh": {"file": f"{folder}a.stl"}}, {"heightfield": {"image": f"{folder}b.png", "size": (1, 1)}})
+        return {"world": {"objects": (*shapes, {"name": "m", "map": {"file": f"{folder}c.yaml"}})}}
+
+    assert moved(tmp_path, world("")) == world("../lib/")
+
+
+def test_a_class_of_the_users_is_found_however_deep_it_stands(tmp_path: Path) -> None:
+    def expect(file: str) -> dict[str, Any]:
+        alone = {"assertion": f"{file}:Level"}
+        whole = {"assertion": {"class": f"{file}:Level", "with": {"file": "c.py"}}}
+        return {"expect": ("upright", alone, {"not": whole}, {"any_of": (alone, {"all_of": (whole,)})})}
+
+    assert moved(tmp_path, expect("a/c.py")) == expect("../lib/a/c.py")
+
+
+def test_files_that_vary_are_the_same_files(tmp_path: Path) -> None:
+    def variations(folder: str) -> dict[str, Any]:
+        return {
+            "robot.model": (f"{folder}r.urdf", "turtlebot3_burger"),
+            "world.objects.rock.mesh.file": (f"{folder}a.stl", 3),
+            "world.objects": (({"name": "rock", "mesh": {"file": f"{folder}a.stl"}},), ()),
+            "expect.0.not.assertion": (f"{folder}c.py:Level",),
+            "commands.0.process.1": (f"{folder}drive.py", "1.5"),
+            "robot.pose.x": {"uniform": (0, 1), "samples": 3},
+            "name": "a.b",
+        }
+
+    assert moved(tmp_path, {"variations": variations("")}) == {"variations": variations("../lib/")}
+
+
+def test_a_process_may_be_one_text(tmp_path: Path) -> None:
+    found = moved(tmp_path, {"commands": {"process": "./drive.py 'a b'"}})
+    assert found == {"commands": {"process": ("../lib/drive.py", "a b")}}
+    assert moved(tmp_path, {"commands": {"process": "'"}}) == {"commands": {"process": "'"}}
+
+
+@pytest.mark.parametrize("data", [{"commands": 7}, {"commands": ({"script": ("a.py",)},)}, {"robot": None}, {}])
+def test_what_is_no_name_stays_what_it_is(data: dict[str, Any], tmp_path: Path) -> None:
+    assert moved(tmp_path, data) == data
+
+
+def test_nothing_changes_in_the_same_folder(tmp_path: Path) -> None:
+    document = Document("s.yml", {"robot": {"model": "r.urdf"}})
+    assert seen_from(tmp_path, document, tmp_path) is document
+
+
+def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
+    assert set(file_keys()) == {
+        ("robot", "model"),
+        ("robot", "packages", "*"),
+        ("world", "objects", "*", "mesh", "file"),
+        ("world", "objects", "*", "heightfield", "image"),
+        ("world", "objects", "*", "map", "file"),
+        ("commands", "script"),
+        ("commands", "*", "script"),
+        ("commands", "replay"),
+        ("commands", "*", "replay"),
+        ("commands", "ros1", "workspace"),
+        ("commands", "*", "ros1", "workspace"),
+        ("expect", "**", "assertion"),
+        ("expect", "**", "follow_path", "file"),
+        ("expect", "**", "matches", "trace"),
+        ("expect", "**", "assertion", "class"),
+    }
+    assert file_keys(if_there=True) == (("commands", "process", "*"), ("commands", "*", "process", "*"))
+
+
+def test_each_key_whose_description_speaks_of_a_path_or_a_folder_is_known() -> None:
+    """A new key that names files is told of here: annotate it with NamesFile."""
+    keys = (*file_keys(), *file_keys(if_there=True))
+    known = {"path"} | {pattern[-1] for pattern in keys} | {pattern[-2] for pattern in keys}
+    models: list[type[BaseModel]] = [Robot, *(table.load(name) for table in (COMMANDS, ASSERTIONS) for name in table)]
+    for model in models:
+        for name, field in model.model_fields.items():
+            if re.search(r"\b(path of|folders? of|the program|FILE)\b", field.description or ""):
+                assert name in known, (model, name)
+
 
 BASE = """\
 robot:

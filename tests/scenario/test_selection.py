@@ -8,11 +8,80 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.core.discovery import file_name
 from sim_action.core.errors import InvalidScenario, Location, Problem, UsageError
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import Permissions, Workspace
 from sim_action.core.yaml_document import Document
-from sim_action.scenario.selection import Scenarios, Selection, listing, selected
+from sim_action.scenario.selection import Scenarios, Selection, Suite, listing, numbered, ranges_text, selected, split
 from sim_action.scenario.source import Refused, Source
+from tests.scenarios import LEAST
+
+
+@pytest.mark.parametrize(
+    ("numbers", "text"), [([1], "1"), ([2, 1, 3], "1-3"), ([9, 1, 2, 5], "1-2,5,9"), (range(1, 10_001), "1-10000")]
+)
+def test_those_that_follow_each_other_are_one(numbers: list[int], text: str) -> None:
+    assert ranges_text(numbers) == text
+
+
+@given(st.sets(st.integers(1, 99_999), min_size=1, max_size=30))
+def test_what_is_written_is_read(numbers: set[int]) -> None:
+    assert split(numbered("deep/a b.sim.yml", numbers)) == ("deep/a b.sim.yml", frozenset(numbers))
+
+
+@pytest.mark.parametrize(
+    "name", ["a.sim.yml", "a::b", "a::", "::1", "a::1-", "a::1,,2", "a::-1", "a::123456", "a:1", ""]
+)
+def test_what_has_no_numbers_is_a_name(name: str) -> None:
+    assert split(name) == (name, None)
+
+
+def test_a_file_that_is_called_so_is_that_file(tmp_path: Path) -> None:
+    name = str(tmp_path / "a::1")
+    assert split(name) == (str(tmp_path / "a"), frozenset({1}))
+    Path(name).touch()
+    assert split(name) == (name, None)
+
+
+SHARED = LEAST.partition("\n")[2]
+
+
+@pytest.fixture
+def many(tmp_path: Path) -> Path:
+    path = tmp_path / "many.sim.yml"
+    entries = "  - {name: one}\n  - {name: push, variations: {robot.pose.x: [0, 1, 2]}}\n  - {name: two}\n"
+    path.write_text(f"scenarios:\n{entries}{SHARED}")
+    return path
+
+
+def found(suite: Suite) -> list[tuple[str, int]]:
+    return [(each.name, each.number) for each in suite.scenarios(Permissions())]
+
+
+def test_scenarios_have_numbers_variations_counted(many: Path) -> None:
+    every = [("one", 1), ("push[x=0]", 2), ("push[x=1]", 3), ("push[x=2]", 4), ("two", 5)]
+    assert found(Suite([many])) == every
+    assert found(Suite([many], selection=Selection(only=("push", "two")))) == every[1:]
+    assert found(Suite([many], numbers={file_name(many): frozenset({1, 4})})) == [every[0], every[3]]
+
+
+def test_a_file_of_which_nothing_is_selected_is_no_file(many: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.sim.yml"
+    other.write_text(LEAST)
+    suite = Suite([many, other], selection=Selection(only=("one",)))
+    assert list(suite.read(Permissions())) == [many]
+
+
+@pytest.mark.parametrize("number", [0, 6])
+def test_a_number_that_no_scenario_has_is_told(many: Path, number: int) -> None:
+    with pytest.raises(UsageError, match=rf"many\.sim\.yml::{number}: the file holds 5, counted from 1"):
+        found(Suite([many], numbers={file_name(many): frozenset({1, number})}))
+
+
+def test_a_file_that_cannot_be_read_is_one(tmp_path: Path) -> None:
+    (tmp_path / "b.sim.yml").write_text("name: [")
+    assert found(Suite([tmp_path / "b.sim.yml"])) == [("b.sim.yml", 1)]
+
 
 HERE = Workspace(Path(), Path())
 

@@ -16,7 +16,7 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.engines import Backend
 from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.spec import Robot
-from sim_action.scenario.clash_checks import DEPTH
+from sim_action.scenario.overlap_checks import DEPTH
 from sim_action.simulation.overlap_checks import Arrivals, moved_while_settling, refuse_bad_start
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, Body, Heightfield, Physics, World

@@ -1,14 +1,14 @@
-"""From one scenario to many: `variations:` says which of its keys take which values.
+"""Dotted keys, such as `world.objects.wall.pose.x`: the way to a value, as problems of scenarios are told.
 
-Lists are multiplied with each other; what is drawn at random is drawn jointly, a sample of all such keys at a time, and
-that list of samples is one more factor.
+A step into a list is the name of an entry, or its number from 0. A key or a name with dots in it is taken as a whole.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections import ChainMap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
@@ -17,13 +17,148 @@ from typing import Any, Final, cast
 from pydantic import JsonValue
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
-from sim_action.core.messages import shown
+from sim_action.core.field_types import is_plain_name
+from sim_action.core.messages import did_you_mean, shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.scenario.extends import without
 from sim_action.scenario.source import Source, Varied
-from sim_action.scenario.variations.keys import NoSuchKey, placed, resolved
-from sim_action.scenario.variations.naming import is_nameable, labels, texts
-from sim_action.scenario.variations.values import ValueList, ValuesError, value_list
+from sim_action.scenario.variation_values import ValueList, ValuesError, value_list
+
+
+class NoSuchKey(Exception):
+    """A key that leads nowhere."""
+
+
+def resolved(data: object, written: str) -> KeyPath:
+    """The keys and indices that lead there; what is not there yet may be made. Raises NoSuchKey."""
+    steps = written.split(".")
+    if not all(steps):
+        raise NoSuchKey("a key is a way through the scenario, with dots between its steps, such as robot.pose.yaw")
+    path: KeyPath = ()
+    while steps:
+        if isinstance(data, dict):
+            taken = _taken(data, steps)
+            step: str | int = ".".join(steps[:taken])
+            data, steps = data.get(step), steps[taken:]
+        elif isinstance(data, tuple):
+            step, taken = _entry(data, steps, path)
+            data, steps = data[step], steps[taken:]
+        elif data is None:
+            step, steps = steps[0], steps[1:]
+        else:
+            raise NoSuchKey(f"{_dotted(path)} is {shown(data)}, and has no key '{steps[0]}'")
+        path = (*path, step)
+    return path
+
+
+def placed(data: object, path: KeyPath, value: object) -> tuple[object, list[KeyPath]]:
+    """The data with a value at `path`, nothing of it changed in place; and the paths that are new in it."""
+    new, made = _placed(data, path, value)
+    return new, [path[:size] for size in range(len(path) - made, len(path) + 1)]
+
+
+def _placed(data: object, path: KeyPath, value: object) -> tuple[object, int]:
+    """With how many steps above the value were made."""
+    if not path:
+        return value, 0
+    step = path[0]
+    if isinstance(data, tuple):
+        assert isinstance(step, int)
+        entry, made = _placed(data[step], path[1:], value)
+        return (*data[:step], entry, *data[step + 1 :]), made
+    values = data if isinstance(data, dict) else {}
+    entry, made = _placed(values.get(step), path[1:], value)
+    return {**values, step: entry}, made if step in values or len(path) == 1 else len(path) - 1
+
+
+def _taken(data: dict[str, object], steps: Sequence[str]) -> int:
+    """How many steps are one key that has dots in it; 1, if there is none."""
+    return next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
+
+
+def _entry(entries: tuple[object, ...], steps: Sequence[str], path: KeyPath) -> tuple[int, int]:
+    """The index of an entry, and how many steps lead to it: its name may have dots in it, too."""
+    names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
+    for size in range(len(steps), 0, -1):
+        if (name := ".".join(steps[:size])) in names:
+            return names.index(name), size
+    return _index(names, steps[0], path), 1
+
+
+def _index(names: Sequence[object], step: str, path: KeyPath) -> int:
+    if step.isdecimal() and step.isascii() and int(step) < len(names):
+        return int(step)
+    known = [name for name in names if isinstance(name, str)]
+    numbers = f"one of its {len(names)} entries by number, from 0" if names else "it is empty"
+    hint = did_you_mean(step, known) if known else ""
+    raise NoSuchKey(f"{_dotted(path)} is a list without '{step}'{hint}; {numbers}")
+
+
+def _dotted(path: KeyPath) -> str:
+    return ".".join(map(str, path))
+
+
+_LONGEST_TEXT: Final = 40
+_FEWEST_DIGITS: Final = 3
+# No two floats look the same with as many.
+_MOST_DIGITS: Final = 17
+# What would be taken for a part of the name's own form, or of a pattern.
+_NOT_IN_TEXTS: Final = re.compile(r"[][,=*?\s]")
+_NOT_IN_KEYS: Final = re.compile(r"[][,=*?]")
+_LONGEST_KEY: Final = 200
+
+
+def is_nameable(text: str) -> bool:
+    """Whether a key or a unit can stand in a name, as part of it."""
+    return is_plain_name(text) and len(text) <= _LONGEST_KEY and not _NOT_IN_KEYS.search(text)
+
+
+def labels(keys: Sequence[str]) -> dict[str, str]:
+    """Each key by as few of its last steps as tell it from the others."""
+    return {key: _label(key.split("."), [other.split(".") for other in keys if other != key]) for key in keys}
+
+
+def texts(values: ValueList) -> tuple[str, ...]:
+    """Each value as names have it; what is long, or no scalar, by its number in the list."""
+    if values.drawn:
+        return _told_apart([_rounding(value) for value in values.values])
+    written = [_written(value) for value in values.values]
+    return tuple(
+        text if text is not None and written.count(text) == 1 else f"#{number}"
+        for number, text in enumerate(written, start=1)
+    )
+
+
+def _label(steps: list[str], others: list[list[str]]) -> str:
+    sizes = range(1, len(steps) + 1)
+    size = next((size for size in sizes if all(other[-size:] != steps[-size:] for other in others)), len(steps))
+    return ".".join(steps[-size:])
+
+
+def _told_apart(roundings: Sequence[Callable[[int], str]]) -> tuple[str, ...]:
+    """All with as many digits as tell every one from the others."""
+    for digits in range(_FEWEST_DIGITS, _MOST_DIGITS + 1):
+        found = tuple(rounding(digits) for rounding in roundings)
+        if len(set(found)) == len(found):
+            return found
+    return tuple(f"{text}#{number}" for number, text in enumerate(found, start=1))
+
+
+def _rounding(value: float | str) -> Callable[[int], str]:
+    number, _, unit = value.partition(" ") if isinstance(value, str) else (value, "", "")
+    return lambda digits: f"{float(number):.{digits}g}{unit.replace(' ', '')}"
+
+
+def _written(value: object) -> str | None:
+    """None: no text that can stand in a name."""
+    if isinstance(value, bool) or value is None:
+        return {True: "true", False: "false", None: "null"}[value]
+    if isinstance(value, (dict, tuple)):
+        return None
+    text = str(value).replace(" ", "")
+    fits = text and len(text) <= _LONGEST_TEXT and is_plain_name(text)
+    return text if fits and not _NOT_IN_TEXTS.search(text) else None
+
 
 MOST_RUNS: Final = 10_000
 """Of all scenarios of a file together."""

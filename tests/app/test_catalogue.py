@@ -1,8 +1,8 @@
 from __future__ import annotations
 
+from sim_action.app import catalogue
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
-from sim_action.scenario import catalogue
 
 
 def test_every_assertion_and_command_is_listed_with_a_sentence_and_its_fields() -> None:

@@ -1,4 +1,4 @@
-"""Whether bodies that move begin inside others, as far as it can be told without an engine."""
+"""Check without an engine that no body begins inside another one."""
 
 from __future__ import annotations
 

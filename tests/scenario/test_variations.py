@@ -347,7 +347,7 @@ def test_normal_draws_are_spread_as_they_say() -> None:
 def test_variations_are_drawn_where_there_is_no_numpy() -> None:
     code = (
         "import sys\nsys.modules['numpy'] = None\n"
-        "from sim_action.scenario.variations.values import value_list\n"
+        "from sim_action.scenario.variation_values import value_list\n"
         "print(len(value_list('a', {'normal': (0, 1), 'samples': 3}, 0).values))"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
+import click
 from pydantic import BaseModel, JsonValue
 from pydantic.fields import FieldInfo
 
@@ -130,3 +131,17 @@ def _default(field: FieldInfo) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value in (None, (), {}) or isinstance(value, BaseModel) else str(value)
+
+
+def listing(entries: Iterable[Entry]) -> str:
+    """Each entry with its fields below it."""
+    return "\n".join(line for entry in entries for line in _lines(entry))
+
+
+def _lines(entry: Entry) -> Iterator[str]:
+    yield click.style(entry.name, bold=True)
+    yield f"  {entry.summary}"
+    for field in entry.fields:
+        default = f"  [{field.default}]" if field.default else ""
+        description = f"  {field.description}" if field.description else ""
+        yield f"    {field.name}: {field.takes}{default}{description}"

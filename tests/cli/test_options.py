@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.cli.model_flags import asked_model
+from sim_action.cli.options import asked_model
 from sim_action.core.errors import UsageError
 from sim_action.robot.spec import Robot
 
