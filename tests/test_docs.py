@@ -126,6 +126,24 @@ def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: st
     assert re.search(rf"^## `{key}`$", REFERENCE, re.MULTILINE)
 
 
+SINGLE_EXAMPLES = [
+    path
+    for path in sorted((ROOT / "examples").glob("**/*.sim.yml"))
+    if not re.search("^(extends|scenarios):", path.read_text(encoding="utf-8"), re.MULTILINE)
+]
+
+
+@pytest.mark.parametrize("path", SINGLE_EXAMPLES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_examples_check_what_their_names_say(path: Path) -> None:
+    scenario = load_scenario(path).scenario
+    keys = {expected.assertion.key for expected in scenario.expect}
+    if "stops before" in scenario.name:
+        assert "stops_before" in keys
+        assert scenario.duration is not None, "it must also stay there"
+    if keys & {"no_collision", "clearance"}:
+        assert scenario.world.objects, "nothing to collide with"
+
+
 def test_each_assertion_has_a_page() -> None:
     assert sorted(name for names in ASSERTION_PAGES.values() for name in names) == sorted(ASSERTIONS)
 

@@ -1,4 +1,4 @@
-"""How fast a robot may change its speed."""
+"""A limit on how fast a robot changes its speed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from sim_action import Trace, Verdict
 
-# Single steps of an engine say more of its contacts than of the ride.
+# Accelerations of single physics steps are dominated by contacts.
 PERIOD = 0.2
 
 
@@ -19,7 +19,7 @@ class Gentle:
         self.limit = limit
 
     def judge(self, trace: Trace) -> Verdict:
-        """Judges all that was seen so far."""
+        """Return the verdict on the run so far."""
         later = np.interp(trace.time + PERIOD, trace.time, trace.speed)
         acceleration = np.abs(later - trace.speed) / PERIOD
         worst = acceleration.argmax()

@@ -1,22 +1,24 @@
-"""Drives to half a metre before the wall, and back; what it remembers is which of the two is next."""
+"""Drive to half a metre before the wall and back; the controller remembers which of the two is next."""
 
 from sim_action import Observation, RobotDescription, Twist
 
-TURNING_POINT = 1.5
-CLOSE = 0.02
-TOP_SPEED = 0.5
+WALL = 1.95  # m, its near side
+FRONT = 0.038  # m, from the origin of the burger to its front
+TURNING_POINT = WALL - 0.5 - FRONT
+CLOSE = 0.02  # m
+TOP_SPEED = 0.5  # m/s
 
 
 class Controller:
-    """The speed falls in proportion to what is left of the way."""
+    """The speed is proportional to the remaining distance."""
 
     def reset(self, robot: RobotDescription) -> None:
-        """Called once, before the robot moves."""
+        """Start; called once, before the robot moves."""
         print(f"{robot.name} is asked {robot.rate:g} times a second")
         self.goals = [TURNING_POINT, 0.0]
 
     def step(self, observation: Observation) -> Twist:
-        """Called at every tick."""
+        """Return a command; called at every tick."""
         x, _, _ = observation.pose.position_xyz
         if len(self.goals) > 1 and abs(self.goals[0] - x) < CLOSE:
             self.goals.pop(0)

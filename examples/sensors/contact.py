@@ -1,13 +1,13 @@
-"""Drives ahead until its bumper touches something, and backs off from there."""
+"""Drive ahead until the bumper touches something, then back off by 20 cm."""
 
 from sim_action import Observation, Twist
 
-# What a script keeps from one call to the next.
+# The times of contact, kept from one call to the next.
 touched_at: list[float] = []
 
 
 def control(observation: Observation) -> Twist:
-    """Ahead, back for two seconds, and then it stands."""
+    """Drive ahead; after the first contact, drive back for two seconds, then stop."""
     if observation.sensors["bumper"].touching:
         touched_at.append(observation.time)
     if not touched_at:

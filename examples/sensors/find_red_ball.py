@@ -1,4 +1,4 @@
-"""Turns until it sees something red, drives towards its middle, and stops half a metre before it."""
+"""Turn until something red is in view, drive towards its middle, and stop half a metre before it."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ STOP = 0.5
 
 
 def control(observation: Observation) -> Twist:
-    """Depth tells how far the ball is, the column of its middle whether it is to the left or to the right."""
+    """Use the depth as the distance of the ball, and the column of its middle as its direction."""
     eye = observation.sensors["eye"]
-    # Twice a byte may be more than a byte holds.
+    # Twice a byte can overflow a byte.
     red, green, _ = np.moveaxis(eye.rgb.astype(int), 2, 0)
     rows, columns = np.nonzero(red > 2 * green)
     if len(columns) == 0:

@@ -1,4 +1,4 @@
-"""Follows the wall to the right, with nothing but a lidar."""
+"""Follow the wall to the right, using only a lidar."""
 
 from math import atan2, cos, pi, sin
 
@@ -6,11 +6,11 @@ from sim_action import Observation, Twist
 
 DISTANCE = 0.5  # m, from the wall
 TOP_SPEED = 0.3  # m/s
-FAR = 1.5  # m; what is further away is no wall to follow
+FAR = 1.5  # m; a wall farther away is not followed
 
 
 def control(observation: Observation) -> Twist:
-    """Three looks at the last scan: ahead, ahead to the right, to the right."""
+    """Steer by three ranges of the last scan: ahead, ahead to the right, to the right."""
     scan = observation.sensors["scan"]
     ahead = scan.nearest(-pi / 8, pi / 8)
     linear, angular = steer(ahead, scan.nearest(-pi / 4, -pi / 4), scan.nearest(-pi / 2, -pi / 2))
@@ -18,9 +18,9 @@ def control(observation: Observation) -> Twist:
 
 
 def steer(ahead: float, diagonal: float, beside: float) -> tuple[float, float]:
-    """Speed in m/s and turn rate in rad/s, from ranges in m straight ahead, 45 and 90 degrees to the right."""
+    """Return speed in m/s and turn rate in rad/s from ranges in m: ahead, 45 and 90 degrees to the right."""
     diagonal, beside = (max(0.0, min(FAR, distance)) for distance in (diagonal, beside))
-    # How far the wall, which goes through the ends of two rays, is turned to the left of where the robot faces.
+    # The angle of the wall, which passes through the ends of two rays, to the left of the heading.
     wall = atan2(beside - diagonal * sin(pi / 4), diagonal * cos(pi / 4))
     too_near = DISTANCE - beside * cos(wall)
     turn = 2.0 * wall + 3.0 * too_near

@@ -1,4 +1,4 @@
-"""Drives a square of one metre, and knows where it is by its wheels alone."""
+"""Drive a square of one metre, using only wheel odometry."""
 
 import math
 
@@ -6,12 +6,12 @@ from sim_action import Observation, Twist
 
 NEAR = 0.03
 
-# What a script keeps from one call to the next: the corners that are still ahead.
+# The remaining corners, kept from one call to the next.
 corners = [(1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)]
 
 
 def control(observation: Observation) -> Twist:
-    """Turns to the next corner, and drives there once it faces it."""
+    """Turn to the next corner and drive there."""
     pose = observation.sensors["odometry"].pose
     x, y, _ = pose.position_xyz
     if corners and math.dist(corners[0], (x, y)) < NEAR:

@@ -1,4 +1,4 @@
-"""Drives ahead while nothing is in its way, and waits where something is."""
+"""Drive ahead while the way is free, and wait while it is not."""
 
 from math import radians
 
@@ -10,6 +10,6 @@ AHEAD = radians(15)
 
 
 def control(observation: Observation) -> Twist:
-    """A third of a right angle of the last scan says whether the way is free."""
+    """Look at the 30 degrees ahead in the last scan."""
     scan = observation.sensors["scan"]
     return Twist.planar(SPEED if scan.nearest(-AHEAD, AHEAD) > FREE else 0.0)
