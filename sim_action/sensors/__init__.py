@@ -21,7 +21,8 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from sim_action.state.observation import EngineQueries, Observation
+    from sim_action.state.observation import Observation
+    from sim_action.state.wheel_motion import EngineQueries
     from sim_action.state.readings import Reading
     from sim_action.state.wheel_motion import WheelMotion
 

@@ -1,19 +1,14 @@
-"""The state that controllers and sensors read at a step: ground truth, joints, contacts, and queries to the engine."""
+"""The state of the robot that controllers read at a step: ground truth of the base, joints, contacts, sensor readings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, NoReturn, Protocol, TypeVar, overload
+from typing import NamedTuple, NoReturn, TypeVar, overload
 
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.messages import did_you_mean
 from sim_action.state.readings import Reading
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 
 _Thing = TypeVar("_Thing")
 
@@ -133,29 +128,3 @@ class Observation:
     joints: Mapping[str, JointState]
     contacts: Sequence[Contact] = ()
     sensors: Mapping[str, Reading] = field(default_factory=ByName)
-
-
-class EngineQueries(Protocol):
-    """An engine, as sensors see it."""
-
-    def link_pose(self, link: str) -> Pose:
-        """Of a link's frame, which is not its centre of mass, in the world."""
-
-    def link_twist(self, link: str) -> Twist:
-        """Of the origin of a link's frame, in the world frame."""
-
-    def body_pose(self, body: str) -> Pose:
-        """Of the middle of a body of the world, by its name; not of the ground."""
-
-    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Casts rays that meet the bodies of the world and the ground, and never the robot.
-
-        What `start_xyz` is inside of is not met, either: rays see surfaces from outside.
-
-        Args:
-            start_xyz: where all of them begin, in m, world frame.
-            ends_xyz: (N, 3) where they end, in m, world frame.
-
-        Returns:
-            (N,) the share of its way, 0 to 1, after which each ray meets a surface; inf: it meets none.
-        """

@@ -271,12 +271,12 @@ def test_what_needs_no_engine_imports_none(tmp_path: Path, arguments: tuple[str,
 
 
 def test_to_validate_imports_nothing_of_a_run(tmp_path: Path) -> None:
-    of_runs = {f"sim_action.{name}" for name in ("state.observation", "state.readings", "state.marks", "world.parts")}
+    of_runs = {f"sim_action.{name}" for name in ("state.observation", "state.readings", "state.trace", "world.parts")}
     assert imported(tmp_path, ("validate", "a.sim.yml"), of_runs) == "[]"
 
 
 def test_a_run_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
-    unused = ("state.golden", "recording.export.writing", "recording.replay.visual_meshes")
+    unused = ("state.golden_trajectory", "recording.export.writing", "recording.replay.visual_meshes")
     others = {"numpy.ma", *(f"sim_action.{name}" for name in unused)}
     needed = {"sim_action.reports.html", "rich.console"}
     assert imported(tmp_path, ("run", "a.sim.yml"), others | needed) == str(sorted(needed))

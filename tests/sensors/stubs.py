@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.sensors import Sight
-from sim_action.state.observation import EngineQueries, Observation
+from sim_action.state.observation import Observation
+from sim_action.state.wheel_motion import EngineQueries
 
 
 class OneLink:
