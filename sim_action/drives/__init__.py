@@ -18,7 +18,7 @@ from sim_action.world.gravity import GRAVITY
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.wheel_motion import WheelMotion
+    from sim_action.state.sensor_inputs import WheelMotion
 
 
 class DriveMotion(Protocol):

@@ -58,7 +58,7 @@ from sim_action.drives.wheels import (
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.state.wheel_motion import PlanarWay
+from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.gravity import GRAVITY
 
 # In m: steered wheels that are no further from the fixed axle steer nothing.

@@ -43,7 +43,7 @@ from sim_action.drives.wheels import (
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.state.wheel_motion import PlanarWay
+from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.gravity import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]

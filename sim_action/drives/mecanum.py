@@ -31,7 +31,7 @@ from sim_action.drives.wheels import Rolling, Wheel, along, axle_problems, centr
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
-from sim_action.state.wheel_motion import PlanarWay
+from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.gravity import GRAVITY
 from sim_action.world.scene import Scene
 

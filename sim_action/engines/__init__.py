@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sim_action.core.errors import UsageError
 from sim_action.core.registry import Table
-from sim_action.state.wheel_motion import EngineQueries
+from sim_action.state.sensor_inputs import EngineQueries
 from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 

@@ -22,9 +22,8 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from sim_action.state.observation import Observation
-    from sim_action.state.wheel_motion import EngineQueries
     from sim_action.state.readings import Reading
-    from sim_action.state.wheel_motion import WheelMotion
+    from sim_action.state.sensor_inputs import EngineQueries, WheelMotion
 
 
 @dataclass(frozen=True)

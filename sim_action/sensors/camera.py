@@ -13,7 +13,7 @@ from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import CameraImage
 
 if TYPE_CHECKING:
-    from sim_action.state.wheel_motion import EngineQueries
+    from sim_action.state.sensor_inputs import EngineQueries
 
 
 class Camera(Sensor):

@@ -13,7 +13,7 @@ from sim_action.core.field_types import NonNegativeMetres, Ratio
 from sim_action.core.geometry import Pose
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import OdometryReading
-from sim_action.state.wheel_motion import PlanarWay, WheelMotion
+from sim_action.state.sensor_inputs import PlanarWay, WheelMotion
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation

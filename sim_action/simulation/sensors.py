@@ -12,9 +12,9 @@ from sim_action.sensors import Measure, Mount, Sight
 from sim_action.sensors.mounting import MountedSensor
 from sim_action.state.observation import ByName, Observation
 from sim_action.state.readings import Reading
+from sim_action.state.sensor_inputs import WheelMotion
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
-from sim_action.state.wheel_motion import WheelMotion
 from sim_action.world.scene import Scene
 
 

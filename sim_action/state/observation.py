@@ -1,4 +1,4 @@
-"""The state of the robot that controllers read at a step: ground truth of the base, joints, contacts, sensor readings."""
+"""The state of the robot that controllers read at a step: pose, twist, joints, contacts and sensor readings."""
 
 from __future__ import annotations
 

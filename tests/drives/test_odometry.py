@@ -16,7 +16,7 @@ from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.state.wheel_motion import PlanarWay
+from sim_action.state.sensor_inputs import PlanarWay
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 
 QUICK = 1e9

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
-from sim_action.state.wheel_motion import PlanarWay
+from sim_action.state.sensor_inputs import PlanarWay
 
 ways = st.builds(PlanarWay, st.floats(-2, 2), st.floats(-2, 2), st.floats(-7, 7))
 
