@@ -15,7 +15,7 @@ from typing import Final
 
 from sim_action.cli.main import call, leave
 from sim_action.core.errors import ExitCode
-from sim_action.reports.annotations import complaint
+from sim_action.reports.github.annotations import complaint
 
 TRUE_OR_FALSE: Final = ("true", "false")
 

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sim_action.recording.replay.making import make_replay
+from sim_action.recording.replay.build import make_replay
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate

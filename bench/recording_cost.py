@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sim_action.recording.export import EXPORTS
-from sim_action.recording.export.film.pictures import pictures
 from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.recording.export.video import pictures
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate

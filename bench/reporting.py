@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 
 from bench.table import NotMeasuredError
 from sim_action.reports import ReportOptions
-from sim_action.reports.html import page
-from sim_action.results.file import Results
+from sim_action.reports.html.report import page
+from sim_action.results.results_json import Results
 
 ROOT: Final = Path(__file__).parent.parent
 ROUNDS: Final = 7

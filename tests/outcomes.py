@@ -7,8 +7,8 @@ from pathlib import Path
 from sim_action.core.errors import Location
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
-from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.scenario.source import Source
 from sim_action.state.verdict import Verdict

@@ -6,20 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_action.recording.replay import Replay
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.marks import CircleMark, PolygonMark
-from sim_action.recording.replay.models import (
+from sim_action.recording.replay.replay_file import (
     BodyData,
+    CircleMark,
     ContactData,
     Frames,
     JointMotion,
     LinkData,
+    PolygonMark,
+    Replay,
     SceneData,
     SignalData,
+    write_replay,
 )
 from sim_action.recording.replay.shapes import BoxShape, CylinderShape, MeshData, MeshShape
-from sim_action.recording.replay.storage import write
 
 GREY = (0.5, 0.5, 0.5)
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -60,7 +61,7 @@ def drive(*, distance: float = 1.0, seconds: float = 2.0, body: str = "wall", ro
 
 def kept(replay: Replay, folder: Path, name: str) -> str:
     """Stores it as a run does; how results name it."""
-    write(replay, folder / "replays" / f"{name}.json.gz")
+    write_replay(replay, folder / "replays" / f"{name}.json.gz")
     return f"replays/{name}.json.gz"
 
 

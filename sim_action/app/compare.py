@@ -13,13 +13,11 @@ from typing import Final
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.messages import escaped_line
-from sim_action.reports.comparison_markdown import comparison_markdown
-from sim_action.reports.comparison_terminal import print_comparison
-from sim_action.reports.outputs import append_outputs
+from sim_action.reports.comparison import comparison_markdown, print_comparison
+from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compared
-from sim_action.results.file import RESULTS_FILE
 from sim_action.results.outcome import Outcome
-from sim_action.results.reading import find_all, read_all
+from sim_action.results.results_json import RESULTS_FILE, find_all, read_all
 from sim_action.results.shard_results import joined
 
 STANDARD_OUTPUT: Final = "-"

@@ -13,14 +13,12 @@ from sim_action import __version__
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.messages import escaped_line, log_line
+from sim_action.reports import ReportRequest, report_options, write_reports
 from sim_action.reports.escaping import shortened
-from sim_action.reports.writing import ReportRequest, report_options, write_reports
-from sim_action.results.artifacts import Evidence, evidence_of, moved
-from sim_action.results.file import RESULTS_FILE, Results
 from sim_action.results.outcome import Outcome
-from sim_action.results.reading import ResultsFile, find_all, read_all
+from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
 from sim_action.results.shard_results import Entry, Listing, joined
-from sim_action.results.trace_files import EVIDENCE_FOLDERS, trace_paths
+from sim_action.results.stored_files import EVIDENCE_FOLDERS, Evidence, evidence_of, moved, trace_paths
 
 # Of what a stranger may have written; each JUnit suite has it.
 _LONGEST_VERSION: Final = 200

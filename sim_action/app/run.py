@@ -12,11 +12,10 @@ from pathlib import Path
 
 from sim_action import __version__
 from sim_action.core.process import Interruption
-from sim_action.reports import ReportOptions
+from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_options, write_reports
 from sim_action.reports.progress import ProgressListener
-from sim_action.reports.writing import ReportRequest, make_ready, report_options, write_reports
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
 from sim_action.runner.engine_agreement import compared
 from sim_action.runner.planning import Plan, PlanRequest, planned

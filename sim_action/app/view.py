@@ -11,8 +11,8 @@ from pathlib import Path
 
 from sim_action.core.errors import UsageError
 from sim_action.core.messages import did_you_mean, escaped_line
-from sim_action.reports.reproduction import REPORT_FILE, fragment
-from sim_action.results.file import RESULTS_FILE, Results
+from sim_action.reports.links import REPORT_FILE, fragment
+from sim_action.results.results_json import RESULTS_FILE, Results
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,10 @@ from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.messages import log_line
 from sim_action.core.process import Interruption
-from sim_action.reports.comparison_rows import rows
-from sim_action.reports.comparison_terminal import print_comparison
+from sim_action.reports.comparison import print_comparison, rows
 from sim_action.results.comparison import Thresholds, compared
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from sim_action.scenario.watched_files import Stamp, stamps, watched_files
 
 # s between two looks; and how long nothing may change before what was saved is taken for whole.

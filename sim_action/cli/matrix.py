@@ -29,7 +29,7 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
     from pathlib import Path
 
     from sim_action.app.matrix import Unit, known_durations, matrix_text
-    from sim_action.results.file import Results
+    from sim_action.results.results_json import Results
 
     suite = discovered(paths, flags)
     if not suite.files:

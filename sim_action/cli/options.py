@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sim_action.core.workspace import Workspace
-    from sim_action.reports.writing import ReportRequest
+    from sim_action.reports import ReportRequest
     from sim_action.robot.spec import Robot
     from sim_action.scenario.selection import Selection, Suite
 
@@ -79,7 +79,7 @@ def note(message: str) -> None:
 
 def complain(message: str) -> None:
     """Tells an error; on GitHub, as an annotation."""
-    from sim_action.reports.annotations import complaint
+    from sim_action.reports.github.annotations import complaint
 
     click.echo(complaint(message, os.environ), err=True)
 
@@ -176,7 +176,7 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
     """What was typed, by the names that click gives it. Raises UsageError."""
     from pathlib import Path
 
-    from sim_action.reports.writing import ReportRequest
+    from sim_action.reports import ReportRequest
 
     if flags["verbose"] and flags["quiet"]:
         raise UsageError("--verbose and --quiet do not go together")

@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Final
 
 from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
-from sim_action.reports.escaping import one_line
-from sim_action.reports.groups import Group, groups
-from sim_action.reports.paths import place, seen_from, stored_trace
-from sim_action.reports.wording import measurements, own_output
-from sim_action.reports.xml_elements import add_attachment, add_child, add_line, add_properties, element
-from sim_action.results.file import Results
+from sim_action.reports.escaping import one_line, plain_text
+from sim_action.reports.formatting import measurements, user_output
+from sim_action.reports.links import place, seen_from, stored_trace
+from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.results_json import Results
 
 # Of variations, what each has of its own: they may have been run on several machines.
 _OF_EACH: Final = ("engine", "seed", "digest", "repeats", "cpu", "engine_build")
@@ -47,13 +46,13 @@ class _Document:
         self._numbers: dict[tuple[str, str], int] = {}
 
     def root(self) -> ET.Element:
-        suites = [self._suite(group) for group in groups(self._results.outcomes)]
+        suites = [self._suite(group) for group in grouped_scenarios(self._results.outcomes)]
         totals = {name: sum(int(suite.attrib[name]) for suite in suites) for name in ("tests", "failures", "errors")}
         root = element("testsuites", {"name": "sim-action", **totals, "time": _seconds(self._results.wall_time)})
         root.extend(suites)
         return root
 
-    def _suite(self, group: Group) -> ET.Element:
+    def _suite(self, group: ScenarioGroup) -> ET.Element:
         several = [self._run(group, outcome) for outcome in group.outcomes]
         cases = [case for run in several for case in run]
         totals = {"tests": len(cases)} | {
@@ -69,7 +68,7 @@ class _Document:
         suite.extend(cases)
         return suite
 
-    def _run(self, group: Group, outcome: Outcome) -> list[ET.Element]:
+    def _run(self, group: ScenarioGroup, outcome: Outcome) -> list[ET.Element]:
         """The testcases of one run."""
         values = group.values(outcome)
         cases = [self._expectation(group, outcome, expected) for expected in outcome.expectations]
@@ -84,7 +83,7 @@ class _Document:
         _add_output(outcome, cases)
         return cases
 
-    def _suite_properties(self, group: Group) -> dict[str, object]:
+    def _suite_properties(self, group: ScenarioGroup) -> dict[str, object]:
         """What the run was; of variations, what each was by its values."""
         ours = {
             "sim_action": self._results.sim_action,
@@ -94,11 +93,11 @@ class _Document:
         if not group.varies:
             return ours | _ran(group.worst)
         digests = {f"digest: {group.values(outcome)}": outcome.digest for outcome in group.outcomes}
-        worst = None if group.mood == "skipped" else group.worst_told
+        worst = None if group.status == "skipped" else group.worst_text
         made = _made_with(group.worst)
         return {**ours, **made, "passed": group.passed, "worst": worst, **digests}
 
-    def _expectation(self, group: Group, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
+    def _expectation(self, group: ScenarioGroup, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
         case = self._case(group, outcome, expected.name, expected.location)
         message = expected.verdict.message
         if not self._options.junit_strict:
@@ -111,12 +110,12 @@ class _Document:
         add_line(case, "system-out", measurements(expected.verdict))
         return case
 
-    def _skipped(self, group: Group, outcome: Outcome) -> ET.Element:
+    def _skipped(self, group: ScenarioGroup, outcome: Outcome) -> ET.Element:
         case = self._case(group, outcome, "not run", outcome.location)
         add_child(case, "skipped", "", {"message": " ".join(outcome.notes) or "not run"})
         return case
 
-    def _error(self, group: Group, outcome: Outcome, failure: Failure) -> ET.Element:
+    def _error(self, group: ScenarioGroup, outcome: Outcome, failure: Failure) -> ET.Element:
         location = failure.location or outcome.location
         case = self._case(group, outcome, failure.title, location)
         message = f"{failure.title}: {failure.message}"
@@ -127,7 +126,7 @@ class _Document:
         self._attach_trace(case, outcome)
         return case
 
-    def _case(self, group: Group, outcome: Outcome, name: str, location: Location | None) -> ET.Element:
+    def _case(self, group: ScenarioGroup, outcome: Outcome, name: str, location: Location | None) -> ET.Element:
         classname = _name(group.name)
         varied = f"{name} {group.values(outcome)}" if group.varies else name
         names = {"classname": classname, "name": self._unique(classname, _name(varied))}
@@ -197,7 +196,7 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
     case = next(unhappy, cases[0])
     for note in outcome.notes:
         add_line(case, "system-out", f"note: {note}")
-    add_line(case, "system-out", own_output(outcome))
+    add_line(case, "system-out", user_output(outcome))
     for diagnostic in outcome.diagnostics:
         add_line(case, "system-err", f"{diagnostic.level}: {diagnostic.message}")
 
@@ -243,3 +242,54 @@ def _name(text: str) -> str:
 
 def _seconds(value: float) -> str:
     return f"{value:.3f}"
+
+
+_ATTACHMENT: Final = "[[ATTACHMENT|"
+
+
+def element(tag: str, attributes: Mapping[str, object]) -> ET.Element:
+    """An element with attributes; those that are None are left out."""
+    texts = {name: plain_text(str(value)) for name, value in attributes.items() if value is not None}
+    return ET.Element(tag, texts)
+
+
+def add_child(parent: ET.Element, tag: str, text: str, attributes: Mapping[str, object] | None = None) -> None:
+    """Adds an element with text."""
+    child = element(tag, attributes or {})
+    child.text = _harmless(text)
+    parent.append(child)
+
+
+def add_line(parent: ET.Element, tag: str, text: str) -> None:
+    """Adds a line, or several, to the one child of this kind; nothing if the text is empty."""
+    if text:
+        _append(parent, tag, _harmless(text))
+
+
+def add_attachment(parent: ET.Element, path: str) -> None:
+    """Names a file that belongs to a testcase, in the words that Jenkins' plugin and GitLab look for."""
+    _append(parent, "system-out", f"{_ATTACHMENT}{plain_text(path)}]]")
+
+
+def add_properties(parent: ET.Element, values: Mapping[str, object]) -> None:
+    """Adds properties, which come first; those that are None are left out."""
+    properties = parent.find("properties")
+    if properties is None:
+        properties = ET.Element("properties")
+        parent.insert(0, properties)
+    for name, value in values.items():
+        if value is not None:
+            text = f"{value:.9g}" if isinstance(value, float) else value
+            properties.append(element("property", {"name": name, "value": text}))
+
+
+def _append(parent: ET.Element, tag: str, text: str) -> None:
+    child = parent.find(tag)
+    if child is None:
+        child = ET.SubElement(parent, tag)
+    child.text = f"{child.text}\n{text}" if child.text else text
+
+
+def _harmless(text: str) -> str:
+    """A stranger's text could name any file of the machine as an attachment, to be copied and published."""
+    return plain_text(text).replace(_ATTACHMENT, "[[ATTACHMENT |")

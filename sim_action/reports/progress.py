@@ -10,10 +10,10 @@ from typing import Final, TextIO
 
 from sim_action.reports import Verbosity
 from sim_action.reports.escaping import log_text, one_line
-from sim_action.reports.wording import factor
+from sim_action.reports.formatting import speed_text
 from sim_action.results.outcome import Outcome
 
-_PERIOD: Final = 0.1
+_REDRAW_PERIOD_S: Final = 0.1
 _ERASE: Final = "\r\x1b[K"
 
 
@@ -37,8 +37,8 @@ class ProgressListener:
         """A scenario has come to a sim time, in s."""
         if self._silent or not self._rewrites:
             return
-        self._running[name] = f"{one_line(name)} {sim_time:.1f} s ({factor(real_time_factor)})"
-        if time.monotonic() - self._shown_at >= _PERIOD:
+        self._running[name] = f"{one_line(name)} {sim_time:.1f} s ({speed_text(real_time_factor)})"
+        if time.monotonic() - self._shown_at >= _REDRAW_PERIOD_S:
             self._shown_at = time.monotonic()
             self._rewrite(f"[{self._done}/{self._total}] {', '.join(self._running.values())}")
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import secrets
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -12,16 +14,24 @@ from rich.text import Text
 
 from sim_action.core.errors import ExitCode
 from sim_action.reports import ReportOptions
-from sim_action.reports.console import console
 from sim_action.reports.escaping import log_text, plain_text
-from sim_action.reports.groups import WORST_FIRST, Group, groups
-from sim_action.reports.paths import stored_trace
-from sim_action.reports.reproduction import REPORT_FILE
-from sim_action.reports.wording import Mood, counts, factor, made_with, measurements, mood, own_output, repeated, share
-from sim_action.results.file import RESULTS_FILE, Results
+from sim_action.reports.formatting import (
+    DisplayStatus,
+    counts_text,
+    display_status,
+    measurements,
+    provenance_rows,
+    repeats_text,
+    shard_text,
+    speed_text,
+    user_output,
+)
+from sim_action.reports.links import REPORT_FILE, stored_trace
+from sim_action.reports.scenario_groups import WORST_FIRST, ScenarioGroup, grouped_scenarios
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.results_json import RESULTS_FILE, Results
 
-_SYMBOLS: Final[dict[Mood, str]] = {
+_SYMBOLS: Final[dict[DisplayStatus, str]] = {
     "passed": "✓",
     "skipped": "-",
     "warned": "!",
@@ -29,7 +39,7 @@ _SYMBOLS: Final[dict[Mood, str]] = {
     "flaky": "≠",
     "error": "✗",
 }
-_ASCII_SYMBOLS: Final[dict[Mood, str]] = {
+_ASCII_SYMBOLS: Final[dict[DisplayStatus, str]] = {
     "passed": "+",
     "skipped": "-",
     "warned": "!",
@@ -37,8 +47,8 @@ _ASCII_SYMBOLS: Final[dict[Mood, str]] = {
     "flaky": "?",
     "error": "x",
 }
-_UNHAPPY: Final[tuple[Mood, ...]] = ("failed", "flaky", "error")
-_STYLES: Final[dict[Mood, str]] = {
+_NOT_PASSED: Final[tuple[DisplayStatus, ...]] = ("failed", "flaky", "error")
+_STYLES: Final[dict[DisplayStatus, str]] = {
     "passed": "green",
     "skipped": "dim",
     "warned": "yellow",
@@ -46,17 +56,17 @@ _STYLES: Final[dict[Mood, str]] = {
     "flaky": "bold red",
     "error": "bold red",
 }
-_MOODS: Final = tuple(reversed(WORST_FIRST))
-_MOST_VARIATIONS: Final = 20
+_BEST_FIRST: Final = tuple(reversed(WORST_FIRST))
+_MAX_VARIATIONS: Final = 20
 
 
 def print_results(results: Results, options: ReportOptions, stream: TextIO | None = None) -> None:
     """Prints to a stream, standard output unless another is given."""
     stream = stream or sys.stdout
-    with console(stream, options.environment) as shown:
+    with open_console(stream, options.environment) as shown:
         printer = _Printer(shown, options)
-        for group in sorted(groups(results.outcomes), key=lambda group: _MOODS.index(group.mood)):
-            if options.verbosity != "quiet" or group.mood in _UNHAPPY:
+        for group in sorted(grouped_scenarios(results.outcomes), key=lambda group: _BEST_FIRST.index(group.status)):
+            if options.verbosity != "quiet" or group.status in _NOT_PASSED:
                 printer.group(group)
         printer.closing(results)
 
@@ -74,29 +84,31 @@ class _Printer:
         self._bar = "│" if shows_symbols else "|"
         self._margin = ""
 
-    def group(self, group: Group) -> None:
+    def group(self, group: ScenarioGroup) -> None:
         """One scenario, and an empty line; of its variations, those that did not pass."""
         if group.varies:
-            worst = f"; worst: {group.worst_told}" if group.mood != "skipped" else ""
-            self._heading(group.mood, group.name, f"  {group.location}", f"  {group.passed}{worst}")
+            worst = f"; worst: {group.worst_text}" if group.status != "skipped" else ""
+            self._heading(group.status, group.name, f"  {group.location}", f"  {group.passed}{worst}")
             self._margin = "  "
             self._variations(group)
             self._margin = ""
         else:
             file = f"  {group.location}" if group.location else ""
-            self._heading(group.mood, group.name, file, _after(repeated(group.worst)))
+            self._heading(group.status, group.name, file, _after(repeats_text(group.worst)))
             self._outcome(group.worst)
         self._line()
 
-    def _heading(self, look: Mood, name: str, file: str, rest: str = "") -> None:
+    def _heading(self, look: DisplayStatus, name: str, file: str, rest: str = "") -> None:
         self._line("", (f"{self._symbols[look]} ", _STYLES[look]), (name, "bold"), (file, "dim"), (rest, ""))
 
-    def _variations(self, group: Group) -> None:
+    def _variations(self, group: ScenarioGroup) -> None:
         verbose = self._verbosity == "verbose"
-        shown = [outcome for outcome in group.outcomes if verbose or mood(outcome) not in ("passed", "skipped")]
-        most = len(shown) if verbose else _MOST_VARIATIONS
+        shown = [
+            outcome for outcome in group.outcomes if verbose or display_status(outcome) not in ("passed", "skipped")
+        ]
+        most = len(shown) if verbose else _MAX_VARIATIONS
         for outcome in shown[:most]:
-            self._heading(mood(outcome), outcome.name, "", _after(repeated(outcome)))
+            self._heading(display_status(outcome), outcome.name, "", _after(repeats_text(outcome)))
             self._outcome(outcome)
         if len(shown) > most:
             self._line("", (f"{len(shown) - most} more, see {RESULTS_FILE}", "dim"))
@@ -116,19 +128,19 @@ class _Printer:
 
     def closing(self, results: Results) -> None:
         """The counts; but when quiet, where everything is, too."""
-        moods = {mood(outcome) for outcome in results.outcomes}
-        of_nothing: Mood = "passed" if results.exit_code is ExitCode.PASSED else "error"
-        worst = max(moods, key=_MOODS.index, default=of_nothing)
-        fast = f" ({factor(results.real_time_factor)})" if results.real_time_factor else ""
-        part = f"; {share(results.shard)}" if results.shard else ""
-        self._line("", (counts(results), _STYLES[worst]), (f" in {results.wall_time:.1f} s{fast}{part}", ""))
+        statuses = {display_status(outcome) for outcome in results.outcomes}
+        of_nothing: DisplayStatus = "passed" if results.exit_code is ExitCode.PASSED else "error"
+        worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
+        fast = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
+        part = f"; {shard_text(results.shard)}" if results.shard else ""
+        self._line("", (counts_text(results), _STYLES[worst]), (f" in {results.wall_time:.1f} s{fast}{part}", ""))
         if self._verbosity != "quiet":
             for name, path in _files(results, self._options):
                 self._line("", (f"{name:<7} {path}", "dim"))
 
     def _expectation(self, expected: ExpectationOutcome) -> None:
         verdict = expected.verdict
-        look: Mood = "passed" if verdict.passed else "warned" if expected.warned else "failed"
+        look: DisplayStatus = "passed" if verdict.passed else "warned" if expected.warned else "failed"
         self._line("  ", (f"{self._symbols[look]} ", _STYLES[look]), (expected.name, ""), (f": {verdict.message}", ""))
         measured = measurements(verdict)
         if measured and (not verdict.passed or self._verbosity == "verbose"):
@@ -146,9 +158,9 @@ class _Printer:
     def _run_details(self, outcome: Outcome) -> None:
         ran = {
             "end": outcome.end,
-            "speed": factor(outcome.real_time_factor),
+            "speed": speed_text(outcome.real_time_factor),
             "engine": outcome.engine,
-            **made_with(outcome.provenance),
+            **provenance_rows(outcome.provenance),
             "seed": outcome.seed,
             "digest": outcome.digest,
             "trace": stored_trace(outcome, self._options.folder),
@@ -160,7 +172,7 @@ class _Printer:
             self._line("  ", (f"note    {note}", "dim"))
         for diagnostic in outcome.diagnostics:
             self._line("  ", (f"{diagnostic.level:<7} {diagnostic.message}", "dim"))
-        if output := own_output(outcome):
+        if output := user_output(outcome):
             self._block("output", output)
 
     def _block(self, title: str, text: str) -> None:
@@ -192,3 +204,50 @@ def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path
     recordings = (options.folder / name for outcome in results.outcomes for name in outcome.recordings)
     for folder in dict.fromkeys(recording.parent for recording in recordings):
         yield "records", folder
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Where rich would end the process with a failure: who stops reading has not changed the verdict."""
+        raise BrokenPipeError
+
+
+@contextmanager
+def open_console(stream: TextIO, environment: Mapping[str, str]) -> Iterator[Console]:
+    """What prints on a stream; on GitHub, nothing that is printed meanwhile is a command."""
+    on_github = environment.get("GITHUB_ACTIONS") == "true"
+    with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
+        yield _rich_console(stream, on_github=on_github, plain=bool(environment.get("NO_COLOR")))
+
+
+def _rich_console(stream: TextIO, *, on_github: bool, plain: bool) -> Console:
+    # GitHub's log is no terminal, but shows colours.
+    colourful = on_github and not plain
+    return _Console(
+        file=stream,
+        force_terminal=True if colourful else None,
+        color_system="standard" if colourful else "auto",
+        no_color=plain or None,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        legacy_windows=False,
+    )
+
+
+@contextmanager
+def _no_workflow_commands(stream: TextIO) -> Iterator[None]:
+    """GitHub obeys no command in what is printed meanwhile; nobody else knows the token that ends this."""
+    token = secrets.token_hex(16)
+    stream.write(f"::stop-commands::{token}\n")
+    try:
+        yield
+    finally:
+        stream.write(f"::{token}::\n")
+        stream.flush()
+
+
+@contextmanager
+def _as_it_is(stream: TextIO) -> Iterator[None]:
+    yield
+    stream.flush()

@@ -32,9 +32,9 @@ _FAILURES: Final[frozenset[Turn]] = frozenset({"newly fails", "flaky"})
 _WARNINGS: Final[frozenset[Turn]] = frozenset({"gone", "not run", "not repeated"})
 
 # Of the limit: a margin that loses less is as good as before.
-_LEAST_LOSS: Final = 0.01
+_MIN_RELATIVE_LOSS: Final = 0.01
 # s of wall time: what takes no longer than that more may have waited for a core.
-_LEAST_DELAY: Final = 0.1
+_MIN_SLOWDOWN_S: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ def _shrunk(old: ExpectationOutcome, new: ExpectationOutcome, threshold: float) 
         return None
     if before.margin is None or now.margin is None or now.margin >= threshold * before.margin:
         return None
-    if before.margin - now.margin < _LEAST_LOSS * _scale(old, new):
+    if before.margin - now.margin < _MIN_RELATIVE_LOSS * _scale(old, new):
         return None
     return Shrunk(new.name, now.unit, before.margin, now.margin, _share(old), _share(new))
 
@@ -261,7 +261,7 @@ def _slower(old: Outcome, new: Outcome, threshold: float) -> Slower | None:
     if not before or not now or now >= threshold * before:
         return None
     took, takes = (old.sim_time or 0.0) / before, (new.sim_time or 0.0) / now
-    return Slower(before, now) if takes - took >= _LEAST_DELAY else None
+    return Slower(before, now) if takes - took >= _MIN_SLOWDOWN_S else None
 
 
 def _behaves_otherwise(old: Outcome, new: Outcome) -> bool:

@@ -60,7 +60,7 @@ def store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
         return ()
     try:
         # What is not asked for is not imported.
-        from sim_action.recording.replay.making import make_replay
+        from sim_action.recording.replay.build import make_replay
 
         make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
     except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
@@ -115,7 +115,7 @@ def run_job(job: Job, progress_descriptor: int) -> None:
     for run in kept:
         # However long it takes from here, there is a verdict.
         progress.say(JUDGED)
-        from sim_action.recording.export.writing import write_recordings
+        from sim_action.recording.export import write_recordings
 
         notes = tuple(write_recordings(run, job.recordings))
         if notes:

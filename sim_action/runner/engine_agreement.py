@@ -14,7 +14,7 @@ import numpy as np
 
 from sim_action.core import units
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.results.trace_files import stored_file
+from sim_action.results.stored_files import stored_file
 from sim_action.scenario.model import Agreement, LoadedScenario
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_storage import TraceError, load_trace

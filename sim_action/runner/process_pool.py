@@ -17,7 +17,7 @@ from sim_action.core.process import Interruption
 from sim_action.engines import BACKENDS, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome
-from sim_action.results.trace_files import recording_path, replay_path, trace_paths
+from sim_action.results.stored_files import recording_path, replay_path, trace_paths
 from sim_action.runner.child_outcome import Ending, Limit, interrupted, made_with, outcome_of, skipped
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.child_process import ChildProcess
@@ -121,9 +121,9 @@ def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, rep
     """Makes ready the engines that they run on, and what children write, once for all of them."""
     Outcome.model_rebuild()
     if replays:
-        from sim_action.recording.replay import making
+        from sim_action.recording.replay import build
 
-        making.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
+        build.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
     with muted():
         for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
             BACKENDS.load(engine).warm_up()

@@ -11,9 +11,9 @@ import pytest
 
 from sim_action.app.merge import MergeRequest, merge
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem, UsageError
-from sim_action.reports.writing import ReportRequest
-from sim_action.results.file import Results
+from sim_action.reports import ReportRequest
 from sim_action.results.outcome import Failure, Outcome
+from sim_action.results.results_json import Results
 from sim_action.results.shard_results import Listing
 from tests.outcomes import outcome, results, source, stored
 from tests.work import work_of

@@ -10,8 +10,8 @@ import yaml
 
 from sim_action.app.schema import results_schema, scenario_schema, schema_text
 from sim_action.core.errors import Location
-from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ from typing import Final
 
 import pytest
 
-from sim_action.results.file import Results
+from sim_action.results.results_json import Results
 from tests.scenarios import LEAST
 
 ROOT: Final = Path(__file__).parents[2]

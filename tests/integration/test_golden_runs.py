@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from sim_action.engines import installed
-from sim_action.results.file import Results
+from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
 
 SCENARIO = """\

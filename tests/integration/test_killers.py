@@ -18,8 +18,8 @@ import junitparser
 import pytest
 
 from sim_action.engines import installed
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 
 ROOT: Final = Path(__file__).parents[2]
 TOTAL: Final = 200

@@ -13,8 +13,8 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.engines import installed
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
 

@@ -16,7 +16,7 @@ from PIL import Image
 from sim_action.cli.main import call
 from sim_action.core.errors import ExitCode
 from sim_action.recording.export import EXPORTS
-from sim_action.recording.export.csv_table import CsvTable
+from sim_action.recording.export.csv_tum import CsvTable
 from sim_action.state.trace_storage import load_trace
 from tests.recording.export.logs import read_file
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
 
 SCENARIO = """\

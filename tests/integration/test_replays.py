@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from sim_action.recording.replay.storage import read
+from sim_action.recording.replay.replay_file import read_replay
 from tests.integration.conftest import sim_action
 
 DRIVES = """\
@@ -35,7 +35,7 @@ def test_a_run_leaves_a_replay_that_its_outcome_names(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(DRIVES)
     assert sim_action(tmp_path, "run", "a.sim.yml").returncode == 0
     assert outcome(tmp_path)["replay"] == "replays/burger-drives-on.json.gz"
-    replay = read(tmp_path / "sim-results/replays/burger-drives-on.json.gz")
+    replay = read_replay(tmp_path / "sim-results/replays/burger-drives-on.json.gz")
     assert replay.scene.robot == "turtlebot3_burger"
     assert replay.frames.time.decoded(replay.frames.count)[-1] == outcome(tmp_path)["sim_time"]
 
@@ -61,7 +61,7 @@ def test_what_a_failing_script_did_until_then_is_kept(tmp_path: Path) -> None:
     made = outcome(tmp_path)
     assert made["status"] == "error"
     assert made["trace"] == "traces/burger-drives-on.npz"
-    replay = read(tmp_path / "sim-results" / made["replay"])
+    replay = read_replay(tmp_path / "sim-results" / made["replay"])
     assert 0.4 <= replay.frames.time.decoded(replay.frames.count)[-1] <= 0.6
 
 

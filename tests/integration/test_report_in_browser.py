@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from sim_action.reports import ReportOptions
-from sim_action.reports.html import page, write_html
-from sim_action.reports.page import document
-from sim_action.results.file import Results
+from sim_action.reports.html import document
+from sim_action.reports.html.report import page, write_html
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
 from tests.integration.test_examples import sim_action
 from tests.outcomes import outcome, results

@@ -14,8 +14,8 @@ from typing import Final
 import junitparser
 import pytest
 
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 
 ROOT: Final = Path(__file__).parents[2]
 MOST_MEGABYTES: Final = 160

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from junitparser import JUnitXml
 
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from sim_action.ros.ros1.call import TRACE_FILE, NodeRun, RosRequest
 from sim_action.ros.ros1.judging.findings import Findings
 from sim_action.state.trace_storage import load_trace

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from junitparser import JUnitXml
 
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from sim_action.state.trace_storage import load_trace
 from tests.ros.ros1.launches import ROOT, needs_ros, package
 

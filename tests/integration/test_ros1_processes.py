@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.results.file import Results
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 from tests.ros.ros1.launches import ROOT, needs_ros, package
 
 pytestmark = needs_ros

@@ -16,9 +16,8 @@ from sim_action.assertions.monitors import State
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.workspace import Permissions
 from sim_action.reports import ReportOptions
-from sim_action.reports.evidence import curve, replay_of
-from sim_action.reports.mermaid import chart
-from sim_action.results.file import Results
+from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
+from sim_action.results.results_json import Results
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import Expectation
 from sim_action.simulation.loop import simulate
@@ -158,10 +157,10 @@ def test_the_replay_of_a_run_holds_the_curve_that_each_verdict_is_about(tmp_path
     options = ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=tmp_path)
     assert len(results.outcomes) == len(SHOWN)
     for outcome in results.outcomes:
-        replay = replay_of(outcome, options)
+        replay = load_replay(outcome, options)
         assert replay is not None
         ((number, missed),) = [pair for pair in enumerate(outcome.expectations) if pair[1].failed]
-        found, verdict = curve(replay, number, missed.verdict), missed.verdict
+        found, verdict = signal_of_verdict(replay, number, missed.verdict), missed.verdict
         assert found is not None
         assert found.unit == verdict.unit
         assert chart(found, verdict.time)

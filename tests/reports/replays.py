@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.models import Frames, LinkData, Replay, SceneData, SignalData
+from sim_action.recording.replay.replay_file import Frames, LinkData, Replay, SceneData, SignalData
 
 STEP = 1 / 240
 

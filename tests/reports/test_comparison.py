@@ -10,12 +10,10 @@ import pytest
 from markdown_it import MarkdownIt
 
 from sim_action.core.provenance import Provenance
-from sim_action.reports.comparison_markdown import MOST_CHARACTERS, comparison_markdown
-from sim_action.reports.comparison_rows import headline, rows
-from sim_action.reports.comparison_terminal import print_comparison
+from sim_action.reports.comparison import MAX_CHARACTERS, comparison_markdown, headline, print_comparison, rows
 from sim_action.results.comparison import Comparison, compared
-from sim_action.results.file import Results
 from sim_action.results.outcome import Failure, Outcome
+from sim_action.results.results_json import Results
 
 Samples = dict[str, Results]
 
@@ -126,7 +124,7 @@ def test_very_many_changes_fit_into_a_comment_the_worst_of_them(samples: Samples
     bad, good = samples["hostile"].outcomes[0], samples["passed"].outcomes[0]
     new = [_named(f"good {place}", good) for place in range(3_000)] + [_named("bad", bad)]
     text = comparison_markdown(compared([], new))
-    assert len(text) <= MOST_CHARACTERS
+    assert len(text) <= MAX_CHARACTERS
     assert "**bad**" in text
     assert "more changes are left out here" in text
     shown = printed(compared([], new))

@@ -16,8 +16,8 @@ from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import plain_text
 from sim_action.reports.junit import write_junit
-from sim_action.results.file import Results
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.results_json import Results
 
 Golden = Callable[[str, str], None]
 Samples = dict[str, Results]

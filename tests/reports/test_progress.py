@@ -7,7 +7,7 @@ import sys
 
 from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
-from sim_action.results.file import Results
+from sim_action.results.results_json import Results
 from sim_action.runner.process_pool import Listener
 
 Samples = dict[str, Results]

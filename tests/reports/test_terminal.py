@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.reports import ReportOptions, Verbosity
 from sim_action.reports.terminal import print_results
-from sim_action.results.file import Results
+from sim_action.results.results_json import Results
 
 Samples = dict[str, Results]
 

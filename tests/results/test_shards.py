@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
-from sim_action.results.file import Results
 from sim_action.results.outcome import Failure, Outcome
-from sim_action.results.reading import ResultsFile
+from sim_action.results.results_json import Results, ResultsFile
 from sim_action.results.shard_results import Listing, joined
 from sim_action.results.shards import Shard, balanced, shards_text
 from tests.outcomes import outcome, results, source

@@ -6,11 +6,13 @@ sim-action itself is asked for before anything runs. (Logs that scenarios replay
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, ClassVar, Final, Protocol
 
 from sim_action.core.errors import UsageError
+from sim_action.core.files import whole_file
 from sim_action.core.messages import did_you_mean, escaped_line
 from sim_action.core.registry import Table
 
@@ -38,10 +40,10 @@ EXPORTS: Final = Table[type[Export]](
     "recording",
     {
         "mcap": "sim_action.recording.export.mcap_log:McapLog",
-        "csv": "sim_action.recording.export.csv_table:CsvTable",
-        "tum": "sim_action.recording.export.tum_trajectory:TumTrajectory",
-        "gif": "sim_action.recording.export.gif_film:GifFilm",
-        "mp4": "sim_action.recording.export.mp4_film:Mp4Film",
+        "csv": "sim_action.recording.export.csv_tum:CsvTable",
+        "tum": "sim_action.recording.export.csv_tum:TumTrajectory",
+        "gif": "sim_action.recording.export.video:GifFilm",
+        "mp4": "sim_action.recording.export.video:Mp4Film",
     },
 )
 """The ending of a recording's file -> what writes it."""
@@ -67,3 +69,15 @@ def _refuse_without_packages(name: str, export: type[Export]) -> None:
             f"to record {name}, what is missing here has to be installed ({', '.join(missing)}): "
             f"pip install '.[{extra}]', or in a workflow the input 'extras: {extra}'"
         )
+
+
+def write_recordings(run: RecordedRun, paths: Iterable[Path]) -> Iterator[str]:
+    """Writes the files, whose endings are their formats; yields what to say of those that cannot be written."""
+    for path in paths:
+        name = path.suffix.removeprefix(".")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(path) as file:
+                EXPORTS.load(name).write(run, file)
+        except Exception as error:  # noqa: BLE001 - a run has its verdict, whether it is recorded or not
+            yield f"it is not recorded as {name}: {escaped_line(f'{type(error).__name__}: {error}')}"

@@ -8,16 +8,12 @@ from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar
 import numpy as np
 
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.recording.export.ros2.contacts import contacts
-from sim_action.recording.export.ros2.definitions import definition, full_name
-from sim_action.recording.export.ros2.frames import Frames
-from sim_action.recording.export.ros2.odometry import odometry
+from sim_action.recording.export.ros2.markers import contacts, world_markers
+from sim_action.recording.export.ros2.messages import definition, full_name
 from sim_action.recording.export.ros2.robot_description import robot_description
-from sim_action.recording.export.ros2.sensing import sensing
-from sim_action.recording.export.ros2.states import states
-from sim_action.recording.export.ros2.topics import Topic
-from sim_action.recording.export.ros2.transforms import transforms
-from sim_action.recording.export.ros2.world_markers import world_markers
+from sim_action.recording.export.ros2.state_topics import sensing, states
+from sim_action.recording.export.ros2.topics import Frames, Topic
+from sim_action.recording.export.ros2.transforms import odometry, transforms
 
 if TYPE_CHECKING:
     from mcap.writer import Writer

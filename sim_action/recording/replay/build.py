@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Final
 
-from sim_action.recording.replay.contacts import joined, strongest
+from pydantic import BaseModel
+
+from sim_action.recording.replay import replay_file, shapes
 from sim_action.recording.replay.frames import Track, frames_of, thinned
-from sim_action.recording.replay.marks import MarkData
-from sim_action.recording.replay.models import MOST_LETTERS, Replay, SignalData
-from sim_action.recording.replay.scenery import scenery
-from sim_action.recording.replay.skeleton import skeleton
+from sim_action.recording.replay.replay_file import (
+    MAX_CONTACTS,
+    MAX_TEXT_LENGTH,
+    ContactData,
+    MarkData,
+    Replay,
+    SignalData,
+    write_replay,
+)
+from sim_action.recording.replay.scene import scenery, skeleton
+from sim_action.recording.replay.shapes import FARTHEST, numbers
+from sim_action.recording.replay.signals import stored_marks, stored_signals
+from sim_action.robot.robot_model import RobotModel
+from sim_action.scenario.model import Scenario
+from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene
 
@@ -31,17 +48,96 @@ def replay_of(
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)
     bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
-    contacts, left_out = strongest(joined(film.contacts), links, bodies)
+    contacts, left_out = strongest_touches(joined_touches(film.contacts), links, bodies)
     joints = scene.model.moving_joints
     sliding = [joint.type == "prismatic" for joint in joints]
     tracks = [Track(film.bodies[body.name], body.appears or 0.0) for body in moving]
     return Replay(
         version=1,
         scene=scenery(scene, [body.name for body in moving]),
-        joint_names=tuple(joint.name[:MOST_LETTERS] for joint in joints),
+        joint_names=tuple(joint.name[:MAX_TEXT_LENGTH] for joint in joints),
         frames=frames_of(thinned(film), tracks, scene.physics.rate, sliding),
         contacts=contacts,
         contacts_left_out=left_out,
         signals=tuple(signals),
         marks=tuple(marks),
     )
+
+
+def make_replay(scenario: Scenario, scene: Scene, start: Observation, film: Trace, path: Path) -> None:
+    """Writes the replay of a run: `start` is the settled state at t = 0, `film` what was seen of it.
+
+    Raises OSError, and ValueError for what is no replay.
+    """
+    signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
+    write_replay(replay_of(scene, film, signals, marks), path)
+
+
+def warm_up(robots: Iterable[RobotModel]) -> None:
+    """Builds the validators of all models, and imports what draws robots, once for all forks of this process."""
+    for module in (shapes, replay_file):
+        for model in vars(module).values():
+            if isinstance(model, type) and issubclass(model, BaseModel):
+                model.model_rebuild()
+    if any(link.has_mesh for robot in robots for link in robot.links):
+        import_module("sim_action.recording.replay.visual_meshes")
+
+
+# In s: what lets go for so short a time, as what rattles along a wall does, goes on.
+_MAX_GAP_S: Final = 0.1
+
+
+@dataclass(slots=True)
+class Touch:
+    """A link at a body without a gap, from its first contact.
+
+    Attributes:
+        until: s, its last step.
+        force: N of all points of a step, at most.
+        present: N of those of its last step.
+    """
+
+    first: Contact
+    until: float
+    force: float = 0.0
+    present: float = 0.0
+
+    def add(self, contact: Contact) -> None:
+        """One more point."""
+        self.present = contact.force + (self.present if contact.time == self.until else 0.0)
+        self.until = contact.time
+        self.force = max(self.force, self.present)
+
+
+def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
+    """The touches, in the order in which they begin."""
+    found: list[Touch] = []
+    lasting: dict[tuple[str, str], Touch] = {}
+    for contact in contacts:
+        pair = contact.link, contact.body
+        touch = lasting.get(pair)
+        if touch is None or contact.time - touch.until > _MAX_GAP_S:
+            touch = lasting[pair] = Touch(contact, contact.time)
+            found.append(touch)
+        touch.add(contact)
+    return found
+
+
+def strongest_touches(
+    touches: list[Touch], links: Mapping[str, int], bodies: Mapping[str, int]
+) -> tuple[tuple[ContactData, ...], int]:
+    """Those that are kept, in the order of time, and how many are not; by the numbers of links and bodies."""
+    known = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
+    most = sorted(known, key=lambda touch: -touch.force)[:MAX_CONTACTS]
+    kept = tuple(
+        _contact_data(touch, links[touch.first.link], bodies[touch.first.body])
+        for touch in sorted(most, key=lambda touch: touch.first.time)
+    )
+    return kept, len(known) - len(kept)
+
+
+def _contact_data(touch: Touch, link: int, body: int) -> ContactData:
+    x, y, z = numbers(touch.first.position_xyz)
+    force = round(min(touch.force, FARTHEST), 3)
+    time, until = numbers((touch.first.time, touch.until))
+    return ContactData(time=time, until=until, link=link, body=body, position=(x, y, z), force=force)

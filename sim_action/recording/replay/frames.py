@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_action.core.units import TIME_EPSILON
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
-from sim_action.recording.replay.models import Frames, PoseColumns
+from sim_action.recording.replay.replay_file import Frames, PoseColumns
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord
 

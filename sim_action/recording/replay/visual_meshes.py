@@ -14,15 +14,14 @@ import numpy as np
 from sim_action.core.files import whole_file
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.hull_file import hull_points
-from sim_action.recording.replay.hulls import hull_surface
-from sim_action.recording.replay.simplification import Triangles, simplified
+from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
 from sim_action.robot.mesh_references import cache_folder
 from sim_action.robot.robot_model import RobotModel
 
 # Of what is written here: another number, and files of before are no longer found.
 _VERSION: Final = 1
 
-_MOST_BYTES: Final = 20_000_000
+_MAX_BYTES: Final = 20_000_000
 """Of a file: what is larger would take longer to read than most runs take."""
 
 
@@ -71,7 +70,7 @@ class VisualMeshes:
     def _read(self, path: Path) -> Triangles | None:
         try:
             data = mesh_bytes(path)
-            if len(data) > _MOST_BYTES:
+            if len(data) > _MAX_BYTES:
                 return None
             cached = cache_folder() / self._name(path, data)
             known = _stored(cached)

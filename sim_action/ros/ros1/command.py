@@ -17,11 +17,10 @@ from sim_action import __version__
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.core.messages import did_you_mean, escaped_line
 from sim_action.core.process import Interruption
-from sim_action.reports import ReportOptions
-from sim_action.reports.writing import ReportRequest, make_ready, report_options, write_reports
-from sim_action.results.file import Results
+from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_options, write_reports
 from sim_action.results.outcome import Outcome
-from sim_action.results.trace_files import copy_stored, replay_path, trace_paths
+from sim_action.results.results_json import Results
+from sim_action.results.stored_files import copy_stored, replay_path, trace_paths
 from sim_action.ros.ros1.call import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, Request, RosRequest
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, Places, Run, find

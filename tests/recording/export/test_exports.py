@@ -5,13 +5,15 @@ from __future__ import annotations
 import importlib.util
 import io
 from importlib.machinery import ModuleSpec
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar
 
 import pytest
 
 from sim_action.core.errors import UsageError
 from sim_action.recording import export as exports
-from sim_action.recording.export import EXPORTS, wanted_formats
+from sim_action.recording.export import EXPORTS, csv_tum, wanted_formats, write_recordings
+from sim_action.recording.export.recorded_run import RecordedRun
 from tests.recording.export.runs import run
 
 
@@ -60,3 +62,21 @@ def test_each_format_is_written_and_the_same_every_time(name: str) -> None:
         EXPORTS.load(name).write(run(), file)
     assert files[0].getvalue()
     assert files[0].getvalue() == files[1].getvalue()
+
+
+class Breaking:
+    extra: ClassVar[str] = ""
+    packages: ClassVar[tuple[str, ...]] = ()
+
+    @staticmethod
+    def write(_made: RecordedRun, file: BinaryIO) -> None:
+        file.write(b"half of it")
+        raise OSError("no space\nleft")
+
+
+def test_what_cannot_be_written_is_told_and_the_others_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_tum, "CsvTable", Breaking)
+    folder = tmp_path / "recordings"
+    (note,) = write_recordings(run(), [folder / "a.csv", folder / "a.tum"])
+    assert note == "it is not recorded as csv: OSError: no space\\nleft"
+    assert [path.name for path in folder.iterdir()] == ["a.tum"]

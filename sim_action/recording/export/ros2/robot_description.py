@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.recording.export.ros2.cdr import CdrForm
+from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Topic, nanoseconds
 from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.sensors.rendering.colours import ROBOT

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final, cast
 
 import numpy as np
 
-from sim_action.core.geometry import Pose
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.units import TIME_EPSILON
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.recording.export.ros2 import poses
-from sim_action.recording.export.ros2.cdr import CdrForm
-from sim_action.recording.export.ros2.frames import Frames
-from sim_action.recording.export.ros2.odometry import wheel_odometry
-from sim_action.recording.export.ros2.topics import Topic, nanoseconds, stamps
+from sim_action.recording.export.ros2.messages import CdrForm
+from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
 from sim_action.robot.robot_model import Joint
 from sim_action.state.trace import FloatArray
 from sim_action.world import placed
@@ -65,13 +65,13 @@ def _of_base(run: RecordedRun, frames: Frames) -> Iterator[Link]:
         yield frames.odom, frames.base, truth
         return
     at = believed.latest(trace.time)
-    yield frames.map, frames.odom, poses.composed(truth, poses.inverted(at))
+    yield frames.map, frames.odom, composed(truth, inverted(at))
     yield frames.odom, frames.base, at
 
 
 def _of_joints(run: RecordedRun) -> Iterator[Link]:
     for joint in run.scene.model.moving_joints:
-        yield joint.parent, joint.child, poses.moved_by(joint, _positions(run, joint))
+        yield joint.parent, joint.child, moved_by(joint, _positions(run, joint))
 
 
 def _positions(run: RecordedRun, joint: Joint) -> FloatArray:
@@ -88,15 +88,118 @@ def _of_bodies(run: RecordedRun, frames: Frames) -> Iterator[Link]:
 def _fixed(run: RecordedRun, frames: Frames) -> Iterator[Link]:
     scene = run.scene
     if wheel_odometry(run) is None:
-        yield frames.map, frames.odom, poses.of_pose(Pose())
+        yield frames.map, frames.odom, of_pose(Pose())
     for joint in scene.model.joints:
         if not joint.moves:
-            yield joint.parent, joint.child, poses.of_pose(joint.origin)
+            yield joint.parent, joint.child, of_pose(joint.origin)
     for mounted in run.sensors:
         if mounted.sensor.reads_wheels:
             continue
         link = scene.model.root if mounted.link is None else mounted.link
-        yield link, frames.sensors[mounted.name], poses.of_pose(mounted.pose)
+        yield link, frames.sensors[mounted.name], of_pose(mounted.pose)
     for body in scene.world.objects:
         if body.name not in run.bodies:
-            yield frames.map, frames.bodies[body.name], poses.of_pose(placed(body, scene.parts_of(body)))
+            yield frames.map, frames.bodies[body.name], of_pose(placed(body, scene.parts_of(body)))
+
+
+_ODOMETRY: Final = "nav_msgs/Odometry"
+_COVARIANCE: Final = (0.0,) * 36
+
+
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """N times of odometry.
+
+    Attributes:
+        time: (N,) s.
+        poses: (N, 7) of the base.
+        twists: (N, 6) of the base, in its own frame; linear, then angular.
+    """
+
+    time: FloatArray
+    poses: FloatArray
+    twists: FloatArray
+
+    def latest(self, time: FloatArray) -> FloatArray:
+        """(T, 7) the last pose that was told until each time."""
+        told = np.searchsorted(self.time, time + TIME_EPSILON, side="right") - 1
+        poses: FloatArray = self.poses[told.clip(0)]
+        return poses
+
+
+def wheel_odometry(run: RecordedRun) -> Believed | None:
+    """Of the first sensor of that kind, if the trace keeps one."""
+    for record in run.trace.sensors.values():
+        if record.kind == "odometry" and len(record):
+            columns = record.columns
+            return Believed(
+                record.time,
+                np.column_stack((columns["position_xyz"], columns["orientation_xyzw"])),
+                np.column_stack((columns["linear_xyz"], columns["angular_xyz"])),
+            )
+    return None
+
+
+def odometry(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """/odom, and beside that of wheels /ground_truth/odom."""
+    believed, truth = wheel_odometry(run), _ground_truth(run)
+    if believed is None:
+        yield _odometry_topic("/odom", frames.odom, frames.base, truth, "ground truth")
+        return
+    yield _odometry_topic("/odom", frames.odom, frames.base, believed, "wheel odometry")
+    yield _odometry_topic("/ground_truth/odom", frames.map, frames.base, truth, "ground truth")
+
+
+def _ground_truth(run: RecordedRun) -> Believed:
+    trace = run.trace
+    turned = trace.base_orientation_xyzw
+    twists = [rotated_into(turned, vectors) for vectors in (trace.base_linear_xyz, trace.base_angular_xyz)]
+    return Believed(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))
+
+
+def _odometry_topic(name: str, frame: str, child: str, told: Believed, source: str) -> Topic:
+    form = CdrForm().gap("<i4", 2).string(frame).string(child)
+    form.gap("<f8", 7).fixed("<f8", *_COVARIANCE).gap("<f8", 6).fixed("<f8", *_COVARIANCE)
+    messages = form.filled(len(told.time), stamps(told.time), told.poses, told.twists)
+    return Topic(name, _ODOMETRY, nanoseconds(told.time), messages, {"source": source})
+
+
+def of_pose(pose: Pose, count: int = 1) -> FloatArray:
+    """The same pose many times."""
+    return np.tile([*pose.position_xyz, *pose.orientation_xyzw], (count, 1))
+
+
+def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
+    """`geometry.compose` of each pair."""
+    return _array(geometry.compose(_pose(outer), _pose(inner)))
+
+
+def inverted(poses: FloatArray) -> FloatArray:
+    """`geometry.inverse` of each."""
+    return _array(geometry.inverse(_pose(poses)))
+
+
+def rotated_into(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
+    """(N, 3) vectors of the world in frames that are turned so, (N, 4)."""
+    back = geometry.conjugate(cast(Quaternion, tuple(orientations.T)))
+    return np.column_stack(geometry.rotate(back, cast(Vector3, tuple(vectors.T))))
+
+
+def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
+    """(N, 7) the child link's frame in the parent link's, for joint positions (N,) in rad, or m."""
+    motion = np.zeros((len(positions), 7))
+    if joint.type == "prismatic":
+        motion[:, :3], motion[:, 6] = positions[:, None] * joint.axis_xyz, 1.0
+    else:
+        motion[:, 3:6], motion[:, 6] = np.sin(positions / 2)[:, None] * joint.axis_xyz, np.cos(positions / 2)
+    return composed(of_pose(joint.origin, len(positions)), motion)
+
+
+def _pose(poses: FloatArray) -> Pose:
+    """What geometry says of one pose holds of columns of many."""
+    columns: Any = tuple(poses.T)
+    return Pose(columns[:3], columns[3:])
+
+
+def _array(pose: Pose) -> FloatArray:
+    return np.column_stack((*pose.position_xyz, *pose.orientation_xyzw))

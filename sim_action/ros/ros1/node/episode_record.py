@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from sim_action.core.geometry import Vector3
 from sim_action.core.messages import escaped_line
 from sim_action.recording.replay.build import replay_of
-from sim_action.recording.replay.storage import write
+from sim_action.recording.replay.replay_file import write_replay
 from sim_action.ros.ros1.call import REPLAY_FILE, TRACE_FILE
 from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace_storage import save_trace
@@ -75,6 +75,6 @@ class Record:
         if film is None:
             return
         try:
-            write(replay_of(self._last.scene, film), folder / REPLAY_FILE)
+            write_replay(replay_of(self._last.scene, film), folder / REPLAY_FILE)
         except Exception as error:  # noqa: BLE001 - a test has its verdict, whether there is a picture of it or not
             self._notes.append(f"there is no replay of it: {escaped_line(str(error))}")

@@ -1,0 +1,178 @@
+"""One visualization_msgs/Marker."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.units import TIME_EPSILON
+from sim_action.meshes.convex_hull import hull_faces
+from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.recording.export.ros2.messages import CdrForm
+from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
+from sim_action.sensors.rendering.colours import PALETTE
+from sim_action.state.trace import FloatArray
+from sim_action.world.parts import (
+    BoxPart,
+    CylinderPart,
+    GridPart,
+    HullPart,
+    Part,
+    SpherePart,
+    SurfacePart,
+    grid_surface,
+)
+
+Kind = Literal["cube", "sphere", "cylinder", "sphere list", "triangle list"]
+_TYPES: Final[dict[Kind, int]] = {"cube": 1, "sphere": 2, "cylinder": 3, "sphere list": 7, "triangle list": 11}
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """What does not change of a marker; its time and its points are gaps.
+
+    Attributes:
+        group: and `number` tell it from others.
+        scale: m; of a sphere its diameters, of a cylinder those of its circle, and its height.
+        points: how many.
+        lifetime: s, 0 for ever.
+    """
+
+    kind: Kind
+    frame: str
+    group: str
+    number: int = 0
+    pose: Pose = field(default_factory=Pose)
+    scale: Vector3 = (1.0, 1.0, 1.0)
+    colour: Vector3 = (0.8, 0.8, 0.8)
+    points: int = 0
+    lifetime: int = 0
+
+    def add_to(self, form: CdrForm) -> None:
+        """Appends it to a message: gaps for 2 numbers of the time, and for 3 of each point, if it has some."""
+        form.gap("<i4", 2).string(self.frame).string(self.group).fixed("<i4", self.number, _TYPES[self.kind], 0)
+        form.fixed("<f8", *self.pose.position_xyz, *self.pose.orientation_xyzw, *self.scale)
+        form.fixed("<f4", *self.colour, 1.0).fixed("<i4", self.lifetime, 0).fixed("u1", not self.lifetime)
+        form.fixed("<u4", self.points).gap("<f8", 3 * self.points)
+        self._add_what_is_empty(form)
+
+    def _add_what_is_empty(self, form: CdrForm) -> None:
+        form.fixed("<u4", 0)  # colors
+        form.string("").fixed("<i4", 0, 0).string("").string("").fixed("<u4", 0, 0)  # texture, uv_coordinates
+        form.string("").string("").string("").fixed("<u4", 0).fixed("u1", 0)  # text, mesh_resource, mesh_file
+
+
+_NO_POINTS: Final = np.empty((0, 3))
+
+
+def world_markers(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """One message with a marker for each part of each body; no topic of an empty world."""
+    time = run.trace.time[:1]
+    markers = list(_world_markers(run, frames))
+    form, columns = CdrForm().fixed("<u4", len(markers)), list[FloatArray]()
+    for marker, points in markers:
+        marker.add_to(form)
+        columns += [stamps(time).astype(np.float64), *([points[None]] if len(points) else [])]
+    if markers:
+        yield Topic("/world", "visualization_msgs/MarkerArray", nanoseconds(time), form.filled(1, *columns))
+
+
+def _world_markers(run: RecordedRun, frames: Frames) -> Iterator[tuple[Marker, FloatArray]]:
+    """Markers, and the points of each, (3 T, 3) for T triangles."""
+    for place, body in enumerate(run.scene.world.objects):
+        colour = body.color or PALETTE[place % len(PALETTE)]
+        for number, part in enumerate(run.scene.parts_of(body)):
+            yield _part_marker(
+                part, Marker("triangle list", frames.bodies[body.name], body.name, number, colour=colour)
+            )
+
+
+def _part_marker(part: Part, blank: Marker) -> tuple[Marker, FloatArray]:
+    if isinstance(part, BoxPart):
+        return replace(blank, kind="cube", pose=part.pose, scale=part.size_xyz), _NO_POINTS
+    if isinstance(part, CylinderPart):
+        across = 2 * part.radius
+        return replace(blank, kind="cylinder", scale=(across, across, part.height)), _NO_POINTS
+    if isinstance(part, SpherePart):
+        return replace(blank, kind="sphere", scale=(2 * part.radius,) * 3), _NO_POINTS
+    points = _triangle_corners(part)
+    return replace(blank, points=len(points)), points
+
+
+def _triangle_corners(part: HullPart | GridPart | SurfacePart) -> FloatArray:
+    """(3 T, 3) three corners for each triangle."""
+    if isinstance(part, HullPart):
+        points = np.array(part.points_xyz)
+        faces = hull_faces(points - points.mean(axis=0))
+        return _NO_POINTS if faces is None else points[faces].reshape(-1, 3)
+    surface = grid_surface(part) if isinstance(part, GridPart) else part
+    return surface.points_xyz[surface.triangles].reshape(-1, 3)
+
+
+_CONTACT_SIZE: Final = (0.04, 0.04, 0.04)
+_CONTACT_COLOUR: Final = (0.9, 0.1, 0.1)
+_CONTACT_LIFETIME_S: Final = 1
+
+ContactPoints = dict[tuple[str, str], list[Vector3]]
+"""Link and body -> where they touch."""
+
+ContactKey = tuple[tuple[str, str, int], ...]
+"""Link, body and in how many points they touch: what messages of one size have in common."""
+
+
+def contacts(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """A message for each moment since whose last one something was touched; no topic if there is none."""
+    alike = defaultdict[ContactKey, list[tuple[int, ContactPoints]]](list)
+    for moment, points in _by_moment(run):
+        shape = tuple((*pair, len(points[pair])) for pair in sorted(points))
+        alike[shape].append((moment, points))
+    times, messages = list[int](), list[bytes]()
+    for shape, some in alike.items():
+        time = run.trace.time[[moment for moment, _ in some]]
+        times += nanoseconds(time).tolist()
+        columns = [column for *pair, _ in shape for column in _contact_columns((pair[0], pair[1]), time, some)]
+        messages += _contacts_form(shape, frames).filled(len(some), *columns)
+    if messages:
+        yield Topic("/contacts", "visualization_msgs/MarkerArray", np.array(times, dtype=np.int64), messages)
+
+
+def _contact_columns(
+    pair: tuple[str, str], time: np.ndarray, some: list[tuple[int, ContactPoints]]
+) -> Iterator[np.ndarray]:
+    yield stamps(time)
+    yield np.array([points[pair] for _, points in some])
+
+
+def _contacts_form(shape: ContactKey, frames: Frames) -> CdrForm:
+    form = CdrForm().fixed("<u4", len(shape))
+    for link, body, count in shape:
+        group = f"{link} / {body}"
+        Marker(
+            "sphere list",
+            frames.map,
+            group,
+            0,
+            scale=_CONTACT_SIZE,
+            colour=_CONTACT_COLOUR,
+            points=count,
+            lifetime=_CONTACT_LIFETIME_S,
+        ).add_to(form)
+    return form
+
+
+def _by_moment(run: RecordedRun) -> Iterator[tuple[int, ContactPoints]]:
+    """Moments, and where each pair touched last until then, since the moment before."""
+    touches, time = run.trace.contacts, run.trace.time
+    moments = np.searchsorted(time, np.array([touch.time for touch in touches]) - TIME_EPSILON).clip(max=len(time) - 1)
+    found = defaultdict[int, dict[tuple[str, str], tuple[float, list[Vector3]]]](dict)
+    for moment, touch in zip(moments.tolist(), touches, strict=True):
+        pairs, pair = found[moment], (touch.link, touch.body)
+        if pair not in pairs or pairs[pair][0] < touch.time:
+            pairs[pair] = (touch.time, [])
+        pairs[pair][1].append(touch.position_xyz)
+    return ((moment, {pair: points for pair, (_, points) in pairs.items()}) for moment, pairs in found.items())

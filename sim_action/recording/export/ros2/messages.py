@@ -1,0 +1,155 @@
+"""CDR, as ROS 2 encodes messages: little-endian, each number at a multiple of its size.
+
+Messages that differ in numbers alone are encoded together, into the same form.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# Of the plain encoding, little-endian (OMG's DDSI-RTPS 10.2); what follows it is aligned as if it began there.
+_HEADER: Final = b"\x00\x01\x00\x00"
+
+
+class CdrForm:
+    """A message, field by field, with gaps for the numbers in which one differs from the next."""
+
+    def __init__(self) -> None:
+        self._text = bytearray()
+        self._gaps: list[tuple[int, np.dtype[np.generic], int]] = []
+
+    def string(self, text: str) -> Self:
+        """The same text in every message."""
+        encoded = text.encode(errors="replace").replace(b"\0", b"") + b"\0"
+        self.fixed("<u4", len(encoded))
+        self._text += encoded
+        return self
+
+    def strings(self, *texts: str) -> Self:
+        """A sequence of them."""
+        self.fixed("<u4", len(texts))
+        for text in texts:
+            self.string(text)
+        return self
+
+    def fixed(self, kind: str, *numbers: float) -> Self:
+        """The same numbers in every message; `kind`: as numpy has it, such as "<f8"."""
+        self._align(np.dtype(kind).itemsize)
+        self._text += np.array(numbers, dtype=kind).tobytes()
+        return self
+
+    def gap(self, kind: str, count: int = 1) -> Self:
+        """Numbers of which each message has its own."""
+        dtype: np.dtype[np.generic] = np.dtype(kind)
+        if count:
+            self._align(dtype.itemsize)
+            self._gaps.append((len(self._text), dtype, count))
+            self._text += bytes(dtype.itemsize * count)
+        return self
+
+    def filled(self, messages: int, *columns: ArrayLike) -> list[bytes]:
+        """The messages; `columns`: for each gap of n numbers (N, n), or (N,) for a single one."""
+        table = np.tile(np.frombuffer(_HEADER + bytes(self._text), dtype=np.uint8), (messages, 1))
+        for (offset, dtype, count), column in zip(self._gaps, columns, strict=True):
+            numbers = np.ascontiguousarray(np.asarray(column).reshape(messages, count).astype(dtype))
+            first = len(_HEADER) + offset
+            table[:, first : first + dtype.itemsize * count] = numbers.view(np.uint8).reshape(messages, -1)
+        return _rows(table)
+
+    def _align(self, size: int) -> None:
+        self._text += bytes(-len(self._text) % size)
+
+
+def _rows(table: NDArray[np.uint8]) -> list[bytes]:
+    whole, size = table.tobytes(), table.shape[1]
+    return [whole[start : start + size] for start in range(0, len(whole), size)]
+
+
+_FIELDS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
+        "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+        "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+        "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+        "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
+        "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+        "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+        "geometry_msgs/TransformStamped": (
+            "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
+        ),
+        "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+        "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
+        "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+        "nav_msgs/Odometry": (
+            "std_msgs/Header header\nstring child_frame_id\n"
+            "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist"
+        ),
+        "rosgraph_msgs/Clock": "builtin_interfaces/Time clock",
+        "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
+        "sensor_msgs/Imu": (
+            "std_msgs/Header header\n"
+            "geometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+            "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+            "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance"
+        ),
+        "sensor_msgs/JointState": (
+            "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+        ),
+        "sensor_msgs/LaserScan": (
+            "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n"
+            "float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\n"
+            "float32[] ranges\nfloat32[] intensities"
+        ),
+        "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a",
+        "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+        "std_msgs/String": "string data",
+        "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+        "visualization_msgs/Marker": (
+            "int32 ARROW=0\nint32 CUBE=1\nint32 SPHERE=2\nint32 CYLINDER=3\nint32 LINE_STRIP=4\nint32 LINE_LIST=5\n"
+            "int32 CUBE_LIST=6\nint32 SPHERE_LIST=7\nint32 POINTS=8\nint32 TEXT_VIEW_FACING=9\n"
+            "int32 MESH_RESOURCE=10\nint32 TRIANGLE_LIST=11\nint32 ARROW_STRIP=12\n"
+            "int32 ADD=0\nint32 MODIFY=0\nint32 DELETE=2\nint32 DELETEALL=3\n"
+            "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n"
+            "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n"
+            "bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
+            "string texture_resource\nsensor_msgs/CompressedImage texture\n"
+            "visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\n"
+            "string mesh_resource\nvisualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials"
+        ),
+        "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
+        "visualization_msgs/MeshFile": "string filename\nuint8[] data",
+        "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v",
+    }
+)
+_NAMED: Final = re.compile(r"^([a-z0-9_]+/[A-Za-z0-9]+)", re.MULTILINE)
+_BETWEEN: Final = "=" * 80
+
+
+def definition(name: str) -> str:
+    """All that is to be known of a type such as "std_msgs/String", with what it is made of, as logs state it."""
+    first, *others = _closure(name)
+    parts = [_FIELDS[first], *(f"MSG: {other}\n{_FIELDS[other]}" for other in others)]
+    return f"\n{_BETWEEN}\n".join(parts) + "\n"
+
+
+def full_name(name: str) -> str:
+    """As ROS 2 spells it: "std_msgs/msg/String"."""
+    package, _, plain = name.partition("/")
+    return f"{package}/msg/{plain}"
+
+
+def _closure(name: str) -> Iterator[str]:
+    """A type and those that it is made of, each once."""
+    waiting, seen = [name], {name}
+    while waiting:
+        found = waiting.pop(0)
+        yield found
+        used = [other for other in _NAMED.findall(_FIELDS[found]) if other not in seen]
+        waiting += dict.fromkeys(used)
+        seen.update(used)

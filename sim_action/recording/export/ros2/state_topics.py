@@ -1,0 +1,83 @@
+"""What sensors told, as far as the trace keeps it: /scan of a lidar, /imu; of several of a kind, each by its name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.recording.export.ros2.messages import CdrForm
+from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
+from sim_action.sensors.lidar import Lidar
+from sim_action.sensors.mounting import MountedSensor
+from sim_action.state.trace_records import SensorRecord
+
+_NAMES: Final = {"lidar": "scan", "imu": "imu"}
+_UNKNOWN: Final = (0.0,) * 9
+
+
+def sensing(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """A topic for each lidar and each IMU that the trace keeps."""
+    kept = [mounted for mounted in run.sensors if mounted.name in run.trace.sensors]
+    taken = set[str]()
+    for mounted in kept:
+        kind, record = mounted.sensor.key, run.trace.sensors[mounted.name]
+        if kind not in _NAMES:
+            continue
+        alone = sum(other.sensor.key == kind for other in kept) == 1
+        name = _free(f"/{_NAMES[kind]}" if alone else f"/{_plain(mounted.name)}/{_NAMES[kind]}", taken)
+        yield (_scan if kind == "lidar" else _imu)(name, frames.sensors[mounted.name], mounted, record)
+
+
+def _plain(name: str) -> str:
+    """As ROS has names: letters, digits and underscores, a letter first."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return plain if plain[:1].isalpha() else f"sensor_{plain}"
+
+
+def _free(name: str, taken: set[str]) -> str:
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
+def _scan(name: str, frame: str, mounted: MountedSensor, record: SensorRecord) -> Topic:
+    lidar, ranges = mounted.sensor, record.columns["ranges"]
+    assert isinstance(lidar, Lidar)
+    rays = ranges.shape[1]
+    last = lidar.first_angle + lidar.increment * (rays - 1)
+    form = CdrForm().gap("<i4", 2).string(frame).fixed("<f4", lidar.first_angle, last, lidar.increment)
+    form.fixed("<f4", 0.0, 1 / mounted.rate, lidar.min_range, lidar.range)
+    form.fixed("<u4", rays).gap("<f4", rays).fixed("<u4", 0)
+    messages = form.filled(len(record), stamps(record.time), ranges)
+    return Topic(name, "sensor_msgs/LaserScan", nanoseconds(record.time), messages)
+
+
+def _imu(name: str, frame: str, _: MountedSensor, record: SensorRecord) -> Topic:
+    columns = [record.columns[f"{key}"] for key in ("orientation_xyzw", "angular_velocity_xyz")]
+    acceleration = np.asarray(record.columns["linear_acceleration_xyz"])
+    form = CdrForm().gap("<i4", 2).string(frame).gap("<f8", 4).fixed("<f8", *_UNKNOWN)
+    form.gap("<f8", 3).fixed("<f8", *_UNKNOWN).gap("<f8", 3).fixed("<f8", *_UNKNOWN)
+    messages = form.filled(len(record), stamps(record.time), *columns, acceleration)
+    return Topic(name, "sensor_msgs/Imu", nanoseconds(record.time), messages)
+
+
+def states(run: RecordedRun) -> Iterator[Topic]:
+    """What there is of them: a robot without joints has no states of any."""
+    trace, twists = run.trace, run.twists
+    count, at = len(trace), nanoseconds(trace.time)
+    clock = CdrForm().gap("<i4", 2).filled(count, stamps(trace.time))
+    yield Topic("/clock", "rosgraph_msgs/Clock", at, clock)
+    if joints := len(trace.joint_names):
+        form = CdrForm().gap("<i4", 2).string("").strings(*trace.joint_names)
+        for _ in range(3):
+            form.fixed("<u4", joints).gap("<f8", joints)
+        columns = (trace.joint_position, trace.joint_velocity, trace.joint_effort)
+        yield Topic("/joint_states", "sensor_msgs/JointState", at, form.filled(count, stamps(trace.time), *columns))
+    if len(twists):
+        messages = CdrForm().gap("<f8", 6).filled(len(twists), twists.values)
+        yield Topic("/cmd_vel", "geometry_msgs/Twist", nanoseconds(twists.time), messages)

@@ -1,0 +1,230 @@
+"""GIF: `--record gif`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import BinaryIO, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy
+from sim_action.core.units import TIME_EPSILON
+from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.robot.kinematics import link_poses, robot_box
+from sim_action.robot.robot_model import RobotModel
+from sim_action.sensors.rendering.appearance import Part, robot_parts, world_parts
+from sim_action.sensors.rendering.picture import Placed, draw
+from sim_action.sensors.rendering.rays import Pinhole
+from sim_action.world import placed
+
+GIF_RATE_HZ: Final = 10
+"""Pictures in a second: browsers show no more than 50, and a hundredth of a second is the least that they tell."""
+
+_GIF_COLOURS: Final = 64
+
+
+class GifFilm:
+    """A film that plays anywhere, in a README or a comment: 320x240, 10 pictures in a second of sim time.
+
+    A camera follows the robot, and sees its collision shapes. What lasts longer than two minutes is shown faster, as
+    the corner says.
+    """
+
+    extra: ClassVar[str] = "video"
+    packages: ClassVar[tuple[str, ...]] = ("PIL.Image",)
+
+    @staticmethod
+    def write(run: RecordedRun, file: BinaryIO) -> None:
+        """See Export.write."""
+        from PIL import Image
+
+        images = (
+            Image.fromarray(picture).quantize(_GIF_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+            for picture in pictures(run, GIF_RATE_HZ)
+        )
+        first = next(images)
+        first.save(file, "GIF", save_all=True, append_images=images, duration=1000 // GIF_RATE_HZ, loop=0)
+
+
+MP4_RATE_HZ: Final = 20
+"""Pictures in a second."""
+
+# With threads, or with its macroblock trees, the same pictures gave one of several files.
+_MP4_OPTIONS: Final = {"preset": "veryfast", "threads": "1", "x264-params": "mbtree=0"}
+
+
+class Mp4Film:
+    """A film as browsers play it (H.264): 320x240, 20 pictures in a second of sim time.
+
+    A camera follows the robot, and sees its collision shapes. What lasts longer than a minute is shown faster, as the
+    corner says.
+    """
+
+    extra: ClassVar[str] = "video"
+    packages: ClassVar[tuple[str, ...]] = ("av",)
+
+    @staticmethod
+    def write(run: RecordedRun, file: BinaryIO) -> None:
+        """See Export.write."""
+        import av
+
+        with av.open(file, "w", format="mp4") as container:
+            stream = container.add_stream("libx264", rate=MP4_RATE_HZ, options=_MP4_OPTIONS)
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+            for picture in pictures(run, MP4_RATE_HZ):
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+            container.mux(stream.encode(None))
+
+
+MAX_PICTURES: Final = 1_200
+"""A minute of 20 pictures a second. What lasts longer is shown faster."""
+
+
+def pictures(run: RecordedRun, rate: int) -> Iterator[NDArray[np.uint8]]:
+    """(H, W, 3) each, for so many in a second of the film. Raises OSError if a mesh of the robot is gone."""
+    moments, speed = shown_moments(run.trace.time, rate)
+    stage = _Stage(run)
+    for moment in moments:
+        picture = stage.picture(moment)
+        write_text(picture, f"{run.trace.time[moment]:.1f} s" + (f" x{speed}" if speed > 1 else ""))
+        yield picture
+
+
+def shown_moments(time: NDArray[np.float64], rate: int) -> tuple[list[int], int]:
+    """The moments that are shown, the last of them at the end, and how many times too fast the film runs."""
+    duration = float(time[-1] - time[0])
+    speed = max(1, int(np.ceil(duration * rate / MAX_PICTURES)))
+    wanted = np.append(np.arange(time[0], time[-1] - TIME_EPSILON, speed / rate), time[-1])
+    return (np.searchsorted(time, wanted + TIME_EPSILON, side="right") - 1).tolist(), speed
+
+
+class _Stage:
+    """The robot and its world, ready to be placed."""
+
+    def __init__(self, run: RecordedRun) -> None:
+        scene = run.scene
+        self._run = run
+        self._robot = list(robot_parts(scene.model))
+        world = list(world_parts(scene))
+        self._moving = [part for part in world if part.owner in run.bodies]
+        fixed = {body.name: placed(body, scene.parts_of(body)) for body in scene.world.objects}
+        self._fixed = _placed((part for part in world if part.owner not in run.bodies), fixed)
+        self._camera = FollowCamera.of(scene.model, self._base(0))
+        self._pinhole = self._camera.pinhole
+
+    def picture(self, moment: int) -> NDArray[np.uint8]:
+        base = self._base(moment)
+        bodies = self._bodies(moment)
+        moving = _placed((part for part in self._moving if part.owner in bodies), bodies)
+        solids = [*self._fixed, *moving, *self._placed_robot(base, moment)]
+        return draw(self._pinhole, self._camera.pose(base.position_xyz), solids).rgb.copy()
+
+    def _base(self, moment: int) -> Pose:
+        trace = self._run.trace
+        return _pose([*trace.base_position_xyz[moment].tolist(), *trace.base_orientation_xyzw[moment].tolist()])
+
+    def _bodies(self, moment: int) -> dict[str, Pose]:
+        """Those that are there."""
+        found = {name: track[moment] for name, track in self._run.bodies.items()}
+        return {name: _pose(numbers.tolist()) for name, numbers in found.items() if np.isfinite(numbers).all()}
+
+    def _placed_robot(self, base: Pose, moment: int) -> list[Placed]:
+        model, trace = self._run.scene.model, self._run.trace
+        told = dict(zip(trace.joint_names, trace.joint_position[moment].tolist(), strict=True))
+        links = link_poses(model, {**model.positions({}), **told})
+        frames = {name: geometry.compose(base, pose) for name, pose in links.items()}
+        return _placed(self._robot, frames)
+
+
+def _placed(parts: Iterable[Part], frames: dict[str, Pose]) -> list[Placed]:
+    return [Placed(part.solid, geometry.compose(frames[part.owner], part.pose), part.colour) for part in parts]
+
+
+def _pose(numbers: Sequence[float]) -> Pose:
+    x, y, z, qx, qy, qz, qw = numbers
+    return Pose((x, y, z), (qx, qy, qz, qw))
+
+
+WIDTH: Final = 320
+HEIGHT: Final = 240
+_FIELD_OF_VIEW: Final = math.radians(60)
+# Down to the robot, and to the right of where it heads at first.
+_DOWN: Final = math.radians(35)
+_ASIDE: Final = math.radians(40)
+# Of the robot's size; and in m, for what is small and drives far.
+_DISTANCE: Final = 2.5
+_NEAREST: Final = 1.2
+
+
+@dataclass(frozen=True, slots=True)
+class FollowCamera:
+    """It never turns: what seems to turn does.
+
+    Attributes:
+        heading: rad, of its view on the ground plane.
+        distance: m, to what it looks at.
+        above: m, of what it looks at, over the base link.
+    """
+
+    heading: float
+    distance: float
+    above: float
+
+    @classmethod
+    def of(cls, model: RobotModel, start: Pose) -> FollowCamera:
+        """One from which all of a robot can be seen."""
+        box = robot_box(model, link_poses(model, model.positions({})))
+        low, high = box or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        size = math.dist(low, high)
+        return cls(start.yaw + _ASIDE, max(_NEAREST, _DISTANCE * size), (low[2] + high[2]) / 2)
+
+    @property
+    def pinhole(self) -> Pinhole:
+        """Its lens."""
+        return Pinhole(WIDTH, HEIGHT, _FIELD_OF_VIEW, 0.02 * self.distance, 100 * self.distance)
+
+    def pose(self, base_xyz: Vector3) -> Pose:
+        """Where it is in the world, for a base link that is there."""
+        x, y, z = base_xyz
+        back = self.distance * math.cos(_DOWN)
+        up = self.above + self.distance * math.sin(_DOWN)
+        place = (x - back * math.cos(self.heading), y - back * math.sin(self.heading), z + up)
+        return Pose(place, quaternion_from_rpy(0.0, _DOWN, self.heading))
+
+
+# Five rows of three pixels, as bits.
+_GLYPHS: Final = {
+    "0": (7, 5, 5, 5, 7),
+    "1": (2, 6, 2, 2, 7),
+    "2": (7, 1, 7, 4, 7),
+    "3": (7, 1, 7, 1, 7),
+    "4": (5, 5, 7, 1, 1),
+    "5": (7, 4, 7, 1, 7),
+    "6": (7, 4, 7, 5, 7),
+    "7": (7, 1, 1, 1, 1),
+    "8": (7, 5, 7, 5, 7),
+    "9": (7, 5, 7, 1, 7),
+    ".": (0, 0, 0, 0, 2),
+    "s": (0, 7, 6, 3, 7),
+    "x": (0, 5, 2, 5, 0),
+    " ": (0, 0, 0, 0, 0),
+}
+_TEXT_SCALE: Final = 3
+_TEXT_MARGIN: Final = 4
+
+
+def write_text(picture: NDArray[np.uint8], text: str) -> None:
+    """Writes digits, points, "s" and "x" into the upper left corner of (H, W, 3): white on black."""
+    rows = np.zeros((7, 4 * len(text) + 1), dtype=bool)
+    for place, sign in enumerate(text):
+        bits = np.array(_GLYPHS[sign])[:, None] >> np.array((2, 1, 0)) & 1
+        rows[1:6, 4 * place + 1 : 4 * place + 4] = bits
+    large = rows.repeat(_TEXT_SCALE, axis=0).repeat(_TEXT_SCALE, axis=1)
+    height, width = large.shape
+    picture[_TEXT_MARGIN : _TEXT_MARGIN + height, _TEXT_MARGIN : _TEXT_MARGIN + width] = np.where(large, 255, 0)[
+        ..., None
+    ]

@@ -1,0 +1,276 @@
+"""What there is to see of a scene: the robot's links, the bodies of the world, the meshes that they share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_action.core import geometry
+from sim_action.core.geometry import ZERO, Pose, Vector3
+from sim_action.recording.replay.replay_file import (
+    MAX_TEXT_LENGTH,
+    BodyData,
+    JointMotion,
+    LinkData,
+    PatchData,
+    SceneData,
+)
+from sim_action.recording.replay.shapes import (
+    MAX_SHAPES,
+    BoxShape,
+    CapsuleShape,
+    CylinderShape,
+    EllipsoidShape,
+    MeshData,
+    MeshShape,
+    PoseNumbers,
+    Shape,
+    numbers,
+)
+from sim_action.recording.replay.surfaces import (
+    ROBOT_BUDGET,
+    WORLD_BUDGET,
+    Budget,
+    Triangles,
+    coarse_surface,
+    digest_of,
+    hull_surface,
+    mesh_data,
+    within,
+)
+from sim_action.robot.robot_model import Joint, Link, RobotModel, Visual
+from sim_action.robot.robot_model import Shape as RobotShape
+from sim_action.sensors.rendering.colours import PALETTE, ROBOT, Colour
+from sim_action.world import Body, placed
+from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.recording.replay.visual_meshes import VisualMeshes
+
+
+def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
+    """All of it; `tracks`: names of the bodies that move, in the order of their columns."""
+    shelf: dict[str, MeshData] = {}
+    pieces, looks = LinkPieces(scene.model), scene.model.links_by_name
+    links, numbers = skeleton(scene.model)
+    names = {number: name for name, number in numbers.items()}
+    drawn = [pieces.of(looks[names[place]]) if place in names else [] for place in range(len(links))]
+    robot = _settled(drawn, ROBOT_BUDGET, shelf)
+    bodies = scene.world.objects
+    world = _settled([list(_body_pieces(scene, number)) for number in range(len(bodies))], WORLD_BUDGET, shelf)
+    return SceneData(
+        robot=scene.model.name[:MAX_TEXT_LENGTH],
+        links=tuple(link.model_copy(update={"shapes": shapes}) for link, shapes in zip(links, robot, strict=True)),
+        bodies=tuple(_body_data(scene, body, tracks, shapes) for body, shapes in zip(bodies, world, strict=True)),
+        patches=tuple(PatchData(**patch.model_dump()) for patch in scene.world.patches),
+        meshes=shelf,
+    )
+
+
+def _body_pieces(scene: Scene, number: int) -> Iterator[Piece]:
+    body = scene.world.objects[number]
+    yield from of_parts(scene.parts_of(body), body.color or PALETTE[number % len(PALETTE)])
+
+
+def _body_data(scene: Scene, body: Body, tracks: Sequence[str], shapes: tuple[Shape, ...]) -> BodyData:
+    return BodyData(
+        name=body.name,
+        pose=pose_numbers(placed(body, scene.parts_of(body))),
+        track=tracks.index(body.name) if body.name in tracks else None,
+        appears=body.appears,
+        shapes=shapes,
+    )
+
+
+def _settled(owners: Sequence[Sequence[Piece]], budget: Budget, shelf: dict[str, MeshData]) -> list[tuple[Shape, ...]]:
+    """The shapes of each owner, with its meshes on the shelf; those that come from the same file are one."""
+    surfaces = {
+        id(piece.surface): piece.surface for pieces in owners for piece in pieces if isinstance(piece, MeshPiece)
+    }
+    kept = dict(zip(surfaces, map(mesh_data, within(budget, list(surfaces.values()))), strict=True))
+    names = {key: digest_of(mesh) for key, mesh in kept.items() if mesh is not None}
+    shelf.update({names[key]: mesh for key, mesh in kept.items() if mesh is not None})
+    return [tuple(_final_shapes(pieces, names))[:MAX_SHAPES] for pieces in owners]
+
+
+def _final_shapes(pieces: Sequence[Piece], names: dict[int, str]) -> Iterator[Shape]:
+    for piece in pieces:
+        if not isinstance(piece, MeshPiece):
+            yield piece
+        elif id(piece.surface) in names:
+            yield MeshShape(kind="mesh", mesh=names[id(piece.surface)], pose=piece.pose, color=piece.color)
+
+
+class LinkPieces:
+    """The pieces of one robot's links, in which what comes from the same file is the same surface."""
+
+    def __init__(self, model: RobotModel) -> None:
+        # A link without a visual is not to be seen, unless nobody has drawn any.
+        self._is_drawn = any(link.visuals for link in model.links)
+        self._model = model
+        self._scaled: dict[tuple[str, Vector3], Triangles] = {}
+
+    @cached_property
+    def _meshes(self) -> VisualMeshes:
+        # Robots without meshes are spared what reads them.
+        from sim_action.recording.replay.visual_meshes import VisualMeshes
+
+        return VisualMeshes(self._model, ROBOT_BUDGET.each)
+
+    def of(self, link: Link) -> list[Piece]:
+        """A link's."""
+        if self._is_drawn and not link.visuals:
+            return []
+        found = [self._piece(visual) for visual in link.visuals]
+        seen = [piece for piece in found if piece is not None]
+        return seen if seen and len(seen) == len(found) else list(self._touched(link)) or seen
+
+    def _piece(self, visual: Visual) -> Piece | None:
+        pose, color = pose_numbers(visual.pose), visual.color or ROBOT
+        if not visual.file:
+            x, y, z = visual.size_xyz
+            return plain_shape(visual.kind, (x / 2, y / 2, z / 2), pose, color)
+        surface = self._surface(visual)
+        return None if surface is None else MeshPiece(surface, pose, color)
+
+    def _surface(self, visual: Visual) -> Triangles | None:
+        key = visual.file, visual.scale
+        if key not in self._scaled:
+            own = self._meshes.surface(visual.file)
+            if own is None:
+                return None
+            self._scaled[key] = own.scaled(visual.scale)
+        return self._scaled[key]
+
+    def _touched(self, link: Link) -> Iterator[Piece]:
+        for shape in link.collisions:
+            yield from of_robot_shape(shape, ROBOT, self._hulls)
+
+    def _hulls(self, file: str) -> Triangles | None:
+        return self._meshes.hulls(file)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPiece:
+    """Triangles in the frame of what they are part of, turned and moved by `pose`."""
+
+    surface: Triangles
+    pose: PoseNumbers
+    color: Colour
+
+
+Piece = Shape | MeshPiece
+
+
+def pose_numbers(pose: Pose) -> PoseNumbers:
+    """A pose as it is stored."""
+    x, y, z = numbers(pose.position_xyz)
+    qx, qy, qz, qw = numbers(pose.orientation_xyzw)
+    return (x, y, z, qx, qy, qz, qw)
+
+
+def of_robot_shape(shape: RobotShape, color: Colour, hulls: Callable[[str], Triangles | None]) -> Iterator[Piece]:
+    """What is neither plain nor a mesh that was rewritten is seen as the box around it; a plane is not seen."""
+    (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
+    middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))
+    half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
+    surface = hulls(shape.hulls) if shape.hulls else None
+    if surface is not None:
+        yield MeshPiece(surface, pose_numbers(shape.pose), color)
+    elif shape.kind != "plane":
+        yield plain_shape(shape.kind, half, pose_numbers(middle), color)
+
+
+def plain_shape(kind: str, half: Vector3, pose: PoseNumbers, color: Colour) -> Shape:
+    """A shape that has its frame in its middle, and reaches so far from it along its axes, in m."""
+    x, y, z = numbers(half)
+    if kind in {"sphere", "ellipsoid"}:
+        return EllipsoidShape(kind="ellipsoid", half=(x, y, z), pose=pose, color=color)
+    if kind == "cylinder":
+        return CylinderShape(kind="cylinder", radius=x, length=2 * z, pose=pose, color=color)
+    if kind == "capsule":
+        return CapsuleShape(kind="capsule", radius=x, length=max(0.0, 2 * (z - x)), pose=pose, color=color)
+    return BoxShape(kind="box", size=(2 * x, 2 * y, 2 * z), pose=pose, color=color)
+
+
+def of_parts(parts: Sequence[Part], color: Colour) -> Iterator[Piece]:
+    """The parts of a body of the world."""
+    here = pose_numbers(Pose())
+    hulls = [np.array(part.points_xyz) for part in parts if isinstance(part, HullPart)]
+    if hulls:
+        surface = hull_surface(hulls)
+        if surface is not None:
+            yield MeshPiece(surface, here, color)
+    for part in parts:
+        if not isinstance(part, HullPart):
+            yield _of_part(part, here, color)
+
+
+def _of_part(
+    part: BoxPart | CylinderPart | SpherePart | GridPart | SurfacePart, here: PoseNumbers, color: Colour
+) -> Piece:
+    if isinstance(part, BoxPart):
+        x, y, z = numbers(part.size_xyz)
+        return BoxShape(kind="box", size=(x, y, z), pose=pose_numbers(part.pose), color=color)
+    if isinstance(part, CylinderPart):
+        return CylinderShape(kind="cylinder", radius=part.radius, length=part.height, pose=here, color=color)
+    if isinstance(part, SpherePart):
+        return EllipsoidShape(kind="ellipsoid", half=(part.radius,) * 3, pose=here, color=color)
+    surface = coarse_surface(part) if isinstance(part, GridPart) else Triangles(part.points_xyz, part.triangles)
+    return MeshPiece(surface, here, color)
+
+
+def skeleton(model: RobotModel) -> tuple[list[LinkData], dict[str, int]]:
+    """Parents before their children, without what they look like; and link name -> the number of its frame.
+
+    A link of MJCF may hang on several joints, one after the other, and turn about points beside its origin: what is
+    between is a link that cannot be seen.
+    """
+    hanging: dict[str, dict[str, list[Joint]]] = {}
+    for joint in model.joints:
+        hanging.setdefault(joint.parent, {}).setdefault(joint.child, []).append(joint)
+    columns = {joint.name: column for column, joint in enumerate(model.moving_joints)}
+    links = [LinkData(name=model.root[:MAX_TEXT_LENGTH])]
+    numbers = {model.root: 0}
+    waiting = [model.root]
+    for parent in waiting:
+        for child, joints in hanging.get(parent, {}).items():
+            if child not in numbers:
+                links += _chain(child, joints, numbers[parent], len(links), columns)
+                numbers[child] = len(links) - 1
+                waiting.append(child)
+    return links, numbers
+
+
+def _chain(child: str, joints: Sequence[Joint], parent: int, number: int, columns: Mapping[str, int]) -> list[LinkData]:
+    """The links from a parent to a child; `number`: of the first of them."""
+    links: list[LinkData] = []
+    origin, before = joints[0].origin, ZERO
+    for joint in joints:
+        at = geometry.compose(origin, Pose(_between(before, joint.anchor_xyz)))
+        motion = _motion(joint, columns[joint.name]) if joint.name in columns else None
+        links.append(_link_data(child, parent if not links else number + len(links) - 1, at, motion))
+        origin, before = Pose(), joint.anchor_xyz
+    if before != ZERO:
+        links.append(_link_data(child, number + len(links) - 1, Pose(_between(before, ZERO)), None))
+    return links
+
+
+def _link_data(name: str, parent: int, origin: Pose, motion: JointMotion | None) -> LinkData:
+    return LinkData(name=name[:MAX_TEXT_LENGTH], parent=parent, origin=pose_numbers(origin), joint=motion)
+
+
+def _motion(joint: Joint, column: int) -> JointMotion:
+    if joint.type == "prismatic":
+        return JointMotion(type="prismatic", axis=joint.axis_xyz, column=column)
+    return JointMotion(type="revolute", axis=joint.axis_xyz, column=column)
+
+
+def _between(start: Vector3, end: Vector3) -> Vector3:
+    (ax, ay, az), (bx, by, bz) = start, end
+    return (bx - ax, by - ay, bz - az)

@@ -1,0 +1,114 @@
+"""What expectations looked at, and where, as a replay stores it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from pydantic import ValidationError
+
+from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale
+from sim_action.recording.replay.frames import thinned
+from sim_action.recording.replay.replay_file import (
+    MAX_MARKS,
+    MAX_SIGNALS,
+    MAX_TEXT_LENGTH,
+    ArrowMark,
+    CircleMark,
+    MarkData,
+    PolygonMark,
+    PolylineMark,
+    SignalData,
+)
+from sim_action.recording.replay.shapes import FARTHEST
+from sim_action.scenario.model import Scenario
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Circle, Mark, Polygon, Polyline, Signal
+from sim_action.world.scene import Scene
+
+# Of what comes at a rate of its own, as many moments as a screen can show.
+_SAMPLE_PERIOD_S: Final = 1 / 15
+
+
+def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: Trace) -> tuple[SignalData, ...]:
+    """The curves of all expectations, each with the number of its own; `start`: the settled state at t = 0."""
+    frames = thinned(film)
+    found = (
+        stored_signal(number, signal, frames.time, scene.physics.rate)
+        for number, expected in enumerate(scenario.expect)
+        for signal in expected.signals(scene, start, frames)
+        if len(signal.time)
+    )
+    return tuple(signal for signal, _ in zip(found, range(MAX_SIGNALS), strict=False))
+
+
+def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[MarkData, ...]:
+    """The places of all expectations."""
+    found: list[MarkData] = []
+    for number, expected in enumerate(scenario.expect):
+        for mark in expected.marks(scene, start):
+            # What is farther away than any replay shows cannot be seen.
+            with suppress(ValidationError):
+                found.append(_stored_mark(number, mark))
+    return tuple(found[:MAX_MARKS])
+
+
+def stored_signal(number: int, signal: Signal, frames: FloatArray, rate: float) -> SignalData:
+    """A curve of an expectation; `frames`: (T,) s, the moments of the replay; `rate`: Hz of the physics."""
+    shared = np.array_equal(signal.time, frames)
+    signal = signal if shared else coarse(signal, rate)
+    return SignalData(
+        expectation=number,
+        name=signal.name[:MAX_TEXT_LENGTH],
+        unit=signal.unit[:MAX_TEXT_LENGTH],
+        time=None if shared else Column.encoded(signal.time, 1 / rate),
+        values=Column.encoded(signal.values, fine_scale(signal.values)),
+        lower=_limit(signal.lower),
+        upper=_limit(signal.upper),
+        start=min(signal.start, FARTHEST),
+        end=signal.end if math.isfinite(signal.end) else None,
+    )
+
+
+def coarse(signal: Signal, rate: float) -> Signal:
+    """The first, the least, the greatest and the last of each short period; no two at the same step of `rate` Hz."""
+    steps, first = np.unique(np.rint(signal.time * rate), return_index=True)
+    values = signal.values[first]
+    span = float(steps[-1] - steps[0]) / rate
+    period = max(_SAMPLE_PERIOD_S, 4 * span / (MAX_MOMENTS - 4))
+    parts = np.floor((steps - steps[0]) / rate / period)
+    begins = np.flatnonzero(np.diff(parts, prepend=-1.0))
+    kept = np.unique([row for begin, end in _spans(begins, len(steps)) for row in _telling(values, begin, end)])
+    return replace(signal, time=steps[kept] / rate, values=values[kept])
+
+
+def _spans(begins: np.ndarray[tuple[int, ...], np.dtype[np.intp]], count: int) -> Iterator[tuple[int, int]]:
+    ends = [*begins.tolist()[1:], count]
+    return zip(begins.tolist(), ends, strict=True)
+
+
+def _telling(values: FloatArray, begin: int, end: int) -> tuple[int, int, int, int]:
+    part = np.where(np.isnan(values[begin:end]), values[begin], values[begin:end])
+    return begin, begin + int(part.argmin()), begin + int(part.argmax()), end - 1
+
+
+def _limit(limit: float | None) -> float | None:
+    """One that is beyond everything is none."""
+    return limit if limit is not None and abs(limit) <= FARTHEST else None
+
+
+def _stored_mark(number: int, mark: Mark) -> MarkData:
+    match mark:
+        case Circle():
+            return CircleMark(kind="circle", expectation=number, x=mark.x, y=mark.y, z=mark.z, radius=mark.radius)
+        case Polygon():
+            return PolygonMark(kind="polygon", expectation=number, points=mark.points)
+        case Polyline():
+            return PolylineMark(kind="polyline", expectation=number, points=mark.points)
+        case _:
+            return ArrowMark(kind="arrow", expectation=number, x=mark.x, y=mark.y, yaw=mark.yaw)

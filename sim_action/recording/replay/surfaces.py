@@ -1,0 +1,203 @@
+"""Surfaces of many triangles made into ones of few, by putting together what lies in the same cell of a grid.
+
+Rossignac and Borrel (1993), "Multi-resolution 3D approximations for rendering complex scenes": it takes any triangles,
+open or crossing each other, and costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core.geometry import Vector3
+from sim_action.recording.replay.shapes import MeshData
+from sim_action.world.parts import GridPart, SurfacePart, grid_surface
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Cells along the longest side of what has few triangles, and of what has many of them.
+_COARSEST: Final = 2
+_FINEST: Final = 512
+_TRIES: Final = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """A surface; `points_xyz`: (P, 3) m, `corners`: (T, 3) rows of these."""
+
+    points_xyz: FloatArray
+    corners: IntArray
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+    def scaled(self, factors: Vector3) -> Triangles:
+        """Larger by a factor along each axis; an odd number of them below 0 mirrors it, and its outside stays."""
+        mirrors = math.prod(factors) < 0
+        corners = self.corners[:, ::-1] if mirrors else self.corners
+        return Triangles(self.points_xyz * np.array(factors), corners)
+
+
+def simplified(surface: Triangles, most: int) -> Triangles:
+    """A surface of at most so many triangles, as near to the other as a grid has it."""
+    if len(surface) <= most:
+        return surface
+    low, high, found = _COARSEST, _FINEST, None
+    # A surface crosses as many cells as its area has, so triangles grow with the square of the cells along a side.
+    cells = int(math.sqrt(most / 6))
+    for _ in range(_TRIES):
+        cells = max(low, min(high, cells))
+        tried = _clustered(surface, cells)
+        if len(tried) <= most:
+            found, low = tried, cells + 1
+        else:
+            high = cells - 1
+        if low > high or (found is tried and len(tried) > 0.8 * most):
+            break
+        cells = max(low, min(high, int(cells * math.sqrt(most / max(1, len(tried))))))
+    return found or _first(_clustered(surface, _COARSEST), most)
+
+
+def _clustered(surface: Triangles, cells: int) -> Triangles:
+    """With one point for all that lie in a cell; `cells`: along the longest side of the box around it."""
+    points = surface.points_xyz
+    lower = points.min(axis=0)
+    size = float(np.ptp(points, axis=0).max()) / cells or 1.0
+    places = np.minimum(((points - lower) / size).astype(np.int64), cells)
+    keys = (places[:, 0] * (cells + 1) + places[:, 1]) * (cells + 1) + places[:, 2]
+    _, names, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    names = names.ravel()
+    sums = [np.bincount(names, weights=points[:, axis]) for axis in range(3)]
+    return without_idle(Triangles(np.column_stack(sums) / counts[:, None], names[surface.corners]))
+
+
+def without_idle(surface: Triangles) -> Triangles:
+    """Without triangles that are lines, or there twice, and without points that no triangle has."""
+    a, b, c = surface.corners.T
+    kept = surface.corners[(a != b) & (b != c) & (a != c)]
+    # Turned so that the first corner is the least: which side is out stays.
+    turns = kept.argmin(axis=1)[:, None]
+    kept = np.take_along_axis(kept, (turns + np.arange(3)) % 3, axis=1)
+    kept = np.unique(kept, axis=0)
+    used, corners = np.unique(kept, return_inverse=True)
+    return Triangles(surface.points_xyz[used], corners.reshape(-1, 3).astype(np.int64))
+
+
+def _first(surface: Triangles, most: int) -> Triangles:
+    return without_idle(Triangles(surface.points_xyz, surface.corners[:most]))
+
+
+# Points of all hulls of a shape, and the least and the most of each: to find the faces takes 0.1 ms a point.
+_MAX_HULL_POINTS: Final = 512
+_MIN_POINTS_OF_HULL: Final = 12
+_MAX_POINTS_OF_HULL: Final = 64
+
+
+def hull_surface(hulls: Sequence[FloatArray]) -> Triangles | None:
+    """The surface of several hulls, each of points (P, 3); None if none of them has a volume."""
+    most = min(_MAX_POINTS_OF_HULL, max(_MIN_POINTS_OF_HULL, _MAX_HULL_POINTS // max(1, len(hulls))))
+    found = [surface for surface in (_one_hull(points, most) for points in hulls) if surface is not None]
+    if not found:
+        return None
+    above = np.cumsum([0, *(len(surface.points_xyz) for surface in found)])
+    corners = [surface.corners + before for surface, before in zip(found, above[:-1], strict=True)]
+    return Triangles(np.concatenate([surface.points_xyz for surface in found]), np.concatenate(corners))
+
+
+def _one_hull(points: FloatArray, most: int) -> Triangles | None:
+    from sim_action.meshes.convex_hull import hull_faces
+    from sim_action.sensors.rendering.hulls import outermost
+
+    middle = points.mean(axis=0)
+    kept = outermost(points - middle, most)
+    faces = hull_faces(kept)
+    return None if faces is None else Triangles(kept + middle, _outwards(kept, faces.astype(np.int64)))
+
+
+def _outwards(points: FloatArray, faces: IntArray) -> IntArray:
+    """Faces of a hull, with their corners the way round that shows which side is out."""
+    a, b, c = (points[faces[:, corner]] for corner in range(3))
+    inwards = ((a - points.mean(axis=0)) * np.cross(b - a, c - a)).sum(axis=1) < 0
+    turned = faces.copy()
+    turned[inwards] = faces[inwards][:, ::-1]
+    return turned
+
+
+MAX_GRID_SAMPLES: Final = 48
+"""Along a side: 4,418 triangles."""
+
+
+def coarse_surface(grid: GridPart) -> Triangles:
+    """The surface of at most so many samples, evenly spread; the outermost are those of the grid."""
+    rows, columns = grid.heights.shape
+    heights = _resampled(_resampled(grid.heights, min(rows, MAX_GRID_SAMPLES)).T, min(columns, MAX_GRID_SAMPLES)).T
+    surface: SurfacePart = grid_surface(GridPart(grid.size_xy, np.ascontiguousarray(heights)))
+    return Triangles(surface.points_xyz, surface.triangles)
+
+
+def _resampled(heights: FloatArray, count: int) -> FloatArray:
+    """So many rows, evenly spread, with straight lines between those that there are."""
+    places = np.linspace(0, len(heights) - 1, count)
+    below = np.minimum(places.astype(np.int64), len(heights) - 2)
+    share = (places - below)[:, None]
+    found: FloatArray = heights[below] * (1 - share) + heights[below + 1] * share
+    return found
+
+
+# Triangles that every mesh may have: those of a box.
+_MIN_TRIANGLES: Final = 12
+# Steps along the longest side of a mesh: half a millimetre of a metre.
+_MESH_STEPS: Final = 2**10
+# In m: finer steps than these are no use to anybody.
+_MIN_STEP_M: Final = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """How many triangles there may be; `each`: of one mesh."""
+
+    each: int
+    all: int
+
+
+ROBOT_BUDGET: Final = Budget(1_200, 8_000)
+WORLD_BUDGET: Final = Budget(4_500, 8_000)
+
+
+def within(budget: Budget, surfaces: Sequence[Triangles]) -> list[Triangles]:
+    """The surfaces within a budget: those of few triangles keep them, and the others have what is left to share."""
+    counts = sorted(min(len(surface), budget.each) for surface in surfaces)
+    each, left = budget.each, budget.all
+    for place, count in enumerate(counts):
+        share = left // (len(counts) - place)
+        if count > share:
+            each = max(_MIN_TRIANGLES, share)
+            break
+        left -= count
+    return [simplified(surface, each) for surface in surfaces]
+
+
+def mesh_data(surface: Triangles) -> MeshData | None:
+    """A surface as it is stored; None if nothing is left of it."""
+    points = surface.points_xyz
+    if not len(surface) or not np.isfinite(points).all():
+        return None
+    step = max(_MIN_STEP_M, float(np.ptp(points, axis=0).max()) / _MESH_STEPS)
+    places = np.rint(points / step).astype(np.int64)
+    grid, names = np.unique(places, axis=0, return_inverse=True)
+    whole = without_idle(Triangles(grid.astype(np.float64), names.ravel()[surface.corners]))
+    if not len(whole):
+        return None
+    return MeshData.encoded(whole.points_xyz.astype(np.int64), whole.corners, float(f"{step:.6g}"))
+
+
+def digest_of(mesh: MeshData) -> str:
+    """What is the same for meshes that are alike."""
+    return hashlib.sha256(repr((mesh.scale, mesh.points, mesh.triangles)).encode()).hexdigest()[:16]

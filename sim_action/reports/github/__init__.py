@@ -1,0 +1,1 @@
+"""The reports that GitHub Actions shows: job summary, annotations, step outputs."""

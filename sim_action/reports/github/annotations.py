@@ -1,0 +1,124 @@
+"""Annotations: workflow commands that put a failure on the line of the file that has to be looked at."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal
+
+from sim_action.core.errors import Location
+from sim_action.core.messages import log_line
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import (
+    command_data,
+    command_property,
+    log_text,
+    one_line,
+    shortened,
+    shortened_command,
+)
+from sim_action.reports.formatting import moment
+from sim_action.reports.links import replay_link, seen_from
+from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, relative_margin, worst_first
+from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
+
+MAX_ANNOTATIONS: Final = 10
+"""GitHub shows so many of each level and step."""
+
+MAX_CHARACTERS: Final = 4096
+_MAX_IN_TITLE: Final = 200
+
+Level = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True)
+class Annotation:
+    """One annotation, before escaping."""
+
+    level: Level
+    title: str
+    message: str
+    location: Location | None = None
+
+    def command(self, workspace: Path) -> str:
+        """The workflow command, on one line."""
+        properties = {"title": shortened(one_line(self.title), _MAX_IN_TITLE)}
+        if self.location is not None:
+            line, column = self.location.line, self.location.column
+            place = {"file": seen_from(workspace, self.location.file), "line": line, "col": column}
+            properties = {name: str(value) for name, value in place.items() if value is not None} | properties
+        start = f"::{self.level} {','.join(f'{name}={command_property(text)}' for name, text in properties.items())}::"
+        return start + shortened_command(command_data(self.message), max(1, MAX_CHARACTERS - len(start)))
+
+
+def complaint(message: str, environment: Mapping[str, str]) -> str:
+    """The line that tells why nothing was done: on GitHub an annotation, as there is no other report."""
+    if environment.get("GITHUB_ACTIONS") == "true":
+        return log_text(Annotation("error", "sim-action", message).command(Path()), "utf-8")
+    return log_line(f"sim-action: {message}")
+
+
+def write_annotations(results: Results, options: ReportOptions) -> None:
+    """Prints the annotations if this is GitHub Actions; the worst come first, as there is room for few."""
+    if options.environment.get("GITHUB_ACTIONS") != "true":
+        return
+    ordered = worst_first(grouped_scenarios(results.outcomes))
+    found = [
+        annotation for group in ordered for annotation in (_of_variations if group.varies else _of_one)(group, options)
+    ]
+    encoding = sys.stdout.encoding or "utf-8"
+    for annotation in (*_limited(found, "error"), *_limited(found, "warning")):
+        sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
+    sys.stdout.flush()
+
+
+def _of_one(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
+    return (annotation for annotation, _ in _annotations(group.name, group.worst, options))
+
+
+def _of_variations(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
+    """One for all variations of a scenario that the same happened to, in the words of the worst."""
+    same: dict[tuple[str, str, Location | None], list[tuple[float, str, Annotation]]] = {}
+    for outcome in group.worst_first():
+        for annotation, margin in _annotations(group.name, outcome, options):
+            alike = same.setdefault((annotation.level, annotation.title, annotation.location), [])
+            alike.append((margin, group.values(outcome), annotation))
+    for alike in same.values():
+        _, values, worst = min(alike, key=lambda each: each[0])
+        count = f"{len(alike)} of {len(group.outcomes)} variations"
+        message = f"{count}; the worst, {values}: {worst.message}" if len(alike) > 1 else f"{values}: {worst.message}"
+        yield replace(worst, message=message)
+
+
+def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterator[tuple[Annotation, float]]:
+    """What did not hold, and by which part of its limit."""
+    for failure in outcome.failures:
+        where = failure.location or outcome.location
+        message = failure.message + _replayed(outcome, options, failure.time)
+        yield Annotation("error", f"{name}: {failure.title}", message, where), 0.0
+    for expected in outcome.causes_first:
+        if expected.verdict.passed:
+            continue
+        level: Level = "error" if expected.failed else "warning"
+        message = expected.verdict.message + _replayed(outcome, options, expected.verdict.time)
+        annotation = Annotation(level, f"{name}: {expected.name}", message, expected.location)
+        yield annotation, relative_margin(expected)
+
+
+def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> str:
+    """Where in the report that is, at a time in s; empty if it is not there."""
+    link = replay_link(outcome, options, time)
+    return f" (replay{'' if time is None else f' at {moment(time)}'}: {link})" if link else ""
+
+
+def _limited(found: list[Annotation], level: Level) -> list[Annotation]:
+    """At most as many as are shown; the last says how many are not."""
+    chosen = [annotation for annotation in found if annotation.level == level]
+    if len(chosen) <= MAX_ANNOTATIONS:
+        return chosen
+    shown = chosen[: MAX_ANNOTATIONS - 1]
+    more = f"{len(chosen) - len(shown)} more, see the summary"
+    return [*shown, Annotation(level, "sim-action", more)]

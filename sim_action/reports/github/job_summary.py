@@ -1,0 +1,370 @@
+"""The job summary of GitHub Actions: what failed and why at first sight, the rest folded; never over the size limit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import ExitCode
+from sim_action.core.messages import counted
+from sim_action.recording.replay.replay_file import Replay
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import markdown_block, markdown_text, shortened
+from sim_action.reports.formatting import (
+    DisplayStatus,
+    counts_text,
+    display_status,
+    moment,
+    provenance_rows,
+    quantity,
+    repeats_text,
+    shard_text,
+    speed_text,
+    user_output,
+)
+from sim_action.reports.github.markdown import code, code_of_link, folded, row, shell_block, source_link, table
+from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
+from sim_action.reports.links import replay_link, rerun_command
+from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.results_json import Results
+
+MAX_BYTES: Final = 1 << 20
+"""GitHub drops a larger summary whole."""
+
+# What headings, table heads, folds and remarks on what is left out take at most.
+_FRAME: Final = 4_000
+# Of all bytes, how many the overview may take; what it leaves is for the sections.
+_OVERVIEW_SHARE: Final = 0.4
+_MAX_UNFOLDED: Final = 20
+# Scenarios whose failures are drawn: a page of charts is slow, and nobody looks at all of them.
+_MAX_DRAWN: Final = 8
+
+
+def write_summary(results: Results, options: ReportOptions) -> None:
+    """Appends the summary to the file behind `GITHUB_STEP_SUMMARY`, if there is one."""
+    name = options.environment.get("GITHUB_STEP_SUMMARY")
+    if not name:
+        return
+    file = Path(name)
+    written = file.stat().st_size if file.exists() else 0
+    text = summary(results, options, MAX_BYTES - written)
+    with file.open("ab") as stream:
+        stream.write(text.encode("utf-8", errors="replace"))
+
+
+def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTES) -> str:
+    """The summary, in at most so many bytes; what does not fit is left out from the end, where the harmless stands."""
+    found, room = worst_first(grouped_scenarios(results.outcomes)), most_bytes - _FRAME
+    if room < 0:
+        return ""
+    rows = _fitting((_overview_row(group, options) for group in found), int(room * _OVERVIEW_SHARE))
+    written = (_scenario_section(group, options, drawn=number < _MAX_DRAWN) for number, group in enumerate(found))
+    sections = _fitting(written, room - _size(rows))
+    unfolded = sum(group.status != "passed" for group in found[: len(sections)])
+    parts = [
+        f"## {_run_headline(results)}",
+        _counts(results),
+        *_overview(found, rows),
+        *sections[:unfolded],
+        folded(f"Measurements of what passed ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
+        if len(sections) > unfolded
+        else "",
+        _unshown_scenarios(len(found) - len(sections)),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n\n"
+
+
+def _run_headline(results: Results) -> str:
+    left = results.count("skipped")
+    bad = results.total - results.count("passed") - left
+    if not results.total:
+        if results.exit_code is ExitCode.PASSED:
+            return f"✅ No scenario is left for {results.shard or 'this part'}"
+        return "⚠️ No scenario was run"
+    if results.conclusion == "cancelled":
+        return f"🛑 Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
+    if left:
+        return f"❌ {bad} of {results.total} scenarios did not pass, and {left} were not run"
+    if not bad:
+        return "✅ The scenario passed" if results.total == 1 else f"✅ All {results.total} scenarios passed"
+    return (
+        "❌ The scenario did not pass" if results.total == 1 else f"❌ {bad} of {results.total} scenarios did not pass"
+    )
+
+
+def _counts(results: Results) -> str:
+    speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
+    versions = (f"sim-action {results.sim_action}", f"Python {results.python}", results.platform)
+    version = " · ".join(map(markdown_text, versions))
+    part = f" · {shard_text(results.shard)}" if results.shard else ""
+    return f"**{counts_text(results)}** in {results.wall_time:.1f} s{speed}{part} · {version}"
+
+
+def _overview(found: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
+    """One table of all; of many scenarios, those that passed are folded."""
+    unfolded = len(rows)
+    if unfolded > _MAX_UNFOLDED:
+        unfolded = sum(group.status != "passed" for group in found[:unfolded])
+    columns = ("", "Scenario", "What happened", " Sim time", " Speed")
+    if rows[:unfolded]:
+        yield table(columns, rows[:unfolded])
+    if rows[unfolded:]:
+        yield folded(f"{counted(len(rows) - unfolded, 'scenario')} passed", table(columns, rows[unfolded:]))
+    if len(found) > len(rows):
+        left = len(found) - len(rows)
+        yield f"_{counted(left, 'more scenario')} {'is' if left == 1 else 'are'} left out of this table._"
+
+
+def _overview_row(group: ScenarioGroup, options: ReportOptions) -> str:
+    file = source_link(options, group.location)
+    name = f"**{markdown_text(group.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
+    speed = "" if group.varies else speed_text(group.worst.real_time_factor).removesuffix(" real time")
+    return row(ICONS[group.status], name, _group_gist(group), moment(_total_sim_time(group)), speed)
+
+
+def _fitting(written: Iterable[str], most_bytes: int) -> list[str]:
+    """What is written of the first scenarios, as many as there is room for."""
+    texts: list[str] = []
+    for text in written:
+        most_bytes -= _size([text])
+        if most_bytes < 0:
+            break
+        texts.append(text)
+    return texts
+
+
+def _size(texts: list[str]) -> int:
+    """In bytes, with the line ends that come between."""
+    return sum(len(text.encode("utf-8", errors="replace")) + 2 for text in texts)
+
+
+def _unshown_scenarios(count: int) -> str:
+    if not count:
+        return ""
+    left = f"{counted(count, 'more scenario')} {'is' if count == 1 else 'are'} left out here"
+    return f"_{left}, as GitHub shows no more; `results.json` has them all._"
+
+
+ICONS: Final[dict[DisplayStatus, str]] = {
+    "passed": "✅",
+    "warned": "⚠️",
+    "failed": "❌",
+    "flaky": "🎲",
+    "error": "💥",
+    "skipped": "⏭️",
+}
+
+_MAX_ROWS: Final = 100
+_MAX_FAILURES: Final = 20
+_MAX_IN_MESSAGE: Final = 500
+_MAX_IN_BLOCK: Final = 4_000
+_MAX_REMARKS: Final = 50
+_MAX_CHARTS: Final = 2
+_DIGEST_DIGITS: Final = 12
+
+
+def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bool = False) -> str:
+    """A heading, what did not hold or why there is no verdict, everything measured; how it ran is folded.
+
+    `drawn`: whether what did not hold is also shown in charts, where the run has left what they are made of.
+    """
+    return _varied(group, options, drawn=drawn) if group.varies else _outcome_section(group.worst, options, drawn=drawn)
+
+
+def _group_gist(group: ScenarioGroup) -> str:
+    """The one thing to know about a scenario, as Markdown."""
+    if not group.varies:
+        return _gist(group.worst)
+    if group.status == "passed":
+        return _variations_headline(group)
+    return f"{group.passed}; worst: {markdown_text(group.values(group.worst))} {_gist(group.worst)}"
+
+
+def _variations_headline(group: ScenarioGroup) -> str:
+    """How many of its variations passed, and how near the worst of them came to its limit, as Markdown."""
+    worst = f"; worst: {markdown_text(group.worst_text)}" if group.status != "skipped" else ""
+    return f"{group.passed}{worst}"
+
+
+def _total_sim_time(group: ScenarioGroup) -> float | None:
+    """In s, of all that was simulated; None if nothing was."""
+    times = [outcome.sim_time for outcome in group.outcomes if outcome.sim_time is not None]
+    return sum(times) if times else None
+
+
+def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str:
+    """A table of its variations, in which those that passed are folded, and all about the worst, if one did not."""
+    ordered = group.worst_first()
+    unhappy = [outcome for outcome in ordered if display_status(outcome) != "passed"]
+    rows = [
+        row(
+            ICONS[display_status(outcome)],
+            markdown_text(group.values(outcome)),
+            _gist(outcome),
+            moment(outcome.sim_time),
+        )
+        for outcome in ordered[: max(len(unhappy), _MAX_ROWS)]
+    ]
+    columns = ("", "Variation", "What happened", " Sim time")
+    passed = f"{counted(len(ordered) - len(unhappy), 'variation')} that passed"
+    bad, good = rows[: len(unhappy)][:_MAX_ROWS], rows[len(unhappy) :]
+    parts = [
+        f"### {ICONS[group.status]} {markdown_text(group.name)}: {_variations_headline(group)}",
+        source_link(options, group.location),
+        table(columns, bad) if bad else "",
+        folded(passed, table(columns, good)) if good else "",
+        _left_out_note(len(ordered), len(bad) + len(good), "variation"),
+        _outcome_section(group.worst, options, drawn=drawn) if group.status not in ("passed", "skipped") else "",
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -> str:
+    parts = [
+        f"### {ICONS[display_status(outcome)]} {markdown_text(outcome.name)}",
+        _subtitle(outcome, options),
+        *(_failure_text(failure, options) for failure in outcome.failures[:_MAX_FAILURES]),
+        _left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
+        _expectations(outcome, options),
+        *(_charts(outcome, options) if drawn else ()),
+        _reproduction(outcome, options),
+        _run_details(outcome),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _charts(outcome: Outcome, options: ReportOptions) -> Iterator[str]:
+    """Of what did not hold, beginning with what makes the scenario fail."""
+    numbered = sorted(enumerate(outcome.expectations), key=lambda pair: (pair[1].verdict.cut_off, not pair[1].failed))
+    missed = [(number, expected) for number, expected in numbered if not expected.verdict.passed]
+    replay = load_replay(outcome, options) if missed else None
+    drawings = (_chart(replay, number, expected) for number, expected in missed) if replay else ()
+    yield from islice((drawing for drawing in drawings if drawing), _MAX_CHARTS)
+
+
+def _chart(replay: Replay, number: int, expected: ExpectationOutcome) -> str:
+    signal = signal_of_verdict(replay, number, expected.verdict)
+    drawing = "" if signal is None else chart(signal, expected.verdict.time)
+    return f"**{markdown_text(expected.name)}** over time:\n\n{drawing}" if drawing else ""
+
+
+def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
+    """What is of use to whoever has to mend something."""
+    if display_status(outcome) in ("passed", "skipped") or not (typed := rerun_command(outcome, options)):
+        return ""
+    return f"To run it again:\n\n{shell_block(typed)}"
+
+
+def _gist(outcome: Outcome) -> str:
+    if outcome.status == "skipped":
+        return _message(" ".join(outcome.notes))
+    reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
+    reasons += [expected.verdict.message for expected in outcome.causes_first if expected.failed]
+    reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
+    if reasons:
+        more = f" <sub>(and {len(reasons) - 1} more)</sub>" if len(reasons) > 1 else ""
+        return _message(reasons[0]) + more
+    if len(outcome.expectations) == 1:
+        return _message(outcome.expectations[0].verdict.message)
+    return f"{len(outcome.expectations)} expectations held"
+
+
+def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
+    simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
+    ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
+    engine, speed = markdown_text(outcome.engine or ""), speed_text(outcome.real_time_factor)
+    parts = (source_link(options, outcome.location), simulated, ended, speed, engine, repeats_text(outcome))
+    return " · ".join(part for part in parts if part)
+
+
+def _failure_text(failure: Failure, options: ReportOptions) -> str:
+    said = f"**{markdown_text(shortened(failure.title, _MAX_IN_MESSAGE))}**: {_message(failure.message)}"
+    if failure.location is not None:
+        said += f"<br>\n{source_link(options, failure.location)}"
+    if failure.details.strip():
+        said += f"\n\nLast words:\n\n{_ending_block(failure.details)}"
+    return said
+
+
+def _expectations(outcome: Outcome, options: ReportOptions) -> str:
+    """What did not hold; what did is folded, if there is both."""
+    ordered = sorted(outcome.causes_first, key=lambda expected: not expected.failed)
+    missed = [expected for expected in ordered if not expected.verdict.passed]
+    held = [expected for expected in ordered if expected.verdict.passed]
+    if not missed or not held:
+        return _table(outcome, missed or held, options)
+    return "\n\n".join(
+        (
+            _table(outcome, missed, options),
+            folded(
+                f"{counted(len(held), 'expectation')} held",
+                _table(outcome, held, options),
+            ),
+        )
+    )
+
+
+def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options: ReportOptions) -> str:
+    if not expectations:
+        return ""
+    rows = (_row(outcome, expected, options) for expected in expectations[:_MAX_ROWS])
+    columns = ("", "Expectation", " Measured", " Limit", " Margin", " At")
+    left_out = _left_out_note(len(expectations), _MAX_ROWS, "expectation")
+    return table(columns, rows) + (f"\n\n{left_out}" if left_out else "")
+
+
+def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
+    verdict = expected.verdict
+    icon = ICONS["passed" if verdict.passed else "failed" if expected.failed else "warned"]
+    what = f"**{markdown_text(expected.name)}**<br>{_message(verdict.message)}"
+    if not verdict.passed:
+        what += f"<br>{source_link(options, expected.location)}"
+        if link := replay_link(outcome, options, verdict.time):
+            what += f"<br>replay: {code_of_link(link)}"
+    numbers = (quantity(value, verdict.unit) for value in (verdict.measured, verdict.limit, verdict.margin))
+    return row(icon, what, *(markdown_text(number) for number in numbers), moment(verdict.time))
+
+
+def _run_details(outcome: Outcome) -> str:
+    items = [f"- {remark}" for remark in _remarks(outcome)]
+    if output := user_output(outcome):
+        items.append(f"\nOutput:\n\n{_ending_block(output)}")
+    if not items:
+        return ""
+    return folded("How it ran", "\n".join(items))
+
+
+def _remarks(outcome: Outcome) -> Iterator[str]:
+    for name, told in provenance_rows(outcome.provenance).items():
+        yield f"{name}: {markdown_text(told)}"
+    if outcome.seed is not None:
+        yield f"seed: {outcome.seed}"
+    if outcome.digest:
+        yield f"digest: {code(outcome.digest[:_DIGEST_DIGITS])}"
+    for varied in outcome.variation:
+        yield f"{code(varied.key)}: {code(json.dumps(varied.value))}"
+    if outcome.trace:
+        yield f"trace: {code(outcome.trace)}"
+    for note in outcome.notes[:_MAX_REMARKS]:
+        yield f"note: {_message(note)}"
+    for diagnostic in outcome.diagnostics[:_MAX_REMARKS]:
+        yield f"{diagnostic.level} of the engine: {_message(diagnostic.message)}"
+
+
+def _message(text: str) -> str:
+    return markdown_text(shortened(text, _MAX_IN_MESSAGE))
+
+
+def _ending_block(text: str) -> str:
+    """The end of a text is where the cause stands."""
+    return markdown_block(text if len(text) <= _MAX_IN_BLOCK else f"…{text[-_MAX_IN_BLOCK:]}")
+
+
+def _left_out_note(total: int, most: int, what: str) -> str:
+    if total <= most:
+        return ""
+    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} left out here._"

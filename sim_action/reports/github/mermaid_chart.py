@@ -1,0 +1,195 @@
+"""Charts that GitHub draws from text, by Mermaid (`xychart-beta`): a curve and the limits it was held against."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from sim_action.core import units
+from sim_action.recording.replay.replay_file import Replay, ReplayError, SignalData, read_replay
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import one_line, shortened
+from sim_action.results.outcome import Outcome
+from sim_action.results.stored_files import stored_file
+from sim_action.state.trace import FloatArray
+from sim_action.state.verdict import Signal, Verdict
+
+_MAX_POINTS: Final = 60
+_MAX_IN_TEXT: Final = 80
+# What may stand between the quotes of a text: whatever else is in it, it is no end of it, no comment and no markup.
+_UNSAFE: Final = re.compile(r"[^\w .,:()/+*=^'°·²\[\]-]")
+# The curve, and its limits; dark enough for a white page and bright enough for a black one.
+_CURVE, _LIMIT = "#2f81f7", "#e5534b"
+_PADDING: Final = 0.08
+# Of the span of all values: a blow that is less than that is not seen anyway.
+_NOTICEABLE: Final = 0.02
+# In s, and in any unit.
+_SHORTEST, _LARGEST = 1e-6, 1e12
+# Of an axis, what nobody sees.
+_SLIVER: Final = 1e-4
+
+
+def chart(signal: Signal, moment: float | None = None) -> str:
+    """A fenced chart of the curve over sim time, and a level line for each limit; empty if there is nothing to draw.
+
+    `moment`: s of sim time that must be seen as it was, as the verdict is of it.
+    """
+    there = np.isfinite(signal.values)
+    time, factor, unit = signal.time[there], *_shown_in(signal.unit)
+    if len(time) < 2 or not time[-1] - time[0] > _SHORTEST or not _is_sane(time, signal.values[there]):
+        return ""
+    values = sampled(time, factor * signal.values[there], moment)
+    limits = [factor * limit for limit in (signal.lower, signal.upper) if limit is not None]
+    low, high = _range([*values, *limits])
+    lines = (values, *([limit, limit] for limit in limits))
+    return "\n".join(
+        (
+            "```mermaid",
+            _settings(len(limits)),
+            "xychart-beta",
+            f"    title {_text(_title(signal))}",
+            f'    x-axis "sim time in s" {_span(*_almost(float(time[0]), float(time[-1])))}',
+            f"    y-axis {_text(f'in {unit}' if unit else signal.name)} {_span(low, high)}",
+            *(f"    line [{', '.join(_number(value, high - low) for value in line)}]" for line in lines),
+            "```",
+        )
+    )
+
+
+def _is_sane(*columns: FloatArray) -> bool:
+    """Whether all numbers are such as can be written; a file with others was not written by sim-action."""
+    return all(float(np.abs(column).max()) <= _LARGEST for column in columns)
+
+
+def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, most: int = _MAX_POINTS) -> list[float]:
+    """So many values, evenly over the time; the first, the last and that of `moment` are as they were.
+
+    A blow of one step stays visible: what is between two of these, and well beyond both, stands in the place of one.
+    """
+    at = np.interp(np.linspace(time[0], time[-1], most), time, values)
+    found = at.copy()
+    least = _NOTICEABLE * float(np.ptp(values))
+    parts = np.rint((time - time[0]) / (time[-1] - time[0]) * (most - 1)).astype(np.intp)
+    for part, value in zip(parts.tolist(), values.tolist(), strict=True):
+        if 0 < part < most - 1 and _beyond(value, at[part - 1], at[part + 1]) > max(
+            least, _beyond(found[part], at[part - 1], at[part + 1])
+        ):
+            found[part] = value
+    if moment is not None and time[0] <= moment <= time[-1]:
+        found[round((moment - time[0]) / (time[-1] - time[0]) * (most - 1))] = np.interp(moment, time, values)
+    return [float(value) for value in found]
+
+
+def _beyond(value: float, one: float, other: float) -> float:
+    """How far it is not between two others."""
+    return max(min(one, other) - value, value - max(one, other), 0.0)
+
+
+def _shown_in(unit: str) -> tuple[float, str]:
+    """By what a value is multiplied, and its unit then, as `units.display` has it."""
+    if unit in ("rad", "rad/s"):
+        return 1 / float(units.conversion("deg", "rad") or 1.0), unit.replace("rad", "deg")
+    return 1.0, unit
+
+
+def _title(signal: Signal) -> str:
+    named = ((signal.lower, "at least"), (signal.upper, "at most"))
+    limits = [f"{word} {units.display(limit, signal.unit)}" for limit, word in named if limit is not None]
+    lines = "level line: limit" if len(limits) == 1 else "level lines: limits"
+    return f"{shortened(signal.name, 30)} ({lines}, {' and '.join(limits)})" if limits else signal.name
+
+
+def _settings(limits: int) -> str:
+    """And sizes, as a directive: the first of Mermaid's own colours is as good as white."""
+    palette = ", ".join((_CURVE, *[_LIMIT] * limits))
+    settings = {
+        "xyChart": {"width": 720, "height": 320, "yAxis": {"titlePadding": 14}},
+        "themeVariables": {"xyChart": {"plotColorPalette": palette}},
+    }
+    return f"%%{{init: {json.dumps(settings)}}}%%"
+
+
+def _range(values: Sequence[float]) -> tuple[float, float]:
+    """From below the least to above the greatest; from 0 where that is not far."""
+    low, high = min(values), max(values)
+    # Of large numbers, as much as they can be told apart; less than a billionth is not worth a picture.
+    room = max(_PADDING * ((high - low) or abs(high) or 1.0), 1e-9 * max(abs(low), abs(high)), 1e-9)
+    if low >= 0 and low <= (high - low):
+        return 0.0, high + room
+    if high <= 0 and -high <= (high - low):
+        return low - room, 0.0
+    return low - room, high + room
+
+
+def _text(text: str) -> str:
+    return f'"{shortened(one_line(_UNSAFE.sub(" ", text)), _MAX_IN_TEXT)}"'
+
+
+def _almost(start: float, end: float) -> tuple[float, float]:
+    """The same span but for so little that a tick at its very end is left out: the picture's edge would cut it off."""
+    return start, end - _SLIVER * (end - start)
+
+
+def _span(low: float, high: float) -> str:
+    return f"{_number(low, _SLIVER * (high - low))} --> {_number(high, _SLIVER * (high - low))}"
+
+
+def _number(value: float, span: float) -> str:
+    """With as many digits as tell a thousandth of a span apart; without an exponent, which Mermaid does not read."""
+    digits = min(max(0, 4 - math.ceil(math.log10(span))), 12)
+    text = f"{value + 0.0:.{digits}f}"
+    return text.rstrip("0").rstrip(".") if digits else text
+
+
+# Limits are stored as they are; a verdict's went through other arithmetic.
+_SAME_LIMIT: Final = 1e-9
+
+
+def load_replay(outcome: Outcome, options: ReportOptions) -> Replay | None:
+    """What the run has left; None if that is nothing, or nothing that can be read."""
+    path = None if outcome.replay is None else stored_file(options.folder, outcome.replay)
+    if path is None:
+        return None
+    try:
+        return read_replay(path)
+    except ReplayError:
+        return None
+
+
+def signal_of_verdict(replay: Replay, expectation: int, verdict: Verdict) -> Signal | None:
+    """Of the curves of an expectation, counted from 0, the one that its verdict is about; None if it has none."""
+    stored = [signal for signal in replay.signals if signal.expectation == expectation]
+    curves = [_decoded_signal(signal, replay) for signal in stored]
+    return min(curves, key=lambda one: _mismatch(one, verdict), default=None)
+
+
+def _decoded_signal(stored: SignalData, replay: Replay) -> Signal:
+    frames = replay.frames
+    column, count = (frames.time, frames.count) if stored.time is None else (stored.time, 1 + len(stored.time.deltas))
+    return Signal(
+        stored.name,
+        stored.unit,
+        column.decoded(count),
+        stored.values.decoded(count),
+        stored.lower,
+        stored.upper,
+        stored.start,
+        np.inf if stored.end is None else stored.end,
+    )
+
+
+def _mismatch(signal: Signal, verdict: Verdict) -> tuple[bool, bool, float]:
+    """How little a curve has to do with a verdict: another unit, another limit, another value at its moment."""
+    limits = [limit for limit in (signal.lower, signal.upper) if limit is not None]
+    limit = verdict.limit
+    is_other = limit is None or not any(abs(one - limit) <= _SAME_LIMIT * max(1.0, abs(limit)) for one in limits)
+    there = np.isfinite(signal.values)
+    if verdict.measured is None or verdict.time is None or not there.any():
+        return signal.unit != verdict.unit, is_other, np.inf
+    value = float(np.interp(verdict.time, signal.time[there], signal.values[there]))
+    return signal.unit != verdict.unit, is_other, abs(value - verdict.measured)

@@ -1,0 +1,65 @@
+"""The outputs of a GitHub Actions step."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+
+from sim_action.reports import ReportOptions
+from sim_action.reports.links import REPORT_FILE, replay_link
+from sim_action.results.results_json import RESULTS_FILE, Results
+
+
+def write_outputs(results: Results, options: ReportOptions) -> None:
+    """Appends what later steps can ask for to the file behind `GITHUB_OUTPUT`, if there is one."""
+    append_outputs(outputs(results, options), options.environment)
+
+
+def append_outputs(values: Mapping[str, str], environment: Mapping[str, str]) -> None:
+    """Appends names and values to that file. Raises OSError."""
+    file = environment.get("GITHUB_OUTPUT")
+    if not file:
+        return
+    entries = "".join(_entry(name, value) for name, value in values.items())
+    # Paths need not be UTF-8; they go out as they came in.
+    with Path(file).open("a", encoding="utf-8", errors="surrogateescape", newline="\n") as stream:
+        stream.write(entries)
+
+
+def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
+    """Name -> value; `travelled` in m, empty unless there is exactly one scenario and it moved a robot; times in s."""
+    travelled, factor = results.travelled, results.real_time_factor
+    return {
+        "conclusion": results.conclusion,
+        "total": str(results.total),
+        "passed": str(results.count("passed")),
+        "failed": str(results.count("failed")),
+        "flaky": str(results.count("flaky")),
+        "errors": str(results.count("error")),
+        "skipped": str(results.count("skipped")),
+        "junit-path": str(options.junit.absolute()),
+        "results-path": str((options.folder / RESULTS_FILE).absolute()),
+        "report-path": "" if "report" in options.silenced else str((options.folder / REPORT_FILE).absolute()),
+        "report-fragment": _fragment(results, options),
+        "travelled": "" if travelled is None else f"{travelled:.4f}",
+        "duration": f"{results.wall_time:.3f}",
+        "real-time-factor": "" if factor is None else f"{factor:.2f}",
+    }
+
+
+def _fragment(results: Results, options: ReportOptions) -> str:
+    """What opens the report where it is worst: at the moment that decided why the scenario failed."""
+    worst = next(iter(results.worst_first()), None)
+    if worst is None or worst.status in ("passed", "skipped"):
+        return ""
+    times = [failure.time for failure in worst.failures]
+    times += [expected.verdict.time for expected in worst.causes_first if expected.failed]
+    link = replay_link(worst, options, next(iter(times), None))
+    return link.removeprefix(REPORT_FILE)
+
+
+def _entry(name: str, value: str) -> str:
+    """In the form for many lines: a value that cannot know the delimiter cannot begin another entry."""
+    delimiter = f"ghadelimiter_{secrets.token_hex(16)}"
+    return f"{name}<<{delimiter}\n{value}\n{delimiter}\n"

@@ -1,0 +1,162 @@
+"""The document around the parts: what it may do, how it looks, what it carries."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Final
+
+from sim_action.reports.escaping import plain_text
+
+SCRIPTS: Final = (
+    "dom.js",
+    "unpacking.js",
+    "poses.js",
+    "motion.js",
+    "outlines.js",
+    "units.js",
+    "colours.js",
+    "top_view.js",
+    "curves.js",
+    "plot.js",
+    "clock.js",
+    "controls.js",
+    "views.js",
+    "player.js",
+    "keyboard.js",
+    "links.js",
+    "scenarios.js",
+    "filter.js",
+    "copying.js",
+    "start.js",
+)
+"""In this order they are one script; those that stand first need none of the others to be there."""
+
+VIEWER: Final = "viewer3d.json"
+"""What draws in three dimensions; built from `web/`, and not there where nobody has built it."""
+
+_REMARK: Final = re.compile(r"/\*\*.*?\*/|^ *// [^\n]*$", re.DOTALL | re.MULTILINE)
+_INDENT: Final = re.compile(r"^ +|\n+(?=\n)", re.MULTILINE)
+
+_ICON: Final = (
+    "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'>"
+    "<circle cx='8' cy='8' r='7' fill='{colour}'/></svg>"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """What one document is made of; `blocks`: id -> packed data."""
+
+    title: str
+    failed: bool
+    body: Html
+    index: str
+    blocks: Mapping[str, str]
+
+    def text(self) -> str:
+        """The whole file."""
+        style, script = _asset("page.css"), page_script()
+        # Of no use where there is nothing to look at.
+        built = viewer() if self.blocks else None
+        carried = dict(self.blocks) | ({"viewer3d": built.packed} if built else {})
+        scripts = [fingerprint(script), *([built.fingerprint] if built else [])]
+        top = element(
+            "head",
+            element("meta", charset="utf-8"),
+            element("meta", http_equiv="Content-Security-Policy", content=policy(fingerprint(style), scripts)),
+            element("meta", name="viewport", content="width=device-width, initial-scale=1"),
+            element("meta", name="color-scheme", content="light dark"),
+            element("meta", name="generator", content="sim-action"),
+            element("title", self.title),
+            element("link", rel="icon", href=_ICON.format(colour="%23c62f2f" if self.failed else "%233a6ea5")),
+            element("style", Html(style)),
+        )
+        blocks = [element("script", Html(block), type="text/plain", id=name) for name, block in carried.items()]
+        index = element("script", Html(self.index), type="application/json", id="index")
+        body = element("body", joined(self.body, index, *blocks, element("script", Html(script))))
+        return f"<!doctype html>\n{element('html', top, body, lang='en')}\n"
+
+
+def policy(style: str, scripts: Iterable[str]) -> str:
+    """Nothing is fetched, and nothing runs but the scripts of these fingerprints, to the letter."""
+    rest = "img-src data:; base-uri 'none'; form-action 'none'"
+    return f"default-src 'none'; script-src {' '.join(scripts)}; style-src {style}; {rest}"
+
+
+def page_script() -> str:
+    """All of our own script, which needs no build."""
+    return "(() => {\n'use strict';\n" + "".join(_bare(_asset(name)) for name in SCRIPTS) + "})();\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Viewer:
+    """What draws in three dimensions: its script, packed, and the fingerprint of it unpacked."""
+
+    packed: str
+    fingerprint: str
+
+
+def viewer() -> Viewer | None:
+    """None where it has not been built."""
+    try:
+        built = json.loads(_asset(VIEWER))
+    except FileNotFoundError:
+        return None
+    return Viewer(built["packed"], f"'sha256-{built['sha256']}'")
+
+
+def _bare(script: str) -> str:
+    """A script of ours without its remarks and indents: none of our texts has lines that look like these."""
+    return _INDENT.sub("", _REMARK.sub("", script))
+
+
+def _asset(name: str) -> str:
+    return (files("sim_action.reports") / "viewer" / name).read_text(encoding="utf-8")
+
+
+def fingerprint(content: str) -> str:
+    """Of a script or style sheet, as a policy names it."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
+
+
+# What has no end tag in HTML.
+_VOID = frozenset({"meta", "link", "input"})
+
+
+class Html(str):
+    """Text that is HTML already."""
+
+    __slots__ = ()
+
+
+def text(words: str) -> Html:
+    """Any text, as HTML that shows it; without what reorders or hides text."""
+    return words if isinstance(words, Html) else Html(html.escape(plain_text(words)))
+
+
+def element(name: str, /, *children: str, **attributes: str | float | bool | None) -> Html:
+    """An element; children that are not `Html` are text.
+
+    In names of attributes an underscore stands for a hyphen, one at the end for nothing; True: it has no value; False
+    and None: it is left out.
+    """
+    told = "".join(_attribute(key, value) for key, value in attributes.items() if value not in (None, False))
+    start = f"<{name}{told}>"
+    return Html(start if name in _VOID else f"{start}{''.join(map(text, children))}</{name}>")
+
+
+def joined(*parts: str) -> Html:
+    """One after the other, a line each; empty ones are left out."""
+    return Html("\n".join(text(part) for part in parts if part))
+
+
+def _attribute(key: str, value: str | float | bool | None) -> str:
+    name = key.rstrip("_").replace("_", "-")
+    return f" {name}" if value is True else f' {name}="{text(str(value))}"'

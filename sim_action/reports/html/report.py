@@ -1,0 +1,250 @@
+"""`report.html`: the whole run in one file, which opens from a disk and fetches nothing."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, count
+from math import isfinite
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.files import whole_file
+from sim_action.recording.replay.replay_file import Replay, ReplayError, read_replay
+from sim_action.recording.replay.shapes import MeshData
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import one_line, shortened
+from sim_action.reports.formatting import counts_text, display_status, shard_text, speed_text
+from sim_action.reports.html.document import Html, Page, element, joined
+from sim_action.reports.html.scenario_article import MARKS, article, drawn
+from sim_action.reports.links import REPORT_FILE
+from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
+from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
+from sim_action.results.stored_files import number_among_namesakes, stored_file
+
+MAX_PAGE_SCENARIOS: Final = 2_000
+"""What comes after these, a page only counts; failures come first."""
+
+
+def write_html(results: Results, options: ReportOptions) -> None:
+    """Writes `report.html` into the output folder."""
+    with whole_file(options.folder / REPORT_FILE) as file:
+        file.write(page(results, options).text().encode("utf-8", errors="replace"))
+
+
+def page(results: Results, options: ReportOptions) -> Page:
+    """The list, an article for each scenario, and the replays that there is room for."""
+    found = worst_first(grouped_scenarios(results.outcomes))
+    ordered = [outcome for group in found for outcome in group.worst_first()][:MAX_PAGE_SCENARIOS]
+    ids = {id(outcome): f"s{number}" for number, outcome in enumerate(ordered)}
+    parcel, numbers = Parcel(), _numbers(ordered)
+    articles, entries = [], []
+    for outcome in ordered:
+        identity = ids[id(outcome)]
+        replay, missing = _replay(outcome, options.folder)
+        if replay is not None and not parcel.takes(f"replay-{identity}", replay):
+            replay, missing = None, "No room was left for the replay of this run: failures come first."
+        still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome)
+        articles.append(article(identity, outcome, results, options, still))
+        entries.append(_index_entry(identity, outcome, numbers[id(outcome)], replay))
+    body = joined(
+        page_head(results),
+        element("div", joined(scenario_list(found, ids), element("main", joined(*articles))), class_="layout"),
+    )
+    blocks = parcel.blocks | ({"meshes": parcel.shared} if parcel.meshes else {})
+    title = f"{page_headline(results)} · sim-action"
+    return Page(title, results.conclusion != "success", body, page_json({"scenarios": entries}), blocks)
+
+
+def _replay(outcome: Outcome, folder: Path) -> tuple[Replay | None, str]:
+    """What there is to see of a run, or why there is nothing."""
+    if outcome.replay is None:
+        return None, "" if outcome.digest is None else "No replay of this run was kept."
+    path = stored_file(folder, outcome.replay)
+    if path is None:
+        return None, "The replay of this run is not where its results say."
+    try:
+        return read_replay(path), ""
+    except ReplayError as error:
+        return None, f"There is no replay: {one_line(str(error))}"
+
+
+def _numbers(outcomes: Sequence[Outcome]) -> dict[int, int]:
+    """By ids of outcomes: which of several of its name each is, told from its replay as links from elsewhere are."""
+    taken: defaultdict[str, set[int]] = defaultdict(set)
+    # Where to go on looking for the next that is free: many may have the same name.
+    free: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(1))
+    numbers = {}
+    for outcome in sorted(outcomes, key=lambda outcome: outcome.replay is None):
+        name = one_line(outcome.name)
+        stated = number_among_namesakes(outcome.name, outcome.replay or "")
+        number = next(number for number in chain([stated], free[name]) if number not in taken[name])
+        taken[name].add(number)
+        numbers[id(outcome)] = number
+    return numbers
+
+
+def _index_entry(identity: str, outcome: Outcome, number: int, replay: Replay | None) -> dict[str, object]:
+    """What the page's script has to know of a scenario."""
+    return {
+        "id": identity,
+        "name": one_line(outcome.name),
+        "number": number,
+        "status": display_status(outcome),
+        "replay": None if replay is None else f"replay-{identity}",
+        "moment": next((time for failure in outcome.failures if (time := _moment(failure.time)) is not None), None),
+        "expectations": [
+            {
+                "name": one_line(expected.name),
+                "status": "passed" if expected.verdict.passed else "warned" if expected.warned else "failed",
+                "time": _moment(expected.verdict.time),
+                "cutOff": expected.verdict.cut_off,
+            }
+            for expected in outcome.expectations
+        ],
+    }
+
+
+def _moment(time: float | None) -> float | None:
+    """A time in s that JSON can tell; results may be a stranger's."""
+    return time if time is not None and isfinite(time) else None
+
+
+_MAX_IN_GIST = 110
+
+
+def page_headline(results: Results) -> str:
+    """The one thing to know about all of it."""
+    bad = results.total - results.count("passed") - results.count("skipped")
+    if not results.total:
+        return "No scenario was run"
+    if results.conclusion == "cancelled":
+        return f"Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
+    if not bad:
+        return "The scenario passed" if results.total == 1 else f"All {results.total} scenarios passed"
+    return "The scenario did not pass" if results.total == 1 else f"{bad} of {results.total} scenarios did not pass"
+
+
+def page_head(results: Results) -> Html:
+    """What came of all scenarios, and what ran them."""
+    speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
+    told = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
+    told += [shard_text(results.shard)] if results.shard else []
+    told += [f"sim-action {results.sim_action}"]
+    kind = "failed" if results.conclusion != "success" else "passed"
+    return element(
+        "header",
+        element("h1", page_headline(results), class_=kind),
+        element("p", " · ".join(told), class_="faint"),
+        class_="run",
+    )
+
+
+def scenario_list(found: list[ScenarioGroup], ids: Mapping[int, str]) -> Html:
+    """The list; empty where there is nothing to choose from.
+
+    `ids`: `id()` of an outcome -> its id on the page, of those that the page has.
+    """
+    total = sum(len(group.outcomes) for group in found)
+    if total < 2:
+        return Html("")
+    left = total - len(ids)
+    more = element("p", f"{left} more are in results.json: a page has the worst {len(ids)}.", class_="faint none")
+    return element(
+        "nav",
+        element(
+            "details",
+            element("summary", f"{total} scenarios"),
+            element("ol", *(_list_entry(group, ids) for group in found)),
+            more if left else "",
+            open=True,
+        ),
+        aria_label="Scenarios",
+        class_="scenarios",
+    )
+
+
+def _gist(outcome: Outcome) -> str:
+    """Why a scenario did not pass, shortly; empty if it did."""
+    told = [failure.message for failure in outcome.failures]
+    told += [expected.verdict.message for expected in outcome.causes_first if not expected.verdict.passed]
+    return shortened(one_line(told[0]), _MAX_IN_GIST) if told else ""
+
+
+def _list_entry(group: ScenarioGroup, ids: Mapping[int, str]) -> Html:
+    there = [outcome for outcome in group.worst_first() if id(outcome) in ids]
+    if not there:
+        return Html("")
+    if not group.varies:
+        return _list_item(there[0], there[0].name, ids)
+    title = joined(
+        element("span", MARKS[group.status], class_=f"mark {group.status}", role="img", aria_label=group.status),
+        element("span", one_line(group.name), element("small", group.passed, class_="faint"), class_="name"),
+    )
+    items = [_list_item(outcome, group.values(outcome), ids) for outcome in there]
+    fold = element("details", element("summary", title), element("ol", *items), open=group.status != "passed")
+    return element("li", fold, class_="group")
+
+
+def _list_item(outcome: Outcome, name: str, ids: Mapping[int, str]) -> Html:
+    kind, why = display_status(outcome), _gist(outcome)
+    return element(
+        "li",
+        element(
+            "a",
+            element("span", MARKS[kind], class_=f"mark {kind}", role="img", aria_label=kind),
+            element("span", one_line(name), element("small", why, class_="faint") if why else "", class_="name"),
+            href=f"#{ids[id(outcome)]}",
+        ),
+    )
+
+
+MAX_REPLAY_BYTES: Final = 8_000_000
+"""Of all blocks, that of the meshes among them: what comes after these has none, and failures come first."""
+
+_LEVEL: Final = 9
+
+
+def packed(data: bytes) -> str:
+    """Gzip and base64; the same for the same data, always."""
+    return base64.b64encode(gzip.compress(data, _LEVEL, mtime=0)).decode("ascii")
+
+
+def page_json(data: object) -> str:
+    """JSON that can stand in a page: nothing in it ends the element around it."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+@dataclass(slots=True)
+class Parcel:
+    """The blocks of a page, as they come in; `size`: of all, as meshes would pack that came alone."""
+
+    blocks: dict[str, str] = field(default_factory=dict)
+    meshes: dict[str, MeshData] = field(default_factory=dict)
+    size: int = 0
+
+    def takes(self, identity: str, replay: Replay) -> bool:
+        """Whether there was room for a replay."""
+        block = packed(replay.model_dump_json(exclude={"scene": {"meshes"}}, exclude_none=True).encode())
+        new = {digest: mesh for digest, mesh in replay.scene.meshes.items() if digest not in self.meshes}
+        size = self.size + len(block) + (len(_packed_meshes(new)) if new else 0)
+        if size > MAX_REPLAY_BYTES:
+            return False
+        self.size = size
+        self.blocks[identity] = block
+        self.meshes |= new
+        return True
+
+    @property
+    def shared(self) -> str:
+        """The block of all meshes, by their digests."""
+        return _packed_meshes(self.meshes)
+
+
+def _packed_meshes(meshes: Mapping[str, MeshData]) -> str:
+    return packed(page_json({digest: mesh.model_dump() for digest, mesh in meshes.items()}).encode())

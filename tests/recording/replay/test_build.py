@@ -1,0 +1,48 @@
+"""Contacts that follow each other are one, and the strongest_touches are kept."""
+
+from __future__ import annotations
+
+from sim_action.recording.replay.build import joined_touches, strongest_touches
+from sim_action.recording.replay.replay_file import MAX_CONTACTS
+from tests.traces import contact
+
+
+def test_steps_of_one_pair_are_one_contact_with_its_largest_force() -> None:
+    steps = [contact(1.0 + step / 240, force=10.0 + step % 7) for step in range(100)]
+    (touch,) = joined_touches(steps)
+    assert (touch.first, touch.until, touch.force) == (steps[0], steps[-1].time, 16.0)
+
+
+def test_the_force_is_that_of_all_points_of_a_step() -> None:
+    points = [contact(1.0, force=30.0), contact(1.0, force=40.0), contact(1.01, force=50.0), contact(1.02, force=5.0)]
+    assert [touch.force for touch in joined_touches(points)] == [70.0]
+
+
+def test_a_pair_that_lets_go_touches_again() -> None:
+    assert [touch.until for touch in joined_touches([contact(1.0), contact(1.05), contact(1.5)])] == [1.05, 1.5]
+
+
+def test_pairs_are_told_apart() -> None:
+    found = joined_touches(
+        [contact(1.0), contact(1.0, body="ball"), contact(1.01), contact(1.01, link="caster_back_link")]
+    )
+    assert [(touch.first.link, touch.first.body) for touch in found] == [
+        ("base_footprint", "wall"),
+        ("base_footprint", "ball"),
+        ("caster_back_link", "wall"),
+    ]
+
+
+def test_of_many_the_strongest_are_kept_in_the_order_of_time() -> None:
+    many = [contact(float(number), force=float(number % 100)) for number in range(3 * MAX_CONTACTS)]
+    kept, left_out = strongest_touches(joined_touches(many), {"base_footprint": 0}, {"wall": 0})
+    assert (len(kept), left_out) == (MAX_CONTACTS, 2 * MAX_CONTACTS)
+    assert min(touch.force for touch in kept) >= 66
+    assert [touch.time for touch in kept] == sorted(touch.time for touch in kept)
+
+
+def test_what_touches_something_unknown_is_passed_over() -> None:
+    assert strongest_touches(joined_touches([contact(1.0, body="ground")]), {"base_footprint": 0}, {"wall": 0}) == (
+        (),
+        0,
+    )

@@ -1,0 +1,155 @@
+"""Replay files: what is written is read, and whatever a stranger wrote is read within bounds, or not at all."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.recording.replay.build import replay_of
+from sim_action.recording.replay.replay_file import MAX_UNPACKED_BYTES, ReplayError, read_replay, write_replay
+from tests.traces import SEEN, contact, scene, trace
+
+Change = Callable[[dict[str, Any]], object]
+
+
+def written(path: Path) -> dict[str, Any]:
+    """A replay on disk, and what is in it."""
+    seen = trace([0.0, 0.1, 0.2], x=[0.0, 0.1, 0.3], contacts=[contact(0.1)])
+    write_replay(replay_of(scene(), seen), path)
+    found: dict[str, Any] = json.loads(gzip.decompress(path.read_bytes()))
+    return found
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "replays" / "a.json.gz"
+    replay = replay_of(scene(), SEEN)
+    write_replay(replay, path)
+    assert read_replay(path) == replay
+
+
+def test_the_same_run_is_the_same_file(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_replay(replay_of(scene(), SEEN), tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def at(*steps: str | int, value: Any) -> Change:
+    """Puts a value where these keys and places lead."""
+
+    def change(replay: dict[str, Any]) -> None:
+        inside: Any = replay
+        for step in steps[:-1]:
+            inside = inside[step]
+        inside[steps[-1]] = value
+
+    return change
+
+
+SHAPE = {"kind": "box", "size": [1, 1, 1], "pose": [0, 0, 0, 0, 0, 0, 1], "color": [0, 0, 0]}
+MESH = {"scale": 1.0, "points": [0] * 9, "triangles": [0, 1, 2]}  # three points, in differences
+SIGNAL = {"expectation": 0, "name": "a", "unit": "m", "values": {"scale": 1.0, "first": 0}}
+HOSTILE: dict[str, Change] = {
+    "another version": at("version", value=2),
+    "an unknown key": at("script", value="alert(1)"),
+    "no link": at("scene", "links", value=[]),
+    "a base with a parent": at("scene", "links", 0, "parent", value=0),
+    "a parent after its child": at("scene", "links", 1, "parent", value=3),
+    "a parent that is not there": at("scene", "links", 1, "parent", value=999_999),
+    "a joint without a column": at("scene", "links", 1, "joint", "column", value=2),
+    "an unknown shape": at("scene", "links", 0, "shapes", value=[{**SHAPE, "kind": "script"}]),
+    "a size of two": at("scene", "links", 0, "shapes", value=[{**SHAPE, "size": [1, 1]}]),
+    "a colour beyond white": at("scene", "links", 0, "shapes", value=[{**SHAPE, "color": [2, 0, 0]}]),
+    "a million shapes": at("scene", "links", 0, "shapes", value=[SHAPE] * 200_000),
+    "a body that is nowhere": at("scene", "bodies", 0, "pose", value=[1e300, 0, 0, 0, 0, 0, 1]),
+    "a track that is not there": at("scene", "bodies", 0, "track", value=0),
+    "a mesh that is not there": at("scene", "links", 0, "shapes", value=[{**SHAPE, "kind": "mesh", "mesh": "0" * 16}]),
+    "a triangle without a point": at("scene", "meshes", value={"0" * 16: {**MESH, "triangles": [0, 1, 3]}}),
+    "a triangle before the first point": at("scene", "meshes", value={"0" * 16: {**MESH, "triangles": [2, -3, 0]}}),
+    "half a triangle": at("scene", "meshes", value={"0" * 16: {**MESH, "triangles": [0, 1, 2, 0]}}),
+    "a mesh with a name of its own": at("scene", "meshes", value={"<script>": MESH}),
+    "a column that is too short": at("frames", "base", 0, "deltas", value=[1]),
+    "a column of words": at("frames", "base", 0, "deltas", value=["1", "2"]),
+    "a number beyond JavaScript's": at("frames", "base", 0, "first", value=2**60),
+    "time that stands": at("frames", "time", "deltas", value=[8, 0]),
+    "a gap beyond the end": at("frames", "base", 0, "gaps", value=[[1, 5]]),
+    "a contact of no link": at("contacts", 0, "link", value=99),
+    "a contact of no body": at("contacts", 0, "body", value=99),
+    "a thousand contacts": lambda replay: replay.update(contacts=replay["contacts"] * 1000),
+    "a signal that is too short": at(
+        "signals", value=[{**SIGNAL, "values": {"scale": 1.0, "first": 0, "deltas": [1]}}]
+    ),
+    "a mark of no kind": at("marks", value=[{"kind": "image", "x": 0, "y": 0}]),
+    "a name without an end": at("joint_names", value=["a" * 10_000, "b"]),
+    "names that are too few": at("joint_names", value=["a"]),
+}
+
+
+@pytest.mark.parametrize("change", HOSTILE.values(), ids=HOSTILE)
+def test_what_does_not_fit_together_is_refused(change: Change, tmp_path: Path) -> None:
+    path = tmp_path / "a.json.gz"
+    found = written(path)
+    read_replay(path)
+    change(found)
+    path.write_bytes(gzip.compress(json.dumps(found).encode(), 1))
+    with pytest.raises(ReplayError, match=r"a\.json\.gz: not a replay: "):
+        read_replay(path)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"no gzip",
+        gzip.compress(b"{"),
+        gzip.compress(b"\xff\xfe"),
+        gzip.compress(b"[" * 1_000_000),
+        gzip.compress(b'{"scene":' * 100_000),
+        gzip.compress(b'{"version": 1, "version": 2}'),
+        gzip.compress(b"[" + b"9" * 100_000 + b"]"),
+        gzip.compress(b'{"version": NaN}'),
+        gzip.compress(b"{}")[:-9],
+    ],
+    ids=["empty", "plain", "half", "no text", "deep", "deep maps", "twice", "digits", "NaN", "cut off"],
+)
+def test_what_is_no_replay_is_refused(data: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "a.json.gz"
+    path.write_bytes(data)
+    with pytest.raises(ReplayError):
+        read_replay(path)
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
+def test_what_is_no_number_is_refused(number: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.json.gz"
+    found = written(path)
+    found["scene"]["bodies"][0]["pose"][0] = "here"
+    path.write_bytes(gzip.compress(json.dumps(found).replace('"here"', number).encode()))
+    with pytest.raises(ReplayError):
+        read_replay(path)
+
+
+def test_a_small_file_that_holds_much_is_not_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "a.json.gz"
+    path.write_bytes(gzip.compress(b" " * (MAX_UNPACKED_BYTES + 1), 1))
+    with pytest.raises(ReplayError, match="holds more than 24 MB"):
+        read_replay(path)
+
+
+def test_a_link_is_not_followed(tmp_path: Path) -> None:
+    written(tmp_path / "b.json.gz")
+    (tmp_path / "a.json.gz").symlink_to("b.json.gz")
+    with pytest.raises(ReplayError):
+        read_replay(tmp_path / "a.json.gz")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes of this kind here")
+def test_a_pipe_holds_nobody_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.json.gz")
+    with pytest.raises(ReplayError):
+        read_replay(tmp_path / "a.json.gz")

@@ -1,0 +1,241 @@
+"""Charts that GitHub draws."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.recording.replay.replay_file import Replay, write_replay
+from sim_action.reports import ReportOptions
+from sim_action.reports.github.mermaid_chart import chart, load_replay, sampled, signal_of_verdict
+from sim_action.results.results_json import Results
+from sim_action.state.verdict import Signal, Verdict
+from tests.reports.replays import replay, signal
+
+TIME = np.linspace(0.0, 6.0, 7)
+VALUES = np.array([0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0])
+
+LINE = re.compile(
+    r'```mermaid|```|%%\{init: \{[\w "#,:{}]+\}\}%%|xychart-beta|    title "[^"`#;<>{}&%]*"'
+    r'|    [xy]-axis "[^"`#;<>{}&%]*" -?[\d.]+ --> -?[\d.]+|    line \[-?[\d.]+(, -?[\d.]+)*\]'
+)
+
+
+def curve(**changed: object) -> Signal:
+    return Signal(**({"name": "travelled", "unit": "m", "time": TIME, "values": VALUES} | changed))  # type: ignore[arg-type] # the fields of a Signal
+
+
+def lines(text: str) -> list[list[float]]:
+    found = re.findall(r"    line \[(.*)\]", text)
+    return [[float(value) for value in line.split(", ")] for line in found]
+
+
+def axis(text: str, which: str) -> tuple[float, float]:
+    found = re.search(rf'    {which}-axis "[^"]*" (\S+) --> (\S+)', text)
+    assert found is not None
+    return float(found[1]), float(found[2])
+
+
+def test_a_curve_stands_beside_its_limit_and_the_title_says_which_is_which() -> None:
+    text = chart(curve(lower=1.5))
+    assert '    title "travelled (level line: limit, at least 1.5 m)"' in text
+    assert axis(text, "y") == (0.0, 1.62)
+    assert axis(text, "x") == (0.0, 5.9994)
+    assert '"sim time in s"' in text
+    assert '"in m"' in text
+    values, limit = lines(text)
+    assert (values[0], values[-1], max(values), len(values)) == (0.0, 1.0, 1.0, 60)
+    assert limit == [1.5, 1.5]
+
+
+def test_angles_are_in_degrees() -> None:
+    text = chart(curve(name="tilt", unit="rad", values=VALUES * math.pi / 18, upper=math.pi / 9))
+    assert '"tilt (level line: limit, at most 20 deg)"' in text
+    assert '"in deg"' in text
+    values, limit = lines(text)
+    assert max(values) == 10.0
+    assert limit == [20.0, 20.0]
+
+
+def test_both_limits_are_drawn() -> None:
+    text = chart(curve(lower=-1.0, upper=2.0))
+    assert "level lines: limits, at least -1 m and at most 2 m" in text
+    assert lines(text)[1:] == [[-1.0, -1.0], [2.0, 2.0]]
+    assert axis(text, "y") == (-1.24, 2.24)
+
+
+def test_without_a_limit_there_is_one_line() -> None:
+    text = chart(curve())
+    assert '    title "travelled"' in text
+    assert len(lines(text)) == 1
+
+
+def test_what_has_no_unit_has_its_name_at_the_axis() -> None:
+    assert '    y-axis "drift" ' in chart(curve(name="drift", unit=""))
+
+
+@pytest.mark.parametrize(
+    ("values", "limit", "expected"),
+    [
+        ([100.0, 101.0], None, (99.92, 101.08)),
+        ([1.0, 2.0], None, (0.0, 2.08)),
+        ([-2.0, -1.0], None, (-2.08, 0.0)),
+        ([0.0, 0.0], 0.0, (0.0, 0.08)),
+        ([5.0, 5.0], None, (4.6, 5.4)),
+        ([1e-5, 2e-5], 1e-4, (0.0, 0.0001072)),
+        ([0.0, 2e6], None, (0.0, 2160000.0)),
+    ],
+)
+def test_the_axis_shows_all_of_it_and_zero_where_that_is_near(
+    values: list[float], limit: float | None, expected: tuple[float, float]
+) -> None:
+    text = chart(curve(time=np.array([0.0, 1.0]), values=np.array(values), upper=limit))
+    assert axis(text, "y") == pytest.approx(expected)
+
+
+def test_gaps_are_bridged_and_what_is_all_gap_is_not_drawn() -> None:
+    values, *_ = lines(chart(curve(values=np.where(TIME == 3.0, np.nan, TIME))))
+    assert values == pytest.approx(np.linspace(0.0, 6.0, 60).tolist(), abs=1e-3)
+    assert chart(curve(values=np.full(7, np.nan))) == ""
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_one_moment_is_no_curve(count: int) -> None:
+    assert chart(curve(time=TIME[:count], values=VALUES[:count])) == ""
+
+
+def test_a_blow_of_one_step_is_seen() -> None:
+    time = np.arange(0, 30, 1 / 240)
+    force = np.where(np.arange(len(time)) == 1234, 80.0, 0.0)
+    assert max(sampled(time, force)) == 80.0
+    assert len(sampled(time, force)) == 60
+
+
+def test_a_smooth_curve_stays_smooth() -> None:
+    time = np.linspace(0.0, 6.0, 601)
+    drawn = sampled(time, np.sin(time))
+    assert drawn == pytest.approx(np.sin(np.linspace(0.0, 6.0, 60)).tolist(), abs=1e-3)
+
+
+def test_the_moment_of_the_verdict_is_as_it_was() -> None:
+    time = np.linspace(0.0, 60.0, 6001)
+    values = np.where(np.abs(time - 20.3) < 0.005, 0.01, 0.0) + time
+    assert np.interp(20.3, time, values) in sampled(time, values, 20.3)
+
+
+@given(name=st.text(), unit=st.text(max_size=20))
+def test_no_text_is_more_than_text(name: str, unit: str) -> None:
+    text = chart(curve(name=name, unit=unit, lower=1.0))
+    assert all(LINE.fullmatch(line) for line in text.split("\n"))
+    assert len(text.split("\n")) == 9
+
+
+@given(
+    st.lists(st.floats(-1e9, 1e9), min_size=2, max_size=200),
+    st.none() | st.floats(-1e9, 1e9),
+    st.none() | st.floats(-1.0, 300.0),
+)
+def test_any_curve_is_drawn_within_its_axis(values: list[float], limit: float | None, moment: float | None) -> None:
+    text = chart(curve(time=np.arange(len(values), dtype=float), values=np.array(values), upper=limit), moment)
+    assert all(LINE.fullmatch(line) for line in text.split("\n"))
+    low, high = axis(text, "y")
+    assert low < high
+    assert len(text) < 2_000
+    for line in lines(text):
+        assert low <= min(line)
+        assert max(line) <= high
+
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.lists(st.tuples(anything, anything), max_size=50), st.none() | anything)
+def test_nothing_that_a_file_may_hold_breaks_it(rows: list[tuple[float, float]], moment: float | None) -> None:
+    """Times rise, and nothing else is sure."""
+    rising = {time: value for time, value in sorted(rows, key=lambda row: row[0]) if math.isfinite(time)}
+    time, values = np.array(sorted(rising)), np.array([rising[at] for at in sorted(rising)])
+    text = chart(curve(time=time, values=values, upper=1.0), moment)
+    assert all(LINE.fullmatch(line) for line in text.split("\n") if text)
+    assert len(text) < 3_000
+
+
+Samples = dict[str, Results]
+
+SHORT = Verdict(False, 1.12, 1.5, -0.38, "m", 3.0)
+
+
+def stored(options: ReportOptions, made: Replay, name: str = "replays/a.json.gz") -> str:
+    write_replay(made, options.folder / name)
+    return name
+
+
+def test_what_a_run_has_left_is_read(samples: Samples, options: ReportOptions) -> None:
+    made = replay(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5))
+    outcome = samples["passed"].outcomes[0].model_copy(update={"replay": stored(options, made)})
+    assert load_replay(outcome, options) == made
+
+
+def test_what_has_left_nothing_has_no_curves(samples: Samples, options: ReportOptions) -> None:
+    assert load_replay(samples["passed"].outcomes[0], options) is None
+
+
+@pytest.mark.parametrize("name", ["../a.json.gz", "replays/none.json.gz", "/etc/passwd", "replays/\0"])
+def test_a_file_from_elsewhere_is_not_read(name: str, samples: Samples, options: ReportOptions) -> None:
+    stored(options, replay(), "../a.json.gz")
+    assert load_replay(samples["passed"].outcomes[0].model_copy(update={"replay": name}), options) is None
+
+
+def test_a_file_that_is_no_replay_is_none(samples: Samples, options: ReportOptions) -> None:
+    (options.folder / "replays").mkdir(parents=True)
+    (options.folder / "replays/a.json.gz").write_bytes(b"not a replay")
+    outcome = samples["passed"].outcomes[0].model_copy(update={"replay": "replays/a.json.gz"})
+    assert load_replay(outcome, options) is None
+
+
+def test_a_curve_is_as_it_was_stored() -> None:
+    found = signal_of_verdict(replay(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5)), 0, SHORT)
+    assert found is not None
+    assert (found.name, found.unit, found.lower, found.upper, found.start) == ("travelled", "m", 1.5, None, 0.0)
+    np.testing.assert_allclose(found.time, [0.0, 1.0, 2.0, 3.0])
+    np.testing.assert_allclose(found.values, [0.0, 1.0, 1.12, 1.12])
+
+
+def test_a_curve_may_have_moments_of_its_own() -> None:
+    found = signal_of_verdict(replay(signal("travelled", [0.0, 1.0], time=[0.5, 0.75])), 0, SHORT)
+    assert found is not None
+    np.testing.assert_allclose(found.time, [0.5, 0.75])
+
+
+def test_of_several_it_is_the_one_with_the_unit_the_limit_and_the_value() -> None:
+    x = signal("x", [0.0, 1.0, 2.0, 3.0], lower=1.5)
+    seconds = signal("time at rest", [0.0, 1.0, 1.12, 1.12], unit="s", lower=1.5)
+    other = signal("y", [0.0, 1.0, 1.12, 1.12], lower=1.6)
+    wanted = signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5)
+    found = signal_of_verdict(replay(x, seconds, other, wanted), 0, SHORT)
+    assert found is not None
+    assert found.name == "travelled"
+
+
+def test_of_none_that_fits_it_is_the_first() -> None:
+    found = signal_of_verdict(
+        replay(signal("x", [0.0] * 4), signal("y", [0.0] * 4)), 0, replace(SHORT, measured=None, limit=None)
+    )
+    assert found is not None
+    assert found.name == "x"
+
+
+def test_curves_belong_to_one_expectation() -> None:
+    assert signal_of_verdict(replay(signal("x", [0.0] * 4, expectation=1)), 0, SHORT) is None
+
+
+def test_a_replay_without_values_is_no_error(tmp_path: Path) -> None:
+    found = signal_of_verdict(replay(signal("x", [np.nan] * 4)), 0, SHORT)
+    assert found is not None
+    assert np.isnan(found.values).all()

@@ -1,0 +1,216 @@
+"""."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.files import whole_file
+from sim_action.recording.replay.replay_file import Replay
+from sim_action.reports import ReportOptions
+from sim_action.reports.html.report import Parcel, packed, page, page_json, write_html
+from sim_action.reports.links import replay_link
+from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
+from tests.replays import MESH, drive, kept
+
+Samples = dict[str, Results]
+MakeResults = Callable[..., Results]
+
+ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/b", "GITHUB_SHA": "c0ffee"}
+
+
+def body(results: Results, options: ReportOptions) -> str:
+    return page(results, options).body
+
+
+def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
+    golden(f"{kind}.html", f"{body(samples[kind], replace(options, environment=ON_GITHUB))}\n")
+
+
+def test_golden_of_a_run_that_was_kept(
+    samples: Samples, make_results: MakeResults, options: ReportOptions, golden: Callable[[str, str], None]
+) -> None:
+    golden("replay.html", f"{body(make_results(ran(samples, options)), options)}\n")
+
+
+def ran(samples: Samples, options: ReportOptions) -> Outcome:
+    options.folder.mkdir()
+    return samples["cut"].outcomes[0].model_copy(update={"replay": kept(drive(), options.folder, "cut")})
+
+
+def test_the_page_is_one_file_with_all_that_it_needs(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    results = make_results(ran(samples, options))
+    write_html(results, options)
+    text = (options.folder / "report.html").read_text(encoding="utf-8")
+    assert not re.findall(r"(?:src|href)=[\"'](?!#|data:|https://github)", text)
+    assert 'id="replay-s0"' in text
+    assert 'id="meshes"' in text
+
+
+def test_failures_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
+    names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(make_results(*outcomes), options))
+    assert names == ["crash", "failed", "passed"]
+
+
+def test_links_tell_runs_of_one_name_apart(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
+    passed, failed, crash = (
+        samples[kind].outcomes[0].model_copy(update={"name": "a"}) for kind in ("passed", "failed", "crash")
+    )
+    first = passed.model_copy(update={"replay": "replays/a.json.gz"})
+    second = failed.model_copy(update={"replay": "replays/a-2.json.gz"})
+    entries = json.loads(page(make_results(first, second, crash), options).index)["scenarios"]
+    numbers = {entry["status"]: entry["number"] for entry in entries}
+    assert numbers == {"error": 3, "failed": 2, "passed": 1}
+    assert [replay_link(each, options) for each in (first, second)] == [
+        "report.html#scenario=a",
+        "report.html#scenario=a&n=2",
+    ]
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
+def test_a_time_that_is_none_leaves_the_index_what_a_browser_can_read(
+    time: float, samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    cut, parted = samples["cut"].outcomes[0], samples["flaky"].outcomes[1]
+    judged = [
+        expected.model_copy(update={"verdict": replace(expected.verdict, time=time)}) for expected in cut.expectations
+    ]
+    failed = [failure.model_copy(update={"time": time}) for failure in parted.failures]
+    strange = cut.model_copy(update={"expectations": tuple(judged)}), parted.model_copy(update={"failures": failed})
+
+    def refuse(constant: str) -> None:
+        raise ValueError(constant)
+
+    json.loads(page(make_results(*strange), options).index, parse_constant=refuse)
+
+
+def test_nothing_of_a_stranger_is_markup(hostile: str, samples: Samples, options: ReportOptions) -> None:
+    text = page(samples["hostile"], options).text()
+    assert "<b>" not in text.replace("<b>warning", "")
+    assert "\x1b" not in text
+    assert "\u202e" not in text
+    assert hostile.split()[1] == "<b>&</b>"
+
+
+@pytest.mark.parametrize("where", ["../elsewhere.json.gz", "replays/missing.json.gz", "/etc/passwd", "a\x00b"])
+def test_a_replay_that_is_not_below_the_results_is_not_looked_for(
+    where: str, samples: Samples, make_results: MakeResults, options: ReportOptions, tmp_path: Path
+) -> None:
+    lost = ran(samples, options).model_copy(update={"replay": where})
+    kept(drive(), tmp_path, "elsewhere")
+    found = page(make_results(lost), options)
+    assert "is not where its results say" in found.body
+    assert not found.blocks
+
+
+def test_a_replay_that_is_none_is_told_and_the_rest_is_there(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    broken = ran(samples, options)
+    with whole_file(options.folder / "replays/cut.json.gz") as file:
+        file.write(b"no gzip")
+    found = page(make_results(broken), options)
+    assert "There is no replay:" in found.body
+    assert "base_link touched wall" in found.body
+
+
+def test_what_finds_no_room_has_no_replay_and_says_so(
+    samples: Samples, make_results: MakeResults, options: ReportOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", 100)
+    found = page(make_results(ran(samples, options)), options)
+    assert "No room was left" in found.body
+    assert "<svg" not in found.body
+    assert not found.blocks
+
+
+def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
+    samples: Samples, make_results: MakeResults, options: ReportOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sim_action.reports.html.report.MAX_PAGE_SCENARIOS", 2)
+    outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
+    found = body(make_results(*outcomes), options)
+    assert re.findall(r"<h2[^>]*>(.*?)</h2>", found) == ["crash", "failed"]
+    assert "1 more are in results.json" in found
+    assert found.count('href="#s') == 2
+
+
+def test_variations_stand_together_with_their_count(samples: Samples, options: ReportOptions) -> None:
+    assert "2 of 4 passed" in body(samples["varied"], options)
+
+
+def test_the_same_results_make_the_same_page(
+    samples: Samples, make_results: MakeResults, options: ReportOptions
+) -> None:
+    results = make_results(ran(samples, options))
+    assert page(results, options).text() == page(results, options).text()
+
+
+def unpacked(block: str) -> bytes:
+    return gzip.decompress(base64.b64decode(block))
+
+
+def test_a_block_comes_apart_again_and_is_always_the_same() -> None:
+    assert unpacked(packed(b"data")) == b"data"
+    assert packed(b"data" * 100) == packed(b"data" * 100)
+
+
+def test_json_ends_no_element_and_no_line() -> None:
+    text = page_json({"a": "</script><!--\u2028"})
+    assert "<" not in text
+    assert text.isascii()
+    assert json.loads(text) == {"a": "</script><!--\u2028"}
+
+
+def test_a_replay_is_told_whole_but_for_its_meshes_which_stand_apart() -> None:
+    parcel, replay = Parcel(), drive()
+    assert parcel.takes("replay-s0", replay)
+    told_replay, meshes = json.loads(unpacked(parcel.blocks["replay-s0"])), json.loads(unpacked(parcel.shared))
+    assert set(meshes) == {MESH}
+    told_replay["scene"]["meshes"] = meshes
+    assert Replay.model_validate_json(json.dumps(told_replay)) == replay
+
+
+def test_what_is_in_several_replays_is_there_once() -> None:
+    parcel = Parcel()
+    for number in range(3):
+        parcel.takes(f"replay-s{number}", drive())
+    assert list(json.loads(unpacked(parcel.shared))) == [MESH]
+
+
+def test_beyond_the_room_that_there_is_nothing_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    parcel = Parcel()
+    parcel.takes("first", drive())
+    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", parcel.size + 10)
+    assert not parcel.takes("second", drive())
+    assert list(parcel.blocks) == ["first"]
+
+
+def test_meshes_take_of_the_room_but_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    replay = drive()
+    rough = replay.scene.meshes[MESH].model_copy(update={"points": tuple(i * i % 7919 for i in range(30_000))})
+    large = replay.model_copy(update={"scene": replay.scene.model_copy(update={"meshes": {MESH: rough}})})
+    parcel = Parcel()
+    assert parcel.takes("first", large)
+    assert parcel.size >= len(parcel.blocks["first"]) + len(parcel.shared) > 10 * len(parcel.blocks["first"])
+    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", parcel.size + len(parcel.blocks["first"]))
+    assert not Parcel(meshes={"0" * 16: rough}, size=len(parcel.shared)).takes("other", large)
+    assert parcel.takes("second", large)
+
+
+def test_ten_seconds_cost_little() -> None:
+    parcel = Parcel()
+    parcel.takes("replay-s0", drive(seconds=10.0))
+    assert parcel.size < 25_000

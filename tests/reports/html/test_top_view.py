@@ -1,0 +1,111 @@
+"""."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from sim_action.core.geometry import quaternion_from_rpy, rotate
+from sim_action.recording.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
+from sim_action.reports.html.top_view import Frame, drawing, outline, robot_outlines
+from tests.outcomes import outcome
+from tests.replays import GREY, HERE, MESH, drive
+
+
+def drawn(*, holds: bool = False, distance: float = 1.0) -> ET.Element:
+    return ET.fromstring(drawing(drive(distance=distance), outcome("a.sim.yml", holds=holds)))
+
+
+def points(svg: ET.Element, kind: str) -> list[list[tuple[float, ...]]]:
+    found = [shape for shape in svg if shape.get("class") == kind]
+    return [[tuple(map(float, pair.split(","))) for pair in shape.attrib["points"].split()] for shape in found]
+
+
+def test_the_way_is_drawn_from_its_beginning_to_its_end() -> None:
+    [way] = points(drawn(), "way")
+    assert (way[0], way[-1]) == ((0.0, 0.0), (1.0, 0.0))
+    assert len(way) <= 120
+
+
+def test_all_of_the_way_and_of_what_it_was_about_is_in_view() -> None:
+    x, y, width, height = map(float, drawn(distance=5.0).attrib["viewBox"].split())
+    assert x < -0.2
+    assert x + width > 5.2
+    assert y < -0.8
+    assert y + height > 0.1
+    assert width <= 3.001 * height
+
+
+def test_what_the_robot_met_is_there_and_what_it_touched() -> None:
+    svg = drawn()
+    assert len(points(svg, "body")) == 2
+    assert [float(shape.attrib["cx"]) for shape in svg if shape.get("class") == "touch"] == [1.0]
+
+
+@pytest.mark.parametrize(("holds", "kind"), [(True, "goal"), (False, "goal missed")])
+def test_a_goal_that_was_missed_is_told_apart(holds: bool, kind: str) -> None:
+    [goal] = [shape for shape in drawn(holds=holds) if shape.tag == "circle" and "goal" in shape.attrib["class"]]
+    assert goal.attrib["class"] == kind
+
+
+ORIGIN = Frame.of(HERE)
+LYING = (0.0, 0.0, 0.0, 0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+
+
+def extent(corners: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[float]:
+    return [*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist()]
+
+
+def test_a_frame_turns_as_quaternions_do() -> None:
+    rotation = quaternion_from_rpy(0.3, -0.4, 1.2)
+    frame = Frame.of((1.0, 2.0, 3.0, *rotation))
+    expected = np.add(rotate(rotation, (0.1, 0.2, 0.3)), (1.0, 2.0, 3.0))
+    assert frame.place(np.array([(0.1, 0.2, 0.3)]))[0] == pytest.approx(expected)
+
+
+def test_frames_follow_each_other() -> None:
+    outer = Frame.of((1.0, 0.0, 0.0, *quaternion_from_rpy(0.0, 0.0, math.pi / 2)))
+    inner = Frame.of((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    assert inner.after(outer).position == pytest.approx([1.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("shape", "half"),
+    [
+        (BoxShape(kind="box", pose=HERE, color=GREY, size=(0.4, 0.2, 0.1)), (0.2, 0.1)),
+        (CylinderShape(kind="cylinder", pose=HERE, color=GREY, radius=0.3, length=1.0), (0.3, 0.3)),
+        (EllipsoidShape(kind="ellipsoid", pose=HERE, color=GREY, half=(0.3, 0.1, 0.2)), (0.3, 0.1)),
+        (
+            CapsuleShape(kind="capsule", pose=LYING, color=GREY, radius=0.1, length=0.4),
+            (0.3, 0.1),
+        ),
+    ],
+    ids=lambda value: getattr(value, "kind", ""),
+)
+def test_a_solid_covers_the_ground_below_it(shape: BoxShape, half: tuple[float, float]) -> None:
+    x, y = half
+    assert extent(outline(shape, ORIGIN, {})) == pytest.approx([-x, -y, x, y], abs=1e-3)
+
+
+def test_a_turned_box_is_as_wide_as_its_diagonal() -> None:
+    turned = (1.0, 0.0, 0.0, *quaternion_from_rpy(0.0, 0.0, math.pi / 4))
+    corners = outline(BoxShape(kind="box", pose=HERE, color=GREY, size=(2.0, 2.0, 1.0)), Frame.of(turned), {})
+    assert len(corners) == 4
+    assert extent(corners) == pytest.approx([1 - math.sqrt(2), -math.sqrt(2), 1 + math.sqrt(2), math.sqrt(2)], abs=1e-3)
+
+
+def test_a_mesh_is_its_points() -> None:
+    meshes = drive().scene.meshes
+    corners = outline(MeshShape(kind="mesh", pose=HERE, color=GREY, mesh=MESH), ORIGIN, meshes)
+    assert extent(corners) == pytest.approx([0.0, 0.0, 0.3, 0.3])
+
+
+def test_links_go_where_the_base_goes() -> None:
+    replay = drive(distance=2.0)
+    (base, wheel), last = robot_outlines(replay, 0), robot_outlines(replay, replay.frames.count - 1)
+    assert extent(base) == pytest.approx([-0.2, -0.1, 0.2, 0.1])
+    assert extent(wheel) == pytest.approx([0.0, 0.13, 0.2, 0.17], abs=1e-3)
+    assert extent(last[0]) == pytest.approx([1.8, -0.1, 2.2, 0.1])

@@ -1,0 +1,117 @@
+"""Which outcomes reports show together, and which of them is the worst."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.core.errors import Location
+from sim_action.reports.scenario_groups import grouped_scenarios, relative_margin, worst_first
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
+from sim_action.state.verdict import Verdict
+
+
+def expected(margin: float | None = None, limit: float | None = None, *, passed: bool = False) -> ExpectationOutcome:
+    return ExpectationOutcome(
+        name="travel",
+        assertion="travel",
+        severity="error",
+        location=Location("a.sim.yml", 3, 1),
+        verdict=Verdict(passed, None, limit, margin, "m", None, "told"),
+    )
+
+
+def outcome(
+    name: str, *expectations: ExpectationOutcome, group: str | None = "a", status: Status = "failed"
+) -> Outcome:
+    return Outcome(name=name, file="a.sim.yml", group=group, status=status, expectations=expectations)
+
+
+@pytest.mark.parametrize(
+    ("margin", "limit", "relative"), [(-0.5, 2.0, -0.25), (-0.5, -2.0, -0.25), (-3.0, 0.0, -3.0), (None, 1.0, -1.0)]
+)
+def test_a_margin_is_relative_to_its_limit(margin: float | None, limit: float, relative: float) -> None:
+    assert relative_margin(expected(margin, limit)) == relative
+
+
+def test_variations_of_a_scenario_are_together_and_others_alone() -> None:
+    found = grouped_scenarios(
+        [outcome("b", group=None), outcome("a[x=1]"), outcome("a[x=2]"), outcome("b", group=None)]
+    )
+    assert [(group.name, group.varies, len(group.outcomes)) for group in found] == [
+        ("b", False, 1),
+        ("a", True, 2),
+        ("b", False, 1),
+    ]
+    assert [found[1].values(each) for each in found[1].outcomes] == ["[x=1]", "[x=2]"]
+    assert found[0].values(found[0].worst) == ""
+
+
+def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -> None:
+    near, far = outcome("a[x=1]", expected(-0.1, 1.0)), outcome("a[x=2]", expected(-0.9, 10.0), expected(-0.2, 1.0))
+    passed = outcome("a[x=3]", expected(5.0, 1.0, passed=True), status="passed")
+    (group,) = grouped_scenarios([passed, near, far])
+    assert group.worst is far
+    assert group.passed == "1 of 3 passed"
+    crashed = outcome("a[x=4]", status="error").model_copy(
+        update={"failures": (Failure(kind="crash", title="SIGSEGV", message="gone"),)}
+    )
+    (group,) = grouped_scenarios([far, crashed, outcome("a[x=5]", status="skipped")])
+    assert group.worst is crashed
+    assert group.status == "error"
+    assert group.passed == "0 of 3 passed, 1 not run"
+    assert [each.status for each in group.worst_first()] == ["error", "failed", "skipped"]
+
+
+def test_what_was_cut_off_makes_no_variation_the_worst() -> None:
+    cut = expected().model_copy(update={"verdict": Verdict(False, None, 10.0, -9.0, "m", cut_off=True)})
+    near, far = outcome("a[x=1]", cut, expected(-0.1, 1.0)), outcome("a[x=2]", expected(-0.2, 1.0))
+    (group,) = grouped_scenarios([near, far])
+    assert group.worst is far
+
+
+def test_scenarios_with_failures_come_first_in_the_order_of_the_call() -> None:
+    found = grouped_scenarios(
+        [
+            outcome("p", group=None, status="passed"),
+            outcome("f", group=None),
+            outcome("s", group=None, status="skipped"),
+        ]
+    )
+    assert [group.name for group in worst_first(found)] == ["f", "s", "p"]
+
+
+def held(margin: float, time: float | None = None, *, goal: bool = False, name: str = "travel") -> ExpectationOutcome:
+    verdict = Verdict(True, None, 2.0, margin, "m", time, "told", goal=goal)
+    return expected().model_copy(update={"verdict": verdict, "name": name})
+
+
+def test_of_those_that_passed_the_worst_came_nearest_to_its_limit() -> None:
+    far, near = (
+        outcome(f"a[x={x}]", held(5.0), held(margin, name="clearance"), status="passed")
+        for x, margin in ((1, 0.4), (2, 0.1))
+    )
+    (group,) = grouped_scenarios([far, near])
+    assert group.worst is near
+    assert group.worst_text == "[x=2], margin 0.1 m (clearance)"
+
+
+def test_a_goal_says_nothing_by_its_margin_but_by_its_time_where_there_is_nothing_else() -> None:
+    """It is met at its limit, whatever happens."""
+    goals = [outcome(f"a[x={time}]", held(1e-4 * time, time, goal=True), status="passed") for time in (1.0, 3.0, 2.0)]
+    (group,) = grouped_scenarios(goals)
+    assert group.worst_text == "[x=3.0], at 3.00 s (travel)"
+    throughout = outcome("a[x=4]", held(1e-9, 9.0, goal=True), held(0.5, 1.0, name="upright"), status="passed")
+    (group,) = grouped_scenarios([throughout, throughout.model_copy(update={"name": "a[x=5]"})])
+    assert group.worst_text == "[x=4], margin 0.5 m (upright)"
+
+
+def test_what_failed_tells_its_own_margin() -> None:
+    (group,) = grouped_scenarios([outcome("a[x=1]", held(0.1), expected(-0.2, 1.0)), outcome("a[x=2]", held(0.01))])
+    assert group.worst_text == "[x=1], margin -0.2 m (travel)"
+
+
+def test_without_a_margin_the_worst_is_but_named() -> None:
+    (group,) = grouped_scenarios(
+        [outcome("a[x=1]", expected()), outcome("a[x=2]", expected(passed=True), status="passed")]
+    )
+    assert group.worst_text == "[x=1]"

@@ -1,0 +1,212 @@
+"""What all outcomes of a call say to the process that called, and how they are kept."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import ExitCode, Location, UsageError
+from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
+from sim_action.results.results_json import Results, find_all, read_all
+from sim_action.results.shards import Shard
+from sim_action.state.verdict import Verdict
+from tests.outcomes import outcome, results, stored
+
+
+def made(name: str = "a", kind: FailureKind | None = None, *, passed: bool = True) -> Outcome:
+    if kind is None:
+        return Outcome(name=name, file=f"{name}.sim.yml", status="passed" if passed else "failed", travelled=1.5)
+    failure = Failure(kind=kind, title=kind, message="why")
+    return Outcome(name=name, file=f"{name}.sim.yml", status="error", failures=(failure,))
+
+
+def of_call(*outcomes: Outcome) -> Results:
+    return Results(sim_action="0", python="3.11", platform="here", wall_time=1.0, outcomes=outcomes)
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "code", "conclusion"),
+    [
+        ([made()], 0, "success"),
+        ([made(), made(passed=False)], 1, "failure"),
+        ([made(kind="crash")], 1, "failure"),
+        ([made(kind="missing")], 2, "failure"),
+        ([made(passed=False), made(kind="invalid")], 2, "failure"),
+        ([made(kind="invalid"), made(kind="internal")], 3, "failure"),
+        ([made(kind="internal"), made(kind="interrupted"), made(passed=False)], 130, "cancelled"),
+        ([], 5, "failure"),
+    ],
+)
+def test_the_worst_outcome_makes_the_exit_code(outcomes: list[Outcome], code: int, conclusion: str) -> None:
+    assert of_call(*outcomes).exit_code == code
+    assert of_call(*outcomes).conclusion == conclusion
+
+
+def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
+    verdict = Verdict(False, 1.12, 1.5, -0.38, "m", 30.0, "travelled 1.12 m of 1.5 m in 30.0 s")
+    expectation = ExpectationOutcome(
+        name="far", assertion="travel", severity="error", location=Location("a.sim.yml", 9, 5), verdict=verdict
+    )
+    written = of_call(
+        made(passed=False).model_copy(update={"expectations": (expectation,)}), made("b", kind="wall limit")
+    )
+    assert Results.read(written.write(tmp_path)) == written
+
+
+HEAD = '"version": 1, "sim_action": "0", "python": "3", "platform": "p"'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "Invalid JSON: EOF while parsing a value at line 1 column 0"),
+        ("[1, 2]", "Input should be an object"),
+        ("[" * 100_000, "Invalid JSON: recursion limit exceeded at line 1 column 202"),
+        ("{}", "sim_action: Field required (and 4 more)"),
+        ('{"version": 2}', "version: Input should be 1 (and 5 more)"),
+        (f'{{{HEAD}, "wall_time": NaN, "outcomes": []}}', "wall_time: Input should be a finite number"),
+        (f'{{{HEAD}, "wall_time": "1", "outcomes": []}}', "wall_time: Input should be a valid number"),
+        (f'{{{HEAD}, "wall_time": 1, "outcomes": [], "##[error]x": 1}}', "Extra inputs are not permitted"),
+        (
+            f'{{{HEAD}, "wall_time": 1, "outcomes": [{{"name": "a", "file": "a", "status": "fine"}}]}}',
+            "outcomes.0.status: Input should be 'passed', 'failed', 'flaky', 'error' or 'skipped'",
+        ),
+        (
+            f'{{{HEAD}, "wall_time": 1, "outcomes": [], "shard": {{"index": 3, "count": 2, "total": 1}}}}',
+            "shard: Value error, there is no shard 3 of 2",
+        ),
+    ],
+)
+def test_what_is_no_results_file_is_a_usage_error_of_one_line(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(text)
+    with pytest.raises(UsageError) as raised:
+        Results.read(path)
+    assert str(raised.value) == f"{path} is no results file: {told}"
+
+
+def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    with path.open("wb") as file:
+        file.truncate(64_000_001)
+    with pytest.raises(UsageError, match="it is larger than 64 MB"):
+        Results.read(path)
+
+
+def test_a_pipe_is_no_results_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "results.json")
+    with pytest.raises(UsageError, match="no regular file"):
+        Results.read(tmp_path / "results.json")
+
+
+@pytest.mark.parametrize(("total", "code"), [(2, ExitCode.PASSED), (0, ExitCode.NO_SCENARIO)])
+def test_a_shard_without_scenarios_passes_if_the_list_had_some(total: int, code: ExitCode) -> None:
+    shard = Shard(index=3, count=3, total=total)
+    assert of_call().model_copy(update={"shard": shard}).exit_code is code
+    assert of_call(made(passed=False)).model_copy(update={"shard": shard}).exit_code is ExitCode.FAILED
+
+
+def test_the_worst_come_first() -> None:
+    given = of_call(made("fine"), made("failed", passed=False), made("broken", kind="crash"))
+    assert [found.name for found in given.worst_first()] == ["broken", "failed", "fine"]
+
+
+def test_how_far_the_robot_came_is_told_for_one_scenario_alone() -> None:
+    assert of_call(made()).travelled == 1.5
+    assert of_call(made(), made()).travelled is None
+
+
+@pytest.fixture
+def shards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """`shards/1`, `shards/2/deep` and the hidden `shards/.3`, each with one results file."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("1", "2/deep", ".3"):
+        stored(tmp_path / "shards" / name, results(outcome(f"{name[-1]}.sim.yml", trace="traces/a.npz")))
+    return tmp_path / "shards"
+
+
+def found(*patterns: str) -> list[str]:
+    return [file.path.as_posix() for file in read_all(find_all(patterns))]
+
+
+def refused(*patterns: str) -> str:
+    with pytest.raises(UsageError) as raised:
+        found(*patterns)
+    assert str(raised.value).isprintable()
+    return str(raised.value)
+
+
+@pytest.mark.usefixtures("shards")
+class TestFound:
+    def test_a_folder_means_every_one_in_and_below_it(self) -> None:
+        everything = ["shards/.3/results.json", "shards/1/results.json", "shards/2/deep/results.json"]
+        assert found("shards") == everything
+        assert found(".") == everything
+        assert found("shards/1") == ["shards/1/results.json"]
+
+    def test_a_file_means_itself_whatever_its_name(self) -> None:
+        Path("shards/1/results.json").rename("one")
+        assert found("one") == ["one"]
+
+    def test_a_glob_means_folders_and_json_files(self) -> None:
+        assert found("shards/*") == ["shards/1/results.json", "shards/2/deep/results.json"]
+        assert found("shards/1/*") == ["shards/1/results.json"]
+        assert found("shards/**") == found(".")
+
+    def test_each_file_counts_once(self) -> None:
+        assert found("shards/1", "./shards/1/results.json", "shards/*/results.json") == ["shards/1/results.json"]
+
+    @pytest.mark.parametrize("pattern", ["shards/1/traces", "nope*", "shards/*/*.xml", "nope", "nope.json", "no/pe"])
+    def test_where_there_is_none_nothing_is_found(self, pattern: str) -> None:
+        assert find_all(["shards/1", pattern]) == {"shards/1": [Path("shards/1/results.json")], pattern: []}
+
+    @pytest.mark.parametrize(
+        ("target", "told"), [("nowhere", "No such file or directory"), ("link", "Too many levels of symbolic links")]
+    )
+    def test_a_link_that_leads_nowhere_is_an_error(self, target: str, told: str) -> None:
+        Path("link").symlink_to(target)
+        assert refused("link") == f"link is no results file: {told}"
+
+
+def test_more_outcomes_than_anybody_has_are_not_read(shards: Path) -> None:
+    stored(shards / "4", results(outcome("4.sim.yml")))
+    (shards / "5").mkdir()
+    (shards / "5" / "results.json").write_text("not read")
+    assert len(read_all(find_all(["shards/[124]", "shards/.3"]), most=4)) == 4
+    with pytest.raises(UsageError) as raised:
+        read_all(find_all(["shards"]), most=3)
+    assert str(raised.value) == "shards/4/results.json: with its outcomes there are more than 3, which is the most"
+
+
+def test_a_link_is_not_followed_but_told(shards: Path) -> None:
+    (shards / "4").mkdir()
+    (shards / "4" / "results.json").symlink_to("../1/results.json")
+    assert "shards/4/results.json is a link" in refused("shards")
+    assert found("shards/4/results.json") == ["shards/4/results.json"]
+
+
+def test_a_broken_one_is_named_in_one_line(shards: Path) -> None:
+    (shards / "1" / "results.json").write_text('{"version": 1, "outcomes": [')
+    assert refused("shards").startswith("shards/1/results.json is no results file: Invalid JSON: EOF")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"expectations": []},
+        {"status": "failed"},
+        {"status": "error"},
+        {"failures": [{"kind": "crash", "title": "t", "message": "m"}]},
+    ],
+)
+def test_what_contradicts_itself_is_not_believed(shards: Path, change: dict[str, object]) -> None:
+    path = shards / "1" / "results.json"
+    written = json.loads(path.read_text())
+    written["outcomes"][0] |= change
+    path.write_text(json.dumps(written))
+    assert refused("shards/1") == (
+        "shards/1/results.json is no results file: what it says of '1.sim.yml' contradicts itself"
+    )

@@ -1,0 +1,105 @@
+"""Names for traces, and which file a name in results that may be a stranger's stands for."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.results.stored_files import copy_stored, number_among_namesakes, replay_path, stored_file, trace_paths
+from tests.work import work_of
+
+
+def test_a_name_becomes_a_plain_file_name() -> None:
+    (path,) = trace_paths(["burger: 1.5 m / 30 s"], Path("out"))
+    assert path == Path("out/traces/burger-1.5-m-30-s.npz")
+
+
+@given(st.lists(st.text(max_size=200), max_size=10))
+def test_paths_stay_in_the_folder_and_differ_whatever_the_case(names: list[str]) -> None:
+    paths = trace_paths(names, Path("out"))
+    assert all(path.parent == Path("out/traces") and path.suffix == ".npz" for path in paths)
+    assert len({str(path).lower() for path in paths}) == len(names)
+    assert all(len(path.name.encode()) < 120 for path in paths)
+
+
+def test_of_equal_names_each_has_the_first_number_that_is_free() -> None:
+    names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
+    assert [path.stem for path in trace_paths(names, Path())] == [
+        *("a", "A-2", "a-2-2", "b", "a-4", "a-3", "a-5", "a-2-3")
+    ]
+
+
+def test_of_equal_names_each_is_told_by_its_number() -> None:
+    names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
+    stored = [replay_path(path).as_posix() for path in trace_paths(names, Path())]
+    numbers = [number_among_namesakes(name, path) for name, path in zip(names, stored, strict=True)]
+    assert list(zip(names, numbers, strict=True)) == [
+        *(("a", 1), ("A", 2), ("a-2", 2), ("b", 1), ("a-4", 1), ("a", 3), ("a", 5), ("a-2", 3))
+    ]
+
+
+@pytest.mark.parametrize("stored", ["", "replays/", "replays/b-2.json.gz", "replays/a-x.json.gz", f"a-{9**99}.json.gz"])
+def test_what_tells_no_number_is_the_first(stored: str) -> None:
+    assert number_among_namesakes("a", stored) == 1
+
+
+def test_very_many_equal_names_take_no_longer_than_others() -> None:
+    def work(count: int) -> int:
+        return work_of(lambda: trace_paths(["same"] * count, Path()))
+
+    assert len({path.stem for path in trace_paths(["same"] * 2_000, Path())}) == 2_000
+    assert work(400) - work(200) < 1.2 * (work(200) - work(100)) * 2
+
+
+@pytest.fixture
+def results_folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "shard"
+    (folder / "traces").mkdir(parents=True)
+    (folder / "traces" / "a.npz").write_text("trace")
+    (tmp_path / "secret").write_text("secret")
+    return folder
+
+
+def test_a_trace_is_found_beside_its_results(results_folder: Path) -> None:
+    for name in ("traces/a.npz", "./traces//a.npz", "traces/../traces/a.npz"):
+        assert stored_file(results_folder, name) == (results_folder / "traces" / "a.npz").resolve()
+
+
+def test_it_is_found_if_the_folder_itself_is_behind_a_link(results_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(results_folder)
+    assert stored_file(tmp_path / "link", "traces/a.npz") == (results_folder / "traces" / "a.npz").resolve()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("../secret", "traces/../../secret", "/etc/hostname", "~/x", "", ".", "traces", "traces/nope.npz"),
+        *("linked/a.npz", "traces/link.npz", "traces/pipe.npz", "a\0b", "x" * 5000, "loop"),
+    ],
+)
+def test_what_is_outside_or_behind_a_link_or_no_file_is_not_found(results_folder: Path, name: str) -> None:
+    (results_folder / "linked").symlink_to("traces")
+    (results_folder / "loop").symlink_to("loop")
+    (results_folder / "traces" / "link.npz").symlink_to("../../secret")
+    os.mkfifo(results_folder / "traces" / "pipe.npz")
+    assert stored_file(results_folder, name) is None
+
+
+def test_a_copy_replaces_a_link_and_not_what_it_leads_to(results_folder: Path, tmp_path: Path) -> None:
+    target = tmp_path / "b.npz"
+    target.symlink_to("secret")
+    copy_stored(results_folder / "traces" / "a.npz", target)
+    assert (target.read_text(), target.is_symlink()) == ("trace", False)
+    assert (tmp_path / "secret").read_text() == "secret"
+
+
+def test_nothing_is_left_of_a_copy_that_failed(results_folder: Path, tmp_path: Path) -> None:
+    (results_folder / "link.npz").symlink_to("../secret")
+    (tmp_path / "out").mkdir()
+    with pytest.raises(OSError, match="link"):
+        copy_stored(results_folder / "link.npz", tmp_path / "out" / "b.npz")
+    assert list((tmp_path / "out").iterdir()) == []
