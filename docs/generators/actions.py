@@ -50,4 +50,4 @@ def _default(entry: dict[str, str]) -> str:
 
 
 def _description(entry: dict[str, str]) -> str:
-    return " ".join(entry["description"].split())
+    return " ".join(entry["description"].split()).replace("*", r"\*")
