@@ -1,4 +1,4 @@
-"""`sim-action compare`, from the results of two runs to what has changed: read -> compare -> report."""
+"""The use case `compare`: read the results of two runs, compare them, report the changes."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ STANDARD_OUTPUT: Final = "-"
 
 @dataclass(frozen=True, slots=True)
 class CompareRequest:
-    """What the command line asks for.
+    """The options of `compare`.
 
     Attributes:
-        old, new: files, folders or globs of results, as they were typed.
-        strict: whether warnings fail.
-        markdown: file to write to, "-" for standard output in place of what people read there; None: none.
-        summary: whether it goes to the job summary, on GitHub.
+        old, new: files, folders or globs of results, as typed.
+        strict: treat warnings as failures.
+        markdown: file for the Markdown; "-" prints it instead of the text for terminals; None writes none.
+        summary: add the comparison to the job summary on GitHub.
     """
 
     old: str
@@ -42,13 +42,13 @@ class CompareRequest:
     summary: bool = True
 
 
-def compare(request: CompareRequest) -> ExitCode:
-    """Reports what has changed, and returns what the process says to its caller. Raises UsageError."""
+def compare_results(request: CompareRequest) -> ExitCode:
+    """Report the changes and return the exit code. Raises UsageError."""
     comparison = compared(_outcomes(request.old), _outcomes(request.new), request.thresholds)
     if request.markdown not in (None, STANDARD_OUTPUT):
         _write(Path(request.markdown), comparison)
-    _tell_github(comparison, request, os.environ)
-    # Whoever read the output has gone; that changes nothing that was found.
+    _write_for_github(comparison, request, os.environ)
+    # A closed output does not change the result.
     with suppress(BrokenPipeError):
         if request.markdown == STANDARD_OUTPUT:
             sys.stdout.write(comparison_markdown(comparison))
@@ -59,10 +59,10 @@ def compare(request: CompareRequest) -> ExitCode:
 
 
 def _outcomes(pattern: str) -> list[Outcome]:
-    """As `merge` would join them: what a missing shard should have run is an error. Raises UsageError."""
+    """Return the outcomes of one run, joined as by `merge`: a missing shard is an error outcome. Raises UsageError."""
     files = read_all(find_all([pattern]))
     if not files:
-        raise UsageError(escaped_line(f"no {RESULTS_FILE} in or at '{pattern}': name a results file, or its folder"))
+        raise UsageError(escaped_line(f"no {RESULTS_FILE} found at '{pattern}'; name a results file or its folder"))
     return [entry.outcome for entry in joined(files, None)]
 
 
@@ -74,8 +74,8 @@ def _write(path: Path, comparison: Comparison) -> None:
         raise UsageError(escaped_line(f"--markdown {path} cannot be written: {error.strerror}")) from None
 
 
-def _tell_github(comparison: Comparison, request: CompareRequest, environment: Mapping[str, str]) -> None:
-    """Appends to the files that steps of a workflow have, where there are any."""
+def _write_for_github(comparison: Comparison, request: CompareRequest, environment: Mapping[str, str]) -> None:
+    """Append to the outputs and the job summary of a GitHub step, if there are any."""
     counts = {"newly-failing": str(comparison.failures), "warnings": str(comparison.warnings)}
     summary = environment.get("GITHUB_STEP_SUMMARY") if request.summary else None
     try:

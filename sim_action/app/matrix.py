@@ -18,11 +18,11 @@ from sim_action.results.results_json import Results
 from sim_action.results.shards import balanced
 from sim_action.scenario.selection import numbered
 
-MOST_BYTES: Final = (128 << 10) - len("INPUT_SCENARIO=\0")
+MAX_BYTES: Final = (128 << 10) - len("INPUT_SCENARIO=\0")
 """The action has the scenarios of a shard in this variable, and Linux takes no longer one."""
 
 # GitHub takes 1 MB as the output of a job, and counts 2 bytes for each character.
-_MOST_CHARACTERS: Final = 500_000
+_MAX_CHARACTERS: Final = 500_000
 
 # s; no job of GitHub's lasts as long, so a file that says more is not believed.
 _LONGEST: Final = 1e6
@@ -108,12 +108,12 @@ def _refuse_too_long(shards: Sequence[Sequence[str]], text: str) -> None:
     other = "a matrix of folders or of `shard: I/N`, which needs no names"
     for index, shard in enumerate(shards, start=1):
         size = len("\n".join(shard).encode())
-        if size > MOST_BYTES:
+        if size > MAX_BYTES:
             names = f"shard {index} of {len(shards)} would be {len(shard)} names of {size / 1000:.1f} kB"
             limit = "128 KiB is all that one variable of a runner holds"
             raise UsageError(f"{names}, and {limit}; make more shards, or {other}")
-    if len(text) > _MOST_CHARACTERS:
-        limit = f"GitHub takes {_MOST_CHARACTERS / 1000:g} kB"
+    if len(text) > _MAX_CHARACTERS:
+        limit = f"GitHub takes {_MAX_CHARACTERS / 1000:g} kB"
         raise UsageError(f"the matrix would be {len(text) / 1000:.1f} kB long, and {limit}; make {other}")
 
 

@@ -1,4 +1,4 @@
-"""`sim-action merge`, from the results of shards to those of one run: read -> join -> move files -> report."""
+"""The use case `merge`: read the results of shards, join them, move their files, write the reports."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, 
 from sim_action.results.shard_results import Entry, Listing, joined
 from sim_action.results.stored_files import EVIDENCE_FOLDERS, Evidence, evidence_of, moved, trace_paths
 
-# Of what a stranger may have written; each JUnit suite has it.
-_LONGEST_VERSION: Final = 200
+# A stranger may have written it, and each JUnit suite repeats it.
+_MAX_VERSION_CHARS: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
 class MergeRequest:
-    """What the command line asks for; `results`: patterns, as they were typed; `listing`: what has to be in them."""
+    """The options of `merge`; `results`: patterns, as typed; `listing`: the scenarios that must have a result."""
 
     results: Sequence[str]
     listing: Listing | None
     reports: ReportRequest
 
 
-def merge(request: MergeRequest) -> ExitCode:
-    """Joins results, writes every report, and returns what the process says to its caller."""
+def merge_results(request: MergeRequest) -> ExitCode:
+    """Join results, write every report and return the exit code. Raises UsageError."""
     files = _read(request)
     entries = _with_versions(joined(files, request.listing), files)
     evidence = [evidence_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
@@ -48,35 +48,35 @@ def merge(request: MergeRequest) -> ExitCode:
 
 
 def _read(request: MergeRequest) -> list[ResultsFile]:
-    """What is to be joined; none, if all of it is lost and there is a listing of what that was."""
+    """Return the files to join. The list may be empty if a listing names the scenarios without a result."""
     found = find_all(request.results)
     files = [file for file in read_all(found) if not _is_earlier_output(file, request)]
     empty = [pattern for pattern, paths in found.items() if not paths or not files]
     for pattern in empty:
-        lost = f"no {RESULTS_FILE} in or at '{pattern}'"
+        lost = f"no {RESULTS_FILE} found at '{pattern}'"
         if not request.listing:
-            ask = "have the shards left their results there? With --scenarios, what has none is reported"
+            ask = "download the results of the shards first, or list the scenarios with --scenarios"
             raise UsageError(escaped_line(f"{lost}: {ask}"))
         _note(lost)
     return files
 
 
 def _is_earlier_output(file: ResultsFile, request: MergeRequest) -> bool:
-    """Whether this call writes anew what it has found beside the results of shards, as the same call before it did."""
+    """Return True for the output of an earlier merge that this call is going to overwrite."""
     path = compared_name(str(file.path))
     written = path == compared_name(str(request.reports.folder / RESULTS_FILE))
     if not (file.results.merged and written) or path in map(compared_name, request.results):
         return False
-    _note(f"{file.path} is left out: an earlier merge wrote it, and this one writes it anew")
+    _note(f"{file.path} is skipped: an earlier merge wrote it, and this one overwrites it")
     return True
 
 
 def _with_versions(entries: Sequence[Entry], files: Iterable[ResultsFile]) -> list[Entry]:
-    """Each outcome, with a note of the version that it is of, if there are several."""
+    """Return the entries, with a note of their version if the versions differ."""
     versions = {file.path: _distinct([file.results.sim_action]) for file in files}
     if len(set(versions.values())) <= 1:
         return list(entries)
-    _note(f"these results are of different versions of sim-action: {_distinct(versions.values())}")
+    _note(f"the results come from different versions of sim-action: {_distinct(versions.values())}")
     return [_with_version(entry, versions[entry.origin]) if entry.origin else entry for entry in entries]
 
 
@@ -105,7 +105,7 @@ def _results(parts: Sequence[Results], outcomes: Iterable[Outcome]) -> Results:
 
 
 def _nothing() -> Results:
-    """If nobody has left anything, that is what this call has found."""
+    """Return results without outcomes, for a merge that found no file."""
     return Results(
         sim_action=__version__,
         python=platform.python_version(),
@@ -116,26 +116,26 @@ def _nothing() -> Results:
 
 
 def _distinct(texts: Iterable[str]) -> str:
-    """Shards that were not alike are not called so."""
-    return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _LONGEST_VERSION)
+    """Return all different texts, separated by commas."""
+    return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _MAX_VERSION_CHARS)
 
 
 def _refuse_to_overwrite(
     files: Iterable[ResultsFile], named: Iterable[Iterable[Evidence]], request: ReportRequest
 ) -> None:
-    """What is joined is still there afterwards."""
+    """Raise UsageError if the output would overwrite a file that is to be joined."""
     written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
     folders = [compared_name(str(request.folder / name)) for name in EVIDENCE_FOLDERS]
     for path in [file.path for file in files] + [file.source for found in named for file in found if file.source]:
         name = compared_name(str(path))
         if name in written or any(Path(name).is_relative_to(folder) for folder in folders):
-            why = f"{name} is to be joined, and would be overwritten"
+            why = f"{name} is an input of the merge and would be overwritten"
             raise UsageError(escaped_line(f"{why}; choose another --output-dir or --junit"))
 
 
 def _with_evidence(entries: Sequence[Entry], named: Sequence[Sequence[Evidence]], folder: Path) -> Iterator[Outcome]:
-    """Each outcome, with its files in `folder`, named as one run of all scenarios would have named them."""
-    # A run has a name for the trace of whatever it could load.
+    """Yield the outcomes with their files in `folder`, named as a single run of all scenarios names them."""
+    # A run reserves a trace name for each scenario that it could load.
     loaded = [place for place, entry in enumerate(entries) if entry.origin and not _is_invalid(entry.outcome)]
     paths = trace_paths([entries[place].outcome.name for place in loaded], folder)
     traces = dict(zip(loaded, paths, strict=True))

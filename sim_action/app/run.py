@@ -1,4 +1,4 @@
-"""`sim-action run`, from files to reports: plan -> execute -> report."""
+"""The use case `run`: plan the scenarios, execute them, write the reports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from sim_action.scenario.source import Refused
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What the command line asks for; `recordings`: formats of what is recorded of each run."""
+    """The options of `run`; `recordings`: the formats to record each run in."""
 
     plan: PlanRequest
     reports: ReportRequest
@@ -36,8 +36,8 @@ class RunRequest:
     repeat: int = 1
 
 
-def run(request: RunRequest, interruption: Interruption) -> Results:
-    """Runs everything, writes every report, and returns what came of it."""
+def run_scenarios(request: RunRequest, interruption: Interruption) -> Results:
+    """Run all scenarios, write every report and return the results. Raises UsageError."""
     started = time.monotonic()
     found = planned(request.plan)
     options = report_options(request.reports)
@@ -63,7 +63,7 @@ def run(request: RunRequest, interruption: Interruption) -> Results:
 def _outcomes(
     request: RunRequest, plans: Sequence[Plan], options: ReportOptions, interruption: Interruption
 ) -> list[Outcome]:
-    """Of each scenario, in the order of the files; several of one that runs on several engines."""
+    """Return the outcomes in the order of the files; a scenario has one for each engine."""
     every = [run for plan in plans if not isinstance(plan, Refused) for run in plan]
     repeat, folder = request.repeat, options.folder
     every = [run.traced_at_every_step() for run in every] if repeat > 1 else every
@@ -81,7 +81,7 @@ def _outcomes(
 
 
 def _outcomes_of(plan: Plan, ran: Iterator[Outcome], folder: Path) -> tuple[Outcome, ...]:
-    """Of one scenario, whose runs come next in `ran`."""
+    """Return the outcomes of one scenario, whose runs come next in `ran`."""
     if isinstance(plan, Refused):
         return (Outcome.of_refused(plan),)
     return compared(plan[0], tuple(islice(ran, len(plan))), folder)

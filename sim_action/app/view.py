@@ -1,4 +1,4 @@
-"""`sim-action view`: from what was typed to the address of a report, or of a moment in it, and to a browser."""
+"""The use case `view`: open a report, or a moment in it, in the browser."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sim_action.results.results_json import RESULTS_FILE, Results
 
 @dataclass(frozen=True, slots=True)
 class ViewRequest:
-    """What the command line asks for; `place`: a report, results, or their folder; `time`: sim time in s."""
+    """The options of `view`; `place`: a report, results or their folder; `time`: sim time in s."""
 
     place: Path
     only: str | None = None
@@ -25,7 +25,7 @@ class ViewRequest:
 
 
 def address(request: ViewRequest) -> str:
-    """Of the report, as browsers take it. Raises UsageError if it is not there, or has no such scenario."""
+    """Return the URL of the report. Raises UsageError if the report or the scenario does not exist."""
     report = _report(request.place)
     if request.only is None and request.time is None:
         return report.as_uri()
@@ -34,7 +34,7 @@ def address(request: ViewRequest) -> str:
 
 
 def opened(shown: str, environment: Mapping[str, str]) -> bool:
-    """Opens an address in the user's browser; False where nobody would see it."""
+    """Open a URL in the browser; return False if no browser can be opened."""
     if not _has_display(environment):
         return False
     try:
@@ -51,40 +51,40 @@ def _report(place: Path) -> Path:
             return path.resolve()
     except (OSError, ValueError):  # too long, a NUL in it
         path = place
-    raise UsageError(escaped_line(f"no report at {path}: sim-action run writes it, unless it is told --no-report"))
+    raise UsageError(escaped_line(f"no report found at {path}; `sim-action run` writes one unless --no-report is set"))
 
 
 def _scenario(results: Path, only: str | None) -> str:
-    """The name that is meant; without results beside the report, as it was typed. Raises UsageError."""
+    """Return the name of the scenario. Without a results.json it cannot be checked. Raises UsageError."""
     if not results.is_file():
         if only is None:
-            raise UsageError("--time is of a scenario: name it with --only")
+            raise UsageError("--time needs --only to select a scenario")
         return only
     names = [outcome.name for outcome in Results.read(results).outcomes]
     if only is None:
         return _sole(names)
     if only not in names:
-        raise UsageError(escaped_line(f"no scenario '{only}' is in the report{did_you_mean(only, names)}"))
+        raise UsageError(escaped_line(f"the report has no scenario '{only}'{did_you_mean(only, names)}"))
     return only
 
 
 def _sole(names: Iterable[str]) -> str:
     only, *others = list(names) or [""]
     if others or not only:
-        raise UsageError("--time is of a scenario: name it with --only")
+        raise UsageError("--time needs --only to select a scenario")
     return only
 
 
 def _has_display(environment: Mapping[str, str]) -> bool:
-    """Whether a browser has somewhere to open; one in a terminal would take that."""
+    """Return True if there is a display. A text browser would take over the terminal."""
     if sys.platform != "linux":
         return True
     return any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))
 
 
-def view(request: ViewRequest, *, print_only: bool) -> None:
-    """Opens a report; says where it is, also for those whose system drops what stands behind a `#`."""
+def view_report(request: ViewRequest, *, print_only: bool) -> None:
+    """Open a report and print its URL: some systems drop the part behind `#` when they open it."""
     shown = address(request)
     if not print_only and not opened(shown, os.environ):
-        sys.stderr.write("sim-action: no browser can be opened here; this is the address of the report\n")
+        sys.stderr.write("sim-action: no browser can be opened here; open this address yourself\n")
     sys.stdout.write(f"{shown}\n")

@@ -1,4 +1,4 @@
-"""`sim-action run --watch`: run -> wait until files change -> run what they touch -> say what changed, until Ctrl-C."""
+"""The use case `run --watch`: run all scenarios, then rerun the affected ones whenever files change."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from sim_action.app import run as running
-from sim_action.app.run import RunRequest
+from sim_action.app.run import RunRequest, run_scenarios
 from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.messages import log_line
@@ -22,24 +21,24 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.scenario.watched_files import Stamp, stamps, watched_files
 
-# s between two looks; and how long nothing may change before what was saved is taken for whole.
-_PERIOD: Final = 0.5
-_QUIET: Final = 0.3
-_MOST_TOLD: Final = 5
+_POLL_S: Final = 0.5
+# A saved file counts as complete once nothing has changed for this time.
+_QUIET_S: Final = 0.3
+_MAX_NAMES: Final = 5
 
-# How fast it was tells nothing here: the machine has others to work for.
+# Speed is not compared: the developer's machine does other work.
 _THRESHOLDS: Final = Thresholds(speed=0.0)
 
 
 @dataclass(slots=True)
 class _Watched:
-    """What is looked at.
+    """The files that are watched.
 
     Attributes:
-        files: scenario file -> files that it is made of.
-        folders: where others may come to be.
-        seen: how all of these were when the last run began.
-        ignored: what the runs write themselves.
+        files: scenario file -> the files that it depends on.
+        folders: where new scenario files may appear.
+        seen: the state of all of them when the last run began.
+        ignored: files that the runs write themselves.
     """
 
     files: dict[Path, frozenset[Path]] = field(default_factory=dict)
@@ -51,27 +50,28 @@ class _Watched:
         return set(self.folders).union(*self.files.values()) - self.ignored
 
     def changed(self) -> set[Path]:
-        """What is not as it was."""
+        """Return the paths whose state differs from `seen`."""
         return {path for path, stamp in stamps(self.seen).items() if stamp != self.seen[path]}
 
     def touched(self, changed: set[Path]) -> list[Path]:
-        """The scenario files that are made of something that has changed."""
+        """Return the scenario files that depend on a changed path."""
         return [file for file, made_of in self.files.items() if not changed.isdisjoint(made_of)]
 
 
-def watch(request: RunRequest, patterns: Sequence[str], interruption: Interruption) -> ExitCode:
-    """Runs everything, then what changes, one run after the other; `patterns`: what scenarios are found by.
+def watch_scenarios(request: RunRequest, patterns: Sequence[str], interruption: Interruption) -> ExitCode:
+    """Run all scenarios, then the affected ones after each change, until interrupted.
 
-    Raises UsageError if the first run cannot be begun; later ones only tell of it.
+    `patterns` are the paths that were typed. Raises UsageError if the first run cannot start; later runs only print the
+    error.
     """
     watched = _Watched()
     _look(watched, request, request.plan.suite.files, patterns)
-    outcomes = _by_file(running.run(request, interruption))
+    outcomes = _by_file(run_scenarios(request, interruption))
     written = _without_written(watched, set())
     _note_watched(watched)
     while changed := _wait(watched, interruption):
         if touched := _touched(watched, changed, request, patterns):
-            _note(f"changed: {_told(changed - watched.folders)}")
+            _note(f"changed: {_names(changed - watched.folders)}")
             outcomes |= _rerun(request, touched, outcomes, interruption)
             written = _without_written(watched, written)
             _note_watched(watched)
@@ -79,7 +79,7 @@ def watch(request: RunRequest, patterns: Sequence[str], interruption: Interrupti
 
 
 def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], patterns: Iterable[str]) -> None:
-    """Takes in how scenario files, and what they are made of, are now."""
+    """Store the present state of scenario files and of the files that they depend on."""
     for file in files:
         watched.files[file] = watched_files(file, allow_outside=request.plan.permissions.outside)
     folders = {Path(pattern) for pattern in patterns if Path(pattern).is_dir()}
@@ -88,32 +88,32 @@ def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], pattern
 
 
 def _without_written(watched: _Watched, before: set[Path]) -> set[Path]:
-    """What has changed while a run went on; what has done so in the run `before`, too, is looked at no longer.
+    """Return the files that changed during a run; ignore those that also changed during the run before.
 
-    Else a log that a scenario names would have it run for ever. People write scenarios: these are looked at always.
+    Otherwise a log file that a scenario names would restart it for ever. Scenario files are never ignored.
     """
     now = {path for path in watched.changed() - watched.folders if path.suffix not in (".yml", ".yaml")}
     for path in sorted(now & before):
-        _note(f"{os.path.relpath(path)} changes whenever this runs, and is watched no longer")
+        _note(f"{os.path.relpath(path)} changes in every run and is no longer watched")
         watched.ignored.add(path)
         del watched.seen[path]
     return now
 
 
 def _wait(watched: _Watched, interruption: Interruption) -> set[Path]:
-    """What has changed, once that is whole; nothing if it is over."""
+    """Wait for a change to be complete and return the changed paths; nothing if interrupted."""
     now = watched.seen
     while now == watched.seen and not interruption.happened:
-        _sleep(_PERIOD, interruption)
+        _sleep(_POLL_S, interruption)
         now = stamps(watched.seen)
     before: Mapping[Path, Stamp] = {}
     while now != before and not interruption.happened:
         before = now
-        _sleep(_QUIET, interruption)
+        _sleep(_QUIET_S, interruption)
         now = stamps(watched.seen)
     if interruption.happened:
         return set()
-    # What was undone meanwhile touches nothing.
+    # A change that was undone meanwhile affects nothing.
     return {path for path, stamp in now.items() if stamp != watched.seen[path]} or set(watched.folders)
 
 
@@ -122,7 +122,7 @@ def _sleep(seconds: float, interruption: Interruption) -> None:
 
 
 def _touched(watched: _Watched, changed: set[Path], request: RunRequest, patterns: Sequence[str]) -> list[Path]:
-    """The scenario files that are to be run, and are there; those that are new among them."""
+    """Return the existing scenario files to run again, including new ones."""
     touched = watched.touched(changed)
     if changed & watched.folders:
         found = unique(discover(patterns))
@@ -139,10 +139,10 @@ def _touched(watched: _Watched, changed: set[Path], request: RunRequest, pattern
 def _rerun(
     request: RunRequest, touched: Sequence[Path], outcomes: Mapping[str, list[Outcome]], interruption: Interruption
 ) -> dict[str, list[Outcome]]:
-    """The outcomes of these files, with what has changed told."""
+    """Return the new outcomes of these files and print the differences."""
     suite = replace(request.plan.suite, files=tuple(touched), empty=())
     try:
-        results = running.run(replace(request, plan=replace(request.plan, suite=suite)), interruption)
+        results = run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption)
     except UsageError as error:
         _note(str(error))
         return {}
@@ -163,15 +163,15 @@ def _by_file(results: Results) -> dict[str, list[Outcome]]:
     return found
 
 
-def _told(changed: set[Path]) -> str:
+def _names(changed: set[Path]) -> str:
     names = sorted(os.path.relpath(path) for path in changed)
-    more = f" and {len(names) - _MOST_TOLD} more" if len(names) > _MOST_TOLD else ""
-    return (", ".join(names[:_MOST_TOLD]) + more) or "a scenario came"
+    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
+    return (", ".join(names[:_MAX_NAMES]) + more) or "a new scenario"
 
 
 def _note_watched(watched: _Watched) -> None:
     count = len(watched.paths() - watched.folders)
-    _note(f"watching {count} {'file' if count == 1 else 'files'}; Ctrl-C ends")
+    _note(f"watching {count} {'file' if count == 1 else 'files'}; press Ctrl-C to stop")
 
 
 def _note(message: str) -> None:

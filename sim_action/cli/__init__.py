@@ -1,6 +1,7 @@
-"""The subcommands of the command line, one a file: each takes what was typed, calls one thing and says what came of it.
+"""The subcommands of the command line, one per file.
 
-What a subcommand needs is imported when it is called, so that `--help` stays quick.
+Each parses its options, calls one use case in `app` or `ros` and prints the result. A subcommand imports its
+dependencies when it is called, so that `--help` stays quick.
 """
 
 from __future__ import annotations
@@ -40,4 +41,4 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
 )
 
 TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "view")
-"""Whose options may stand in pyproject.toml."""
+"""The subcommands whose options can be set in pyproject.toml."""

@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode
     default=0.5,
     show_default=True,
     metavar="SHARE",
-    help="Warn of margins that are less than this share of what they were.",
+    help="Warn if a margin shrinks below this share of its old value.",
 )
 @click.option(
     "--slower",
@@ -24,21 +24,25 @@ from sim_action.core.errors import ExitCode
     default=0.5,
     show_default=True,
     metavar="SHARE",
-    help="Warn of real-time factors that are, likewise.",
+    help="Warn if a real-time factor drops below this share of its old value.",
 )
-@click.option("--strict", is_flag=True, help="Warnings fail, too.")
-@click.option("--markdown", metavar="FILE", help="Write it as Markdown for a pull request; -: to standard output.")
-@click.option("--summary/--no-summary", default=True, help="Add it to the job summary, on GitHub.  [default: yes]")
+@click.option("--strict", is_flag=True, help="Treat warnings as failures.")
+@click.option(
+    "--markdown", metavar="FILE", help="Write the comparison as Markdown for a pull request; - is standard output."
+)
+@click.option(
+    "--summary/--no-summary", default=True, help="On GitHub, add the comparison to the job summary.  [default: yes]"
+)
 def compare(
     old: str, new: str, *, margin: float, slower: float, strict: bool, markdown: str | None, summary: bool
 ) -> ExitCode:
-    """Tell what has changed between two runs: what newly fails, was mended, came nearer to its limit.
+    """Show what changed between two runs: new failures, fixed scenarios, shrinking margins.
 
-    OLD and NEW are results.json files, or folders with one or with those of all shards. Exit code: 0 nothing newly
-    fails, 1 a scenario newly fails or is flaky, 2 there are no results, or none that can be read.
+    OLD and NEW are results.json files, or folders that hold one, or the ones of all shards. Exit code: 0 nothing newly
+    fails, 1 a scenario newly fails or is flaky, 2 the results are missing or unreadable.
     """
-    from sim_action.app import compare as comparing
+    from sim_action.app.compare import CompareRequest, compare_results
     from sim_action.results.comparison import Thresholds
 
     thresholds = Thresholds(margin, slower)
-    return comparing.compare(comparing.CompareRequest(old, new, thresholds, strict, markdown, summary))
+    return compare_results(CompareRequest(old, new, thresholds, strict, markdown, summary))

@@ -1,4 +1,4 @@
-"""What may stand in `[tool.sim-action]`."""
+"""The keys of `[tool.sim-action]` in pyproject.toml."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sim_action.core.field_types import FrozenModel
 
 
 class Defaults(FrozenModel):
-    """What may stand in the table; its keys are options of the command line, and mean the same."""
+    """The keys of the table. Each one is an option of the command line and means the same."""
 
     paths: Annotated[tuple[str, ...] | None, Field(min_length=1, description="scenario files, folders or globs")] = None
     backend: Annotated[Literal["pybullet", "mujoco", "all"] | None, Field(description="as --backend")] = None

@@ -1,6 +1,6 @@
-"""`[tool.sim-action]` in pyproject.toml: what the command line says if nobody says otherwise.
+"""Default options of the command line from `[tool.sim-action]` in pyproject.toml.
 
-A stranger's pull request can change this file: it lets nothing be run, read or written that a scenario could not.
+A stranger's pull request can change this file. It must not allow more than a scenario may do: run, read or write.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 FILE: Final = "pyproject.toml"
 TABLE: Final = ("tool", "sim-action")
 
-_MOST_BYTES: Final = 1_000_000
-_MOST_TOLD: Final = 100
+_MAX_BYTES: Final = 1_000_000
+_MAX_PROBLEMS: Final = 100
 _HEADER: Final = re.compile(r"\s*\[\s*tool\s*\.\s*[\"']?sim-action[\"']?\s*\]")
-# However the table is written: reading a long file for nothing would take a tenth of the time to check a scenario.
+# Matches every way to write the table. Parsing a long file for nothing takes a tenth of the time to check a scenario.
 _MENTION: Final = re.compile(r"\btool\b\W*sim-action|\[\W*tool\W*\]|^\W*tool\W*=|\\u", re.MULTILINE | re.IGNORECASE)
 _KEY: Final = re.compile(r"\s*[\"']?([A-Za-z0-9_-]+)[\"']?\s*=")
-# To read a key takes tomllib the square of its steps: with 20,000 of them a minute.
+# tomllib needs quadratic time for a dotted key: a minute for 20,000 steps.
 _ENDLESS_KEY: Final = re.compile(r"(?:[\"']?[A-Za-z0-9_-]++[\"']?\s*+\.\s*+){100}")
 
 
@@ -42,13 +42,13 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "matrix": ("paths",),
     "view": ("output_dir",),
 }
-"""Subcommand -> which of them it takes."""
+"""Subcommand -> the keys that it takes."""
 
 
 def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]:
-    """What is stated for a subcommand that is called in a folder, by the names that click gives its options.
+    """Return the defaults of a subcommand that is called in folder `here`, by click's names of its options.
 
-    Raises UsageError for a table that says what it cannot.
+    Raises UsageError for an invalid table.
     """
     options = _OPTIONS.get(subcommand or "")
     found = _nearest(here) if options else None
@@ -64,7 +64,7 @@ def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]
 
 
 def _nearest(here: Path) -> tuple[Path, Document] | None:
-    """The first file with such a table, from here upwards within the workspace."""
+    """Return the nearest pyproject.toml with such a table, from `here` upwards within the workspace."""
     root = Workspace.around(here.resolve() / "a scenario").root
     for folder in (here.resolve(), *here.resolve().parents):
         path = folder / FILE
@@ -77,24 +77,24 @@ def _nearest(here: Path) -> tuple[Path, Document] | None:
 
 
 def _read(path: Path) -> Document | None:
-    """None: it has no such table. Raises UsageError."""
+    """Return the table of a file, or None if it has none. Raises UsageError."""
     name = file_name(Path(os.path.relpath(path)))
     try:
-        if (data := read_at_most(path, _MOST_BYTES)) is None:
-            raise UsageError(f"{name} is not read: it has more than {_MOST_BYTES // 1_000_000} MB")
+        if (data := read_at_most(path, _MAX_BYTES)) is None:
+            raise UsageError(f"{name} cannot be read: it is larger than {_MAX_BYTES // 1_000_000} MB")
         text = data.decode("utf-8", errors="replace")
         if TABLE[1] not in text or not _MENTION.search(text):
             return None
         if _ENDLESS_KEY.search(text):
-            raise UsageError(f"{name} is not read: it has a key of more than 100 steps")
+            raise UsageError(f"{name} cannot be read: it has a key of more than 100 steps")
         import tomllib
 
         table: Any = tomllib.loads(text)
     except OSError as error:
         raise UsageError(f"{name} cannot be read: {error.strerror}") from None
     except RecursionError:
-        raise UsageError(f"{name} is not read: its lists or tables go too deep") from None
-    except ValueError as error:  # what is no TOML, and whole numbers of more digits than Python reads
+        raise UsageError(f"{name} cannot be read: its lists or tables are nested too deeply") from None
+    except ValueError as error:  # invalid TOML, or an integer with more digits than Python reads
         raise UsageError(f"{name} is not valid TOML: {escaped_line(str(error))}") from None
     for step in TABLE:
         table = table.get(step) if isinstance(table, dict) else None
@@ -102,7 +102,7 @@ def _read(path: Path) -> Document | None:
 
 
 def _marks(name: str, text: str) -> Iterator[tuple[KeyPath, Location]]:
-    """Where the keys of the table stand, as far as they are written in the usual way."""
+    """Yield the locations of the keys, if the table is written in the usual way."""
     inside = False
     for number, line in enumerate(text.split("\n"), start=1):
         if line.lstrip().startswith("["):
@@ -131,22 +131,25 @@ def _validated(document: Document, folder: Path) -> Defaults:
         problems = [document.problem((key,), message) for key, message in _out_of_bounds(defaults, folder)]
         if not problems:
             return defaults
-    more = len(problems) - _MOST_TOLD
-    told = [*map(str, problems[:_MOST_TOLD]), *([f"{document.file}: and {more:,} more like these"] if more > 0 else [])]
+    more = len(problems) - _MAX_PROBLEMS
+    told = [
+        *map(str, problems[:_MAX_PROBLEMS]),
+        *([f"{document.file}: and {more:,} more problems"] if more > 0 else []),
+    ]
     raise UsageError("\n".join(told))
 
 
 def _out_of_bounds(defaults: Defaults, folder: Path) -> Iterator[tuple[str, str]]:
-    """Results go, and scenarios come from, where the file itself is or below: nobody has typed these."""
+    """Yield a problem for each path outside the folder of the file. Only the command line may name such paths."""
     named = {"output-dir": (defaults.output_dir,), "junit": (defaults.junit,), "paths": defaults.paths or ()}
     for key, names in named.items():
         for name in filter(None, names):
             if not _is_below(folder, name):
-                yield key, f"{name!r} must be below the folder of {FILE}; the command line may name others"
+                yield key, f"{name!r} must be below the folder of {FILE}; only the command line may name other folders"
 
 
 def _is_below(folder: Path, name: str) -> bool:
-    """Links that are there are followed."""
+    """Return True if a path is below a folder. Symbolic links are followed."""
     try:
         found = (folder / name).resolve()
     except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle

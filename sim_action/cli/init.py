@@ -7,9 +7,9 @@ import click
 
 @click.command()
 @click.argument("folder", default=".", metavar="[DIR]")
-@click.option("--force", is_flag=True, help="Overwrite files that are there.")
+@click.option("--force", is_flag=True, help="Overwrite existing files.")
 def init(folder: str, force: bool) -> None:
-    """Write a commented scenario that passes, and a workflow that runs it."""
+    """Write a commented scenario that passes and a workflow that runs it."""
     from pathlib import Path
 
     from sim_action.app.init import write_scaffold

@@ -12,13 +12,14 @@ from sim_action.core.errors import ExitCode
 
 @click.command()
 @click.argument("model")
-@click.option("--json", "as_json", is_flag=True, help="For programs.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @model_flags
 @ALLOW_OUTSIDE
 def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
-    """Show what a robot model is: a built-in one, or a file. MODEL is as a scenario in this folder would name it.
+    """Show the links, joints, masses and problems of a robot model.
 
-    Exit code: 2 if no engine could take it.
+    MODEL is a built-in name or a file, written as in a scenario of this folder. Exit code: 0 the model is usable, 2 it
+    is refused.
     """
     from sim_action.app.inspect import inspection_text
     from sim_action.app.inspect_process import inspect_apart

@@ -1,4 +1,4 @@
-"""What sim-action knows, as lists and schemas: `models`, `assertions`, `commands`, `sensors`, `schema`."""
+"""Lists and schemas: `sim-action models`, `assertions`, `commands`, `sensors`, `schema`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import click
 
 @click.command()
 def models() -> None:
-    """List the robots that need no path."""
+    """List the built-in robots."""
     from sim_action.app import catalogue
 
     click.echo(catalogue.listing(catalogue.models()))
@@ -15,7 +15,7 @@ def models() -> None:
 
 @click.command()
 def assertions() -> None:
-    """List what can stand below `expect:`."""
+    """List the assertions for `expect:`."""
     from sim_action.app import catalogue
 
     click.echo(catalogue.listing(catalogue.assertions()))
@@ -23,7 +23,7 @@ def assertions() -> None:
 
 @click.command()
 def commands() -> None:
-    """List what can stand below `commands:`, and the drives that turn twists into wheel speeds."""
+    """List the command sources for `commands:`, and the drives."""
     from sim_action.app import catalogue
 
     click.echo(catalogue.listing((*catalogue.commands(), *catalogue.drives())))
@@ -31,7 +31,7 @@ def commands() -> None:
 
 @click.command()
 def sensors() -> None:
-    """List what can stand below `sensors:`."""
+    """List the sensors for `sensors:`."""
     from sim_action.app import catalogue
 
     click.echo(catalogue.listing(catalogue.sensors()))
@@ -40,7 +40,7 @@ def sensors() -> None:
 @click.command()
 @click.argument("kind", type=click.Choice(("scenario", "results")), default="scenario")
 def schema(kind: str) -> None:
-    """Print the JSON Schema of scenario files, for editors, or that of results.json, for programs."""
+    """Print the JSON Schema of scenario files or of results.json."""
     from sim_action.app.schema import results_schema, scenario_schema, schema_text
 
     click.echo(schema_text(scenario_schema() if kind == "scenario" else results_schema()), nl=False)

@@ -1,4 +1,4 @@
-"""The command line. One place that catches errors, and says them with an exit code."""
+"""The entry point of the command line: it runs a subcommand, reports its errors and returns the exit code."""
 
 from __future__ import annotations
 
@@ -19,40 +19,43 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _BEFORE_IMPORTS = {
-    # A process that forks must have started no thread, and results must not depend on how many cores there are.
+    # A process that forks must not have threads, and results must not depend on the number of cores.
     "OPENBLAS_NUM_THREADS": "1",
-    # Looking for plugins takes longer than reading a scenario, and nobody's plugin belongs in it.
+    # The search for plugins takes longer than reading a scenario, and no plugin is wanted.
     "PYDANTIC_DISABLE_PLUGINS": "__all__",
 }
 
 
 def main() -> NoReturn:
-    """The entry point."""
+    """Run the command line of this process and exit."""
     collect_garbage_rarely()
     _open_closed_streams()
     leave(call(sys.argv[1:]))
 
 
 def leave(code: int) -> NoReturn:
-    """Ends the process, with everything said."""
+    """Flush the output and end the process."""
     with suppress(BrokenPipeError):
         sys.stdout.flush()
     sys.stderr.flush()
-    # Taking the interpreter apart would take longer than reading a scenario.
+    # Shutting the interpreter down takes longer than reading a scenario.
     os._exit(code)
 
 
 def _open_closed_streams() -> None:
-    """A shell may close them (`>&-`): what is opened next would take their numbers, and get what is printed."""
+    """Open /dev/null for each standard stream that the shell has closed (`>&-`).
+
+    Otherwise the next file that is opened gets the number of the stream, and printed text goes into that file.
+    """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             os.open(os.devnull, os.O_RDWR)
-            # Whoever puts another stream in its place must not close what has this number by then.
+            # A caller that replaces the stream must not close the descriptor: another file may have it by then.
             setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r", closefd=False))
 
 
 def call(arguments: Sequence[str]) -> int:
-    """Does what a command line says and returns the exit code: the one place that catches errors."""
+    """Run a command line and return its exit code. All errors are caught here."""
     os.environ.update(_BEFORE_IMPORTS)
     try:
         return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
@@ -69,16 +72,16 @@ def call(arguments: Sequence[str]) -> int:
             complain(line)
         return error.exit_code
     except BrokenPipeError:
-        # Whoever read our output has gone; there is nobody left to tell.
+        # The reader of our output has gone.
         return ExitCode.FAILED
-    except Exception:  # noqa: BLE001 - the last stop: whatever it is, it is a fault of ours
+    except Exception:  # noqa: BLE001 - any other exception is a fault of sim-action
         sys.excepthook(*sys.exc_info())
         click.echo("sim-action: this is a fault of sim-action; please report it with the lines above", err=True)
         return ExitCode.INTERNAL
 
 
 def _blame_variable(error: click.ClickException) -> None:
-    """What came from a variable was typed as no option."""
+    """Name the environment variable in an error about a value that came from one."""
     if isinstance(error, click.BadParameter) and error.ctx is not None and error.param is not None:
         source = error.ctx.get_parameter_source(error.param.name or "")
         if source is click.core.ParameterSource.ENVIRONMENT:
@@ -96,8 +99,9 @@ def _blame_variable(error: click.ClickException) -> None:
 def program(context: click.Context) -> None:
     """Simulation tests for robots: a YAML scenario, a headless physics engine, a verdict.
 
-    PATHS are scenario files, folders (every *.sim.yml in and below them) or globs; left out: the current folder.
-    Options may be variables, such as SIM_ACTION_BACKEND, or stand below [tool.sim-action] in pyproject.toml.
+    PATHS are scenario files, globs, or folders: every *.sim.yml in and below a folder is taken. The default is the
+    current folder. Many options can also be set by environment variables, such as SIM_ACTION_BACKEND, or in
+    [tool.sim-action] in pyproject.toml.
     """
     if context.invoked_subcommand is None:
         # As click 8.2 and later do by themselves: a missing command is an error of usage, and its message is the help.

@@ -19,12 +19,15 @@ if TYPE_CHECKING:
 @click.command()
 @PATHS
 @selection_flags
-@click.option("--shards", type=click.IntRange(min=1, max=256), metavar="N", required=True, help="How many, at most.")
-@click.option("--durations", metavar="PATH", help="An earlier results.json, by which to balance them.")
+@click.option(
+    "--shards", type=click.IntRange(min=1, max=256), metavar="N", required=True, help="Largest number of shards."
+)
+@click.option("--durations", metavar="PATH", help="An earlier results.json; its durations balance the shards.")
 def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: Any) -> ExitCode:
-    """Deal scenarios to shards that take about equally long; print them as JSON, for the matrix of a GitHub job.
+    """Split scenarios into shards of similar duration.
 
-    Exit code: 5 if there is no scenario.
+    The shards are printed as JSON, for the matrix of a GitHub job. Exit code: 0 scenarios found, 2 the command line or
+    a scenario file is invalid, 5 no scenario found.
     """
     from pathlib import Path
 
@@ -38,13 +41,13 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
     try:
         known = known_durations(Results.read(Path(durations))) if durations else known
     except UsageError as error:
-        note(f"{error}; every scenario counts the same")
+        note(f"{error}; all scenarios count as equally long")
     click.echo(matrix_text(_files(suite), suite.empty, shards, known))
     return ExitCode.PASSED
 
 
 def _files(suite: Suite) -> list[FileOfScenarios]:
-    """Those of which something is meant."""
+    """Return the files of which at least one scenario is selected."""
     from sim_action.app.matrix import FileOfScenarios
     from sim_action.core.discovery import file_name
     from sim_action.core.workspace import Permissions

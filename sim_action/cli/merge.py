@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
-@click.option("--scenarios", multiple=True, metavar="PATHS", help="What has to be in the results; may be repeated.")
+@click.option("--scenarios", multiple=True, metavar="PATHS", help="Scenarios that the results must cover; repeatable.")
 @selection_flags
 @report_flags
 def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> ExitCode:
-    """Join the results of shards to those of one run, and report them.
+    """Join the results of shards into those of one run, and report them.
 
-    RESULTS are results.json files, folders (every one in and below them) or globs. A shard that has left none, or a
-    scenario of --scenarios that none has, is an error among the outcomes; what was selected for the shards is to be
-    selected of these, too. Exit code: as of `run`.
+    RESULTS are results.json files, globs, or folders: every results.json in and below a folder is taken. A missing
+    shard, or a scenario of --scenarios without a result, becomes an error among the outcomes. Select scenarios here
+    with the same options as for the shards. Exit code: as for `run`.
     """
-    from sim_action.app import merge as merging
+    from sim_action.app.merge import MergeRequest, merge_results
     from sim_action.core.workspace import Permissions
     from sim_action.results.shard_results import Listing
 
@@ -35,6 +35,8 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     if scenarios:
         suite = replace(discovered(scenarios), selection=selection)
         if not suite.files:
-            raise UsageError("--scenarios finds none; is this where the shards ran, with the repository checked out?")
+            raise UsageError(
+                "--scenarios finds no scenario; run merge in the checked-out repository, in the folder of the shards"
+            )
         listing = Listing(suite.scenarios(Permissions()), suite.empty)
-    return merging.merge(merging.MergeRequest(results, listing, report_request(flags)))
+    return merge_results(MergeRequest(results, listing, report_request(flags)))

@@ -1,4 +1,4 @@
-"""What several subcommands take and say: the paths of scenarios, and remarks on standard error."""
+"""Options and messages that several subcommands share: paths, selection, reports, robot models."""
 
 from __future__ import annotations
 
@@ -23,18 +23,22 @@ if TYPE_CHECKING:
 
 PATHS: Final = click.argument("paths", nargs=-1, metavar="[PATHS]...")
 ALLOW_OUTSIDE: Final = click.option(
-    "--allow-outside", is_flag=True, help="Let scenarios name files outside of their workspace."
+    "--allow-outside", is_flag=True, help="Allow scenarios to use files outside the workspace."
 )
 
 
 def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Suite:
-    """What is named; if nothing is, as pyproject.toml says, or all below. `flags`: as `taken_selection` has them."""
+    """Return the scenarios that the command line names.
+
+    Without paths, those of pyproject.toml count, or else the current folder. `flags` are the options of
+    `taken_selection`; None selects everything. A path without scenarios is reported on standard error.
+    """
     from sim_action.core.discovery import compared_name, discover, unique
     from sim_action.scenario.selection import Selection, Suite, split
 
     named = [split(path) for path in named_paths(paths)]
     found = discover(file for file, _ in named)
-    # However it is spelled, it is one outcome.
+    # Two spellings of one path give one outcome.
     empty: dict[str, str] = {}
     for pattern in (pattern for pattern, matches in found.items() if not matches):
         empty.setdefault(compared_name(pattern), pattern)
@@ -42,20 +46,20 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Sui
     numbers = _numbers(files, ((found[file], some) for file, some in named))
     selection = Selection() if flags is None else taken_selection(flags)
     for pattern in empty.values():
-        # Beside others, it is in the reports.
-        (note if files else complain)(f"no scenario in or at '{pattern}'")
+        # If other scenarios were found, the reports also show this as an error.
+        (note if files else complain)(f"no scenario found at '{pattern}'")
     return Suite(files, tuple(empty.values()), numbers, selection)
 
 
 def named_paths(paths: Sequence[str]) -> Sequence[str]:
-    """What was typed, or else what stands in pyproject.toml, or else the current folder."""
+    """Return the paths of the command line, or else of pyproject.toml, or else the current folder."""
     return paths or click.get_current_context().lookup_default("paths") or ["."]
 
 
 def _numbers(
     files: Sequence[Path], named: Iterable[tuple[Sequence[Path], frozenset[int] | None]]
 ) -> dict[str, frozenset[int]]:
-    """Of files that are named with numbers alone, all of these."""
+    """Return the chosen scenario numbers of each file that was only named with numbers."""
     from sim_action.core.discovery import compared_name, file_name
 
     some: dict[str, frozenset[int]] = {}
@@ -71,14 +75,14 @@ def _numbers(
 
 
 def note(message: str) -> None:
-    """Says something that is no error."""
+    """Print a note on standard error."""
     from sim_action.core.messages import log_line
 
     click.echo(log_line(f"sim-action: {message}"), err=True)
 
 
 def complain(message: str) -> None:
-    """Tells an error; on GitHub, as an annotation."""
+    """Print an error on standard error; on GitHub, as an annotation."""
     from sim_action.reports.github.annotations import complaint
 
     click.echo(complaint(message, os.environ), err=True)
@@ -87,24 +91,24 @@ def complain(message: str) -> None:
 Command = Callable[..., ExitCode]
 
 _SELECTION: Final = (
-    click.option("--only", multiple=True, metavar="PATTERN", help="Scenarios of such names; may be repeated."),
-    click.option("--exclude", multiple=True, metavar="PATTERN", help="No scenarios of such names; may be repeated."),
-    click.option("--tag", "tags", multiple=True, metavar="TAG", help="Scenarios with the tag; may be repeated."),
+    click.option("--only", multiple=True, metavar="PATTERN", help="Only scenarios whose name matches; repeatable."),
+    click.option("--exclude", multiple=True, metavar="PATTERN", help="Skip scenarios whose name matches; repeatable."),
+    click.option("--tag", "tags", multiple=True, metavar="TAG", help="Only scenarios with this tag; repeatable."),
     click.option(
-        "--exclude-tag", "exclude_tags", multiple=True, metavar="TAG", help="None with the tag; may be repeated."
+        "--exclude-tag", "exclude_tags", multiple=True, metavar="TAG", help="Skip scenarios with this tag; repeatable."
     ),
 )
 
 
 def selection_flags(command: Command) -> Command:
-    """Gives a command these options."""
+    """Add the options that select scenarios to a command."""
     for option in reversed(_SELECTION):
         command = option(command)
     return command
 
 
 def taken_selection(flags: dict[str, Any]) -> Selection:
-    """What was typed, by the names that click gives it, which are taken out."""
+    """Return the selection that the options ask for, and remove these options from `flags`."""
     from sim_action.scenario.selection import Selection
 
     return Selection(**{name: tuple(flags.pop(name)) for name in ("only", "exclude", "tags", "exclude_tags")})
@@ -116,19 +120,19 @@ _FILES: Final = (
         envvar="SIM_ACTION_OUTPUT_DIR",
         default="sim-results",
         show_default=True,
-        help="Where results, JUnit and traces go.",
+        help="Folder for results, JUnit XML, traces and reports.",
     ),
     click.option(
         "--junit",
         envvar="SIM_ACTION_JUNIT",
         metavar="PATH",
-        help="Where the JUnit XML goes.  [default: junit.xml in the output dir]",
+        help="File for the JUnit XML.  [default: junit.xml in the output folder]",
     ),
     click.option(
         "--junit-strict",
         envvar="SIM_ACTION_JUNIT_STRICT",
         is_flag=True,
-        help="Leave out of it what junit-10.xsd forbids.",
+        help="Leave out everything that junit-10.xsd forbids.",
     ),
 )
 _SWITCHES: Final = (
@@ -136,19 +140,19 @@ _SWITCHES: Final = (
         "--report/--no-report",
         envvar="SIM_ACTION_REPORT",
         default=True,
-        help="Write report.html, with a replay of each run.  [default: yes]",
+        help="Write report.html with a replay of each run.  [default: yes]",
     ),
     click.option(
         "--summary/--no-summary",
         envvar="SIM_ACTION_SUMMARY",
         default=True,
-        help="Write the job summary, on GitHub.  [default: yes]",
+        help="On GitHub, write the job summary.  [default: yes]",
     ),
     click.option(
         "--annotations/--no-annotations",
         envvar="SIM_ACTION_ANNOTATIONS",
         default=True,
-        help="Annotate lines, on GitHub.  [default: yes]",
+        help="On GitHub, annotate the lines of failures.  [default: yes]",
     ),
 )
 _VERBOSITY: Final = (
@@ -157,29 +161,29 @@ _VERBOSITY: Final = (
         "-v",
         envvar="SIM_ACTION_VERBOSE",
         is_flag=True,
-        help="Show notes, diagnostics and what controllers print.",
+        help="Also show notes, diagnostics and the output of controllers.",
     ),
     click.option(
-        "--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show what failed, and one closing line."
+        "--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show only failures and one closing line."
     ),
 )
 
 
 def report_flags(command: Command) -> Command:
-    """Gives a command these options."""
+    """Add the options for output and reports to a command."""
     for option in reversed((*_FILES, *_SWITCHES, *_VERBOSITY)):
         command = option(command)
     return command
 
 
 def report_request(flags: Mapping[str, Any]) -> ReportRequest:
-    """What was typed, by the names that click gives it. Raises UsageError."""
+    """Return the reports that the options ask for. Raises UsageError."""
     from pathlib import Path
 
     from sim_action.reports import ReportRequest
 
     if flags["verbose"] and flags["quiet"]:
-        raise UsageError("--verbose and --quiet do not go together")
+        raise UsageError("--verbose and --quiet cannot be combined")
     return ReportRequest(
         folder=Path(flags["output_dir"]),
         junit=Path(flags["junit"]) if flags["junit"] else None,
@@ -190,17 +194,29 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
 
 
 def model_flags(command: Command) -> Command:
-    """Gives a command these options."""
+    """Add the options of a robot model to a command."""
     for option in (
-        click.option("--package", "packages", multiple=True, metavar="NAME=FOLDER", help="As robot.packages."),
-        click.option("--arg", "args", multiple=True, metavar="NAME=VALUE", help="Of a xacro file, as robot.args."),
+        click.option(
+            "--package",
+            "packages",
+            multiple=True,
+            metavar="NAME=FOLDER",
+            help="Folder of a ROS package, as in robot.packages; repeatable.",
+        ),
+        click.option(
+            "--arg",
+            "args",
+            multiple=True,
+            metavar="NAME=VALUE",
+            help="Argument of a xacro file, as in robot.args; repeatable.",
+        ),
     ):
         command = option(command)
     return command
 
 
 def asked_model(model: str, flags: Mapping[str, Any]) -> tuple[Robot, Workspace]:
-    """The robot of what was typed, and where its files are looked for. Raises UsageError."""
+    """Return the robot that the command line names, and the workspace of its files. Raises UsageError."""
     from sim_action.core.workspace import Workspace
     from sim_action.robot.spec import Robot
 

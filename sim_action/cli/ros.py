@@ -30,10 +30,10 @@ _OPTIONS: Final = (
         default=".",
         show_default="the current folder",
         type=click.Path(exists=True, file_okay=False),
-        help="A catkin workspace; packages are in its src, or below it, and need no build.",
+        help="Catkin workspace. Its packages are searched in src and need no build.",
     ),
     click.option(
-        "--backend", envvar="SIM_ACTION_BACKEND", type=click.Choice(("pybullet", "mujoco")), help="Engine to run on."
+        "--backend", envvar="SIM_ACTION_BACKEND", type=click.Choice(("pybullet", "mujoco")), help="Physics engine."
     ),
     click.option(
         "--seed",
@@ -41,16 +41,23 @@ _OPTIONS: Final = (
         type=click.IntRange(0, 2**63 - 1),
         default=0,
         metavar="N",
-        help="Of everything drawn at random.",
+        help="Random seed.",
     ),
     click.option(
         "--sim-time-limit",
         type=_SECONDS,
         metavar="S",
-        help="Of sim time, for each test.  [default: the longest time-limit of the tests; 30 s without tests]",
+        help="Sim time in s for each test.  [default: the longest time-limit of the tests; 30 without tests]",
     ),
-    click.option("--rtf", type=_SECONDS, metavar="X", help="Hold sim time to X times wall time.  [default: no hold]"),
-    click.option("--wall-limit", type=_SECONDS, metavar="S", help="For all of it.  [default: enough for the tests]"),
+    click.option(
+        "--rtf", type=_SECONDS, metavar="X", help="Limit the speed to X times real time.  [default: no limit]"
+    ),
+    click.option(
+        "--wall-limit",
+        type=_SECONDS,
+        metavar="S",
+        help="Wall time in s for the whole call.  [default: enough for the tests]",
+    ),
 )
 
 
@@ -64,10 +71,10 @@ def _ros_options(command: Command) -> Command:
 @_ros_options
 @report_flags
 def rostest(**flags: Any) -> ExitCode:
-    """Run a rostest of a ROS 1 package, with this simulation in Gazebo's place.
+    """Run a rostest of a ROS 1 package in this simulation instead of Gazebo.
 
-    FILE is a .test file of PACKAGE. Nodes, launch files and tests run unmodified, on the ROS that is installed here.
-    Exit code: as of run.
+    FILE is a .test file of PACKAGE. Nodes, launch files and tests run unmodified, on the installed ROS. Exit code: as
+    for `run`.
     """
     return _called("rostest", flags)
 
@@ -76,9 +83,10 @@ def rostest(**flags: Any) -> ExitCode:
 @_ros_options
 @report_flags
 def roslaunch(**flags: Any) -> ExitCode:
-    """Launch nodes of a ROS 1 package, with this simulation in Gazebo's place, until a limit of sim time.
+    """Launch a ROS 1 launch file in this simulation instead of Gazebo.
 
-    FILE is a .launch file of PACKAGE. It passes if the robot is spawned and no node dies. Exit code: as of run.
+    FILE is a .launch file of PACKAGE. The launch ends at the limit of sim time. It passes if the robot is spawned and
+    no node dies. Exit code: as for `run`.
     """
     return _called("roslaunch", flags)
 
@@ -89,7 +97,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     from sim_action.core.process import Interruption
 
     if sys.platform != "linux":
-        raise UsageError("ROS 1 has packages for Linux alone: Debian 12, and Ubuntu")
+        raise UsageError("ROS 1 needs Linux: its packages exist for Debian 12 and Ubuntu")
     arguments: Sequence[str] = flags["arguments"]
     _check(arguments)
     with Interruption() as interruption:
@@ -116,4 +124,4 @@ def _check(arguments: Sequence[str]) -> None:
     for argument in arguments:
         name, sign, _ = argument.partition(":=")
         if not (sign and name.isidentifier()):
-            raise click.BadArgumentUsage(f"'{argument}' is no argument of a launch file; write NAME:=VALUE")
+            raise click.BadArgumentUsage(f"'{argument}' is not an argument of a launch file; write NAME:=VALUE")

@@ -34,24 +34,26 @@ if TYPE_CHECKING:
     "--fail-fast",
     envvar="SIM_ACTION_FAIL_FAST",
     is_flag=True,
-    help="Begin nothing more once a scenario has not passed.",
+    help="Start no further scenario after the first one that does not pass.",
 )
-@click.option("--list", "list_only", is_flag=True, help="Print names, places and tags of scenarios, and run none.")
-@click.option("--watch", is_flag=True, help="Go on: run again what is touched when files change, until Ctrl-C.")
+@click.option("--list", "list_only", is_flag=True, help="Print the name, place and tags of each scenario; run nothing.")
+@click.option("--watch", is_flag=True, help="Keep running: rerun the affected scenarios when files change.")
 @report_flags
-@click.option("--shard", metavar="I/N", help="Run every N-th of the list only, variations counted, from the I-th on.")
+@click.option(
+    "--shard", metavar="I/N", help="Run only shard I of N: every N-th scenario or variation, starting with the I-th."
+)
 @click.option(
     "--backend",
     envvar="SIM_ACTION_BACKEND",
     type=click.Choice(("pybullet", "mujoco", "all")),
-    help="Engine that all run on, whatever they say; all: each on both, and compared.",
+    help='Physics engine for all scenarios; overrides "backend:" in the files. all: run on both and compare.',
 )
 @click.option(
     "--seed",
     envvar="SIM_ACTION_SEED",
     type=click.IntRange(0, 2**63 - 1),
     metavar="N",
-    help="Of everything drawn at random, whatever they say.",
+    help='Random seed for all scenarios; overrides "seed:" in the files.',
 )
 @click.option(
     "--repeat",
@@ -59,12 +61,12 @@ if TYPE_CHECKING:
     type=click.IntRange(1, 1000),
     default=1,
     metavar="N",
-    help="Run each scenario N times, each in a fresh interpreter: one that differs is flaky.",
+    help="Run each scenario N times. It is flaky if the runs differ.",
 )
 @click.option(
     "--update-golden",
     is_flag=True,
-    help="Write the golden trajectories that scenarios match, instead of comparing with them.",
+    help='Write the golden trajectories of "matches" instead of comparing with them.',
 )
 @click.option(
     "--jobs",
@@ -72,21 +74,21 @@ if TYPE_CHECKING:
     envvar="SIM_ACTION_JOBS",
     type=click.IntRange(min=1, max=256),
     metavar="N",
-    help="At the same time.  [default: the cores]",
+    help="Number of scenarios to run in parallel.  [default: number of cores]",
 )
 @click.option(
     "--record",
     envvar="SIM_ACTION_RECORD",
     multiple=True,
     metavar="FORMAT",
-    help="Leave recordings of each run: mcap, csv, tum, gif, mp4; may be repeated.",
+    help="Record each run as mcap, csv, tum, gif or mp4; repeatable.",
 )
 @click.option(
     "--allow-scripts",
     type=click.Choice(("auto", "true", "false")),
     default="auto",
     show_default=True,
-    help="Run code that scenarios name; auto: but on pull_request_target and workflow_run.",
+    help="Allow scenarios to run code. auto: yes, except on pull_request_target and workflow_run.",
 )
 @ALLOW_OUTSIDE
 def run(
@@ -106,39 +108,39 @@ def run(
     allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
-    """Run scenarios, report their verdicts.
+    """Run scenarios and report their verdicts.
 
     Exit code: 0 all passed, 1 a scenario failed, is flaky or has no verdict, 2 a scenario is invalid, 3 a fault of
-    sim-action, 5 no scenario found, 130 interrupted; of several, the highest of 130, 3, 2, 1. A shard that has no
-    scenario, of a list that has some, passes.
+    sim-action, 5 no scenario found, 130 interrupted. If several apply, the first of 130, 3, 2, 1 is returned. An empty
+    shard passes if other shards have scenarios.
     """
     from sim_action.core.process import Interruption
 
     with Interruption() as interruption:
-        from sim_action.app import run as running
+        from sim_action.app.run import RunRequest, run_scenarios
         from sim_action.core.workspace import Permissions, scripts_refused
         from sim_action.recording.export import wanted_formats
         from sim_action.runner.planning import PlanRequest
 
         if repeat > 1 and update_golden:
-            raise UsageError("a golden trajectory is written by one run: --update-golden goes with --repeat 1")
+            raise UsageError("--update-golden cannot be combined with --repeat")
         permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ), update_golden)
         recordings = wanted_formats(record)
         plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed)
         if list_only:
             return _listed(plan)
-        request = running.RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat)
+        request = RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat)
         if not watch:
-            return running.run(request, interruption).exit_code
+            return run_scenarios(request, interruption).exit_code
         if shard is not None or update_golden:
-            raise UsageError("--watch runs what is touched: it goes with no --shard, and no --update-golden")
-        from sim_action.app import watch as watching
+            raise UsageError("--watch cannot be combined with --shard or --update-golden")
+        from sim_action.app.watch import watch_scenarios
 
-        return watching.watch(request, named_paths(paths), interruption)
+        return watch_scenarios(request, named_paths(paths), interruption)
 
 
 def _listed(request: PlanRequest) -> ExitCode:
-    """Prints what would run; what cannot be read is told as an error."""
+    """Print the selected scenarios; report unreadable ones as errors."""
     from sim_action.core.messages import log_line
     from sim_action.scenario.selection import listing
     from sim_action.scenario.source import Refused
@@ -156,7 +158,7 @@ def _listed(request: PlanRequest) -> ExitCode:
 
 
 def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str]]:
-    """The scenarios of this call, and the patterns without any that it tells of; only for a shard they are checked."""
+    """Return the selected scenarios and the patterns without any. Scenarios are only checked for a shard."""
     from sim_action.runner.planning import planned, source_of
 
     if request.shard is None:
@@ -168,7 +170,7 @@ def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[s
 
 
 def _cores() -> int:
-    """Those that this process may use, where the system says."""
+    """Return the number of cores that this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 @PATHS
 @ALLOW_OUTSIDE
 def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
-    """Find everything that is wrong with scenarios without running them."""
+    """Check scenarios without running them, and report all problems.
+
+    Exit code: 0 all valid, 2 a scenario is invalid, 3 a fault of sim-action, 5 no scenario found.
+    """
     from sim_action.core.messages import log_line
     from sim_action.core.workspace import Permissions
     from sim_action.scenario.loading import load_all

@@ -12,18 +12,20 @@ import click
     envvar="SIM_ACTION_OUTPUT_DIR",
     default="sim-results",
     show_default=True,
-    help="Where results are, if no report is named.",
+    help="Folder of the results if REPORT is not given.",
 )
-@click.option("--only", metavar="NAME", help="Open it at this scenario.")
-@click.option("--time", type=click.FloatRange(min=0), metavar="T", help="And at this sim time, in s.")
-@click.option("--print", "print_only", is_flag=True, help="Print its address, and open nothing.")
+@click.option("--only", metavar="NAME", help="Open the report at this scenario.")
+@click.option(
+    "--time", type=click.FloatRange(min=0), metavar="T", help="Open the report at this sim time in s; needs --only."
+)
+@click.option("--print", "print_only", is_flag=True, help="Print the address of the report instead of opening it.")
 def view(report: str | None, *, output_dir: str, only: str | None, time: float | None, print_only: bool) -> None:
     """Open the report of a run in the browser.
 
-    REPORT is a report.html, the results.json beside it, or their folder.
+    REPORT is a report.html, its results.json, or their folder.
     """
     from pathlib import Path
 
-    from sim_action.app import view as viewing
+    from sim_action.app.view import ViewRequest, view_report
 
-    viewing.view(viewing.ViewRequest(Path(report or output_dir), only, time), print_only=print_only)
+    view_report(ViewRequest(Path(report or output_dir), only, time), print_only=print_only)

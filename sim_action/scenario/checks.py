@@ -23,7 +23,7 @@ _TIME_ROUNDING: Final = 1e-9
 # m: patches that share an edge do not lie on each other.
 _EDGE: Final = 1e-9
 # Bytes that sensors may add to a trace: they are held several times over until it is stored.
-_MOST_KEPT: Final = 500_000_000
+_MAX_KEPT: Final = 500_000_000
 
 
 def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
@@ -65,9 +65,9 @@ def trace_problems(scenario: Scenario, sensor_paths: Sequence[KeyPath]) -> SpecP
     for path, mounted in zip(sensor_paths, scenario.sensors, strict=True):
         size = mounted.sensor.reading_bytes * mounted.rate * scenario.time_limit if mounted.trace else 0.0
         kept += size
-        if size and kept > _MOST_KEPT:
+        if size and kept > _MAX_KEPT:
             what = f"until time_limit ({scenario.time_limit:g} s) its readings take {size / 1e6:.0f} MB"
-            yield (*path, "trace"), f"{what}; of all sensors a trace keeps {_MOST_KEPT / 1e6:.0f} MB: smaller or fewer"
+            yield (*path, "trace"), f"{what}; of all sensors a trace keeps {_MAX_KEPT / 1e6:.0f} MB: smaller or fewer"
 
 
 def reading_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:

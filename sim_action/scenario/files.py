@@ -23,7 +23,7 @@ from sim_action.core.workspace import PathError, Permissions, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
 from sim_action.scenario.extends import entries_of, merged, seen_from, without
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations import MOST_RUNS, expanded
+from sim_action.scenario.variations import MAX_RUNS, expanded
 
 MAX_BASES: Final = 10
 """How many files may stand behind one."""
@@ -32,7 +32,7 @@ MAX_SCENARIOS: Final = 1_000
 """How many a file may hold."""
 
 # Of values, what they share counted for each.
-_MOST_WRITTEN_OUT: Final = 1_000_000
+_MAX_WRITTEN_OUT: Final = 1_000_000
 
 _NOTHING: Final = "a scenario begins with 'name:', 'robot:', 'expect:', 'time_limit:'"
 
@@ -57,7 +57,7 @@ def read_file(path: Path, permissions: Permissions, seed: int | None = None) -> 
 
 
 def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterator[Source | Refused]:
-    left = MOST_RUNS
+    left = MAX_RUNS
     taken: set[str] = set()
     for source in sources:
         if isinstance(source, Refused):
@@ -106,7 +106,7 @@ def _several(path: Path, workspace: Workspace, document: Document) -> Iterator[S
     if not isinstance(entries, tuple) or not entries:
         raise InvalidScenario([document.problem(("scenarios",), f"expected a list of maps, found {shown(entries)}")])
     shared = without(document, "scenarios")
-    if len(entries) > MAX_SCENARIOS or len(entries) * shared.size > _MOST_WRITTEN_OUT:
+    if len(entries) > MAX_SCENARIOS or len(entries) * shared.size > _MAX_WRITTEN_OUT:
         message = f"more than {MAX_SCENARIOS} scenarios, or too much beside them; make several files of it"
         raise InvalidScenario([document.problem(("scenarios",), message)])
     taken: set[str] = set()

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
 # Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
-_LEAST_MEMORY: Final = 512 << 20
-_MOST_MEMORY: Final = 1 << 50
+_MIN_MEMORY: Final = 512 << 20
+_MAX_MEMORY: Final = 1 << 50
 MEMORY: Final = 4 << 30
 """Bytes of address space that a process may take, if nobody says otherwise."""
 
@@ -152,7 +152,7 @@ class Scenario(FrozenModel):
     ] = None
     memory_limit: Annotated[
         PositiveBytes | None,
-        Field(ge=_LEAST_MEMORY, le=_MOST_MEMORY, description="address space of each process; left out: 4 GiB"),
+        Field(ge=_MIN_MEMORY, le=_MAX_MEMORY, description="address space of each process; left out: 4 GiB"),
     ] = None
     output_limit: Annotated[PositiveBytes | None, Field(description="how much it may print; left out: 100 MB")] = None
     backend: Annotated[

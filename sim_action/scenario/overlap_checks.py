@@ -15,7 +15,7 @@ DEPTH: Final = 0.005
 """In m. What is no deeper was meant to touch, as fingers do, and is eased apart while the robot settles."""
 
 # Each is looked at beside each that moves: a heap that someone has made with a script is left to the engine.
-_MOST_PAIRS: Final = 100_000
+_MAX_PAIRS: Final = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ def clash_problems(world: World) -> SpecProblems:
     """
     there = [(body, index) for index, body in enumerate(world.objects) if body.appears is None and not body.is_read]
     moving = sum(body.mass is not None for body, _ in there)
-    if not moving or moving * len(there) > _MOST_PAIRS:
+    if not moving or moving * len(there) > _MAX_PAIRS:
         return
     everything = [_Placed.of(body, index) for body, index in there]
     for one in everything:

@@ -31,10 +31,10 @@ Reader = Callable[[type[Model], Any, KeyPath], Model | None]
 """What makes a spec of a class out of plain values, and notes what is wrong."""
 
 # Each source may name a file that takes a second to be read, as assertions may, which are counted with their parts.
-_MOST_SOURCES: Final = 50
-_MOST_SENSORS: Final = 100
-_MOST_ASSERTIONS: Final = 1_000
-_MOST_FILES: Final = 50
+_MAX_SOURCES: Final = 50
+_MAX_SENSORS: Final = 100
+_MAX_ASSERTIONS: Final = 1_000
+_MAX_FILES: Final = 50
 
 
 class PartReader:
@@ -74,7 +74,7 @@ class PartReader:
     def _commands(self, data: Any) -> tuple[CommandSource, ...]:
         entries: Sequence[tuple[KeyPath, Any]]
         entries = [(("commands", index), entry) for index, entry in enumerate(data)] if isinstance(data, tuple) else []
-        entries = self._few("commands", entries, _MOST_SOURCES, "sources")
+        entries = self._few("commands", entries, _MAX_SOURCES, "sources")
         found = [(path, self._command(entry, path)) for path, entry in entries or [(("commands",), data)]]
         self.command_paths = [path for path, source in found if source is not None]
         return tuple(source for _, source in found if source is not None)
@@ -98,13 +98,13 @@ class PartReader:
         return source
 
     def _expectations(self, data: tuple[Any, ...]) -> tuple[Expectation, ...]:
-        few = self._few("expect", data, _MOST_ASSERTIONS, "expectations")
+        few = self._few("expect", data, _MAX_ASSERTIONS, "expectations")
         found = [(("expect", index), self._expectation(entry, ("expect", index))) for index, entry in enumerate(few)]
         self.expect_paths = [path for path, expectation in found if expectation is not None]
         return _with_unique_names(tuple(expectation for _, expectation in found if expectation is not None))
 
     def _sensors(self, data: tuple[Any, ...]) -> tuple[MountedSensor, ...]:
-        few = self._few("sensors", data, _MOST_SENSORS, "sensors")
+        few = self._few("sensors", data, _MAX_SENSORS, "sensors")
         found = [(("sensors", index), self._sensor(entry, ("sensors", index))) for index, entry in enumerate(few)]
         self.sensor_paths = [path for path, sensor in found if sensor is not None]
         return tuple(sensor for _, sensor in found if sensor is not None)
@@ -147,8 +147,8 @@ class PartReader:
     def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:
         """The assertion that stands below its key, with those that it consists of."""
         self._assertions += 1
-        if self._assertions > _MOST_ASSERTIONS:
-            few = f"more than {_MOST_ASSERTIONS:,} assertions, those inside of others counted; make several scenarios"
+        if self._assertions > _MAX_ASSERTIONS:
+            few = f"more than {_MAX_ASSERTIONS:,} assertions, those inside of others counted; make several scenarios"
             self._problems.note(("expect",), few)
             return None
         if _is_combined(kind):
@@ -162,10 +162,10 @@ class PartReader:
 
     def _file_problems(self, spec: Assertion) -> SpecProblems:
         self._files += spec.reads_file
-        if self._files <= _MOST_FILES:
+        if self._files <= _MAX_FILES:
             yield from spec.file_problems(self._workspace)
         else:
-            few = f"more than {_MOST_FILES} assertions that are of a file of their own; make several scenarios"
+            few = f"more than {_MAX_FILES} assertions that are of a file of their own; make several scenarios"
             self._problems.note(("expect",), few)
 
     def _combined(self, kind: type[Combined], data: Any, path: KeyPath) -> Combined | None:

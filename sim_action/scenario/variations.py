@@ -99,9 +99,9 @@ def _dotted(path: KeyPath) -> str:
 
 
 _LONGEST_TEXT: Final = 40
-_FEWEST_DIGITS: Final = 3
+_MIN_DIGITS: Final = 3
 # No two floats look the same with as many.
-_MOST_DIGITS: Final = 17
+_MAX_DIGITS: Final = 17
 # What would be taken for a part of the name's own form, or of a pattern.
 _NOT_IN_TEXTS: Final = re.compile(r"[][,=*?\s]")
 _NOT_IN_KEYS: Final = re.compile(r"[][,=*?]")
@@ -137,7 +137,7 @@ def _label(steps: list[str], others: list[list[str]]) -> str:
 
 def _told_apart(roundings: Sequence[Callable[[int], str]]) -> tuple[str, ...]:
     """All with as many digits as tell every one from the others."""
-    for digits in range(_FEWEST_DIGITS, _MOST_DIGITS + 1):
+    for digits in range(_MIN_DIGITS, _MAX_DIGITS + 1):
         found = tuple(rounding(digits) for rounding in roundings)
         if len(set(found)) == len(found):
             return found
@@ -160,13 +160,13 @@ def _written(value: object) -> str | None:
     return text if fits and not _NOT_IN_TEXTS.search(text) else None
 
 
-MOST_RUNS: Final = 10_000
+MAX_RUNS: Final = 10_000
 """Of all scenarios of a file together."""
 
-MOST_KEYS: Final = 20
+MAX_KEYS: Final = 20
 
 # Of values, what they share counted for each, as each is checked on its own.
-_MOST_WRITTEN_OUT: Final = 5_000_000
+_MAX_WRITTEN_OUT: Final = 5_000_000
 
 # What is the same in all variations, and why, where that needs saying.
 _FIXED: Final = MappingProxyType(
@@ -193,7 +193,7 @@ class _Key:
     texts: tuple[str, ...]
 
 
-def expanded(source: Source, seed: int | None, most: int = MOST_RUNS) -> tuple[Source, ...]:
+def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[Source, ...]:
     """A source for each variation, in the order of their values; the scenario itself, if it has none.
 
     Args:
@@ -213,10 +213,10 @@ def expanded(source: Source, seed: int | None, most: int = MOST_RUNS) -> tuple[S
     factors = [key for key in keys if key not in drawn[1:]]
     runs = math.prod(len(key.values.values) for key in factors)
     if runs > most:
-        message = f"{runs:,} runs; a file may have {MOST_RUNS:,}"
+        message = f"{runs:,} runs; a file may have {MAX_RUNS:,}"
         raise InvalidScenario([source.document.problem(("variations",), message)])
-    if runs * (size := base.size) > _MOST_WRITTEN_OUT:
-        message = f"{runs:,} runs of {size:,} values each, more than {_MOST_WRITTEN_OUT:,}; put what is long in a file"
+    if runs * (size := base.size) > _MAX_WRITTEN_OUT:
+        message = f"{runs:,} runs of {size:,} values each, more than {_MAX_WRITTEN_OUT:,}; put what is long in a file"
         raise InvalidScenario([source.document.problem(("variations",), message)])
     rows = product(*(range(len(key.values.values)) for key in factors))
     # What the scenario shares with all of its variations is there once.
@@ -271,8 +271,8 @@ def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
     """Raises InvalidScenario."""
     assert isinstance(document.data, dict)
     stated = document.data["variations"]
-    if not isinstance(stated, dict) or not 0 < len(stated) <= MOST_KEYS:
-        message = f"expected a map of 1 to {MOST_KEYS} keys to their values, found {shown(stated)}"
+    if not isinstance(stated, dict) or not 0 < len(stated) <= MAX_KEYS:
+        message = f"expected a map of 1 to {MAX_KEYS} keys to their values, found {shown(stated)}"
         raise InvalidScenario([document.problem(("variations",), message)])
     problems: list[Problem] = []
     found: dict[str, tuple[KeyPath, ValueList]] = {}

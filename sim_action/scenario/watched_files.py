@@ -21,12 +21,12 @@ from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, read_document
 from sim_action.robot.packages import PackageError, Packages
 
-MOST_FILES: Final = 2_000
+MAX_FILES: Final = 2_000
 """Of one scenario file; what comes after these is not looked at."""
 
 _MODELS: Final = frozenset({".urdf", ".xacro", ".sdf", ".world", ".xml", ".mjcf", ".config", ".obj"})
 _SCENARIOS: Final = frozenset({".yml", ".yaml"})
-_MOST_OF_MODEL: Final = 20_000_000
+_MAX_MODEL_BYTES: Final = 20_000_000
 _LONGEST_NAME: Final = 500
 # Attributes and elements by which URDF, xacro, SDF and MJCF name files, and the line of OBJ that does.
 _NAMED: Final = re.compile(
@@ -98,8 +98,8 @@ class _Reader:
             yield place
 
     def _in_model(self, path: Path) -> Iterator[Path]:
-        text = (_bytes(path, _MOST_OF_MODEL) or b"").decode("utf-8", errors="replace")
-        for match in islice(_NAMED.finditer(text), MOST_FILES):
+        text = (_bytes(path, _MAX_MODEL_BYTES) or b"").decode("utf-8", errors="replace")
+        for match in islice(_NAMED.finditer(text), MAX_FILES):
             yield from self._resolved(next(filter(None, match.groups())).strip(), path)
 
     def _resolved(self, reference: str, referrer: Path) -> Iterator[Path]:
@@ -123,7 +123,7 @@ def watched_files(scenario_file: Path, *, allow_outside: bool = False) -> frozen
     found, waiting = {first}, [first]
     while waiting:
         for path in reader.named_in(waiting.pop()):
-            if path not in found and len(found) < MOST_FILES:
+            if path not in found and len(found) < MAX_FILES:
                 found.add(path)
                 waiting.append(path)
     return frozenset(found)
@@ -196,6 +196,6 @@ def _words(text: str) -> list[str]:
 
 def _in_folder(folder: Path, *patterns: str) -> Iterator[Path]:
     try:
-        yield from (path for pattern in patterns for path in islice(sorted(folder.glob(pattern)), MOST_FILES))
+        yield from (path for pattern in patterns for path in islice(sorted(folder.glob(pattern)), MAX_FILES))
     except OSError:
         return

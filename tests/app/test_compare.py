@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.app.compare import CompareRequest, compare
+from sim_action.app.compare import CompareRequest, compare_results
 from sim_action.core.errors import ExitCode, UsageError
 from tests.outcomes import outcome, results, stored
 
@@ -24,35 +24,35 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_files_and_folders_are_the_same(capsys: pytest.CaptureFixture[str]) -> None:
-    assert compare(CompareRequest("old", "new")) is ExitCode.FAILED
+    assert compare_results(CompareRequest("old", "new")) is ExitCode.FAILED
     first = capsys.readouterr().out
-    assert compare(CompareRequest("old/results.json", "new/results.json")) is ExitCode.FAILED
+    assert compare_results(CompareRequest("old/results.json", "new/results.json")) is ExitCode.FAILED
     assert capsys.readouterr().out == first
     assert first.splitlines()[-1] == "1 newly fails, 1 still passes"
 
 
 def test_nothing_newly_fails_the_other_way_round() -> None:
-    assert compare(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
+    assert compare_results(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
 
 
 def test_shards_are_one_run() -> None:
     for index, name in ((1, "a.sim.yml"), (2, "b.sim.yml")):
         stored(Path("shards", str(index)), results(outcome(name), shard=(index, 2, 2)))
-    assert compare(CompareRequest("old", "shards", strict=True)) is ExitCode.PASSED
+    assert compare_results(CompareRequest("old", "shards", strict=True)) is ExitCode.PASSED
 
 
 def test_a_shard_that_is_lost_fails(capsys: pytest.CaptureFixture[str]) -> None:
     stored(Path("shards/1"), results(outcome("a.sim.yml"), shard=(1, 2, 2)))
-    assert compare(CompareRequest("old", "shards")) is ExitCode.FAILED
+    assert compare_results(CompareRequest("old", "shards")) is ExitCode.FAILED
     assert "shard 2 of 2" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("nowhere", "new", "no results.json in or at 'nowhere'"),
-        ("old", "empty", "no results.json in or at 'empty'"),
-        ("old", "*.none", "no results.json in or at '*.none'"),
+        ("nowhere", "new", "no results.json found at 'nowhere'"),
+        ("old", "empty", "no results.json found at 'empty'"),
+        ("old", "*.none", "no results.json found at '*.none'"),
         ("text", "new", "text is no results file"),
     ],
 )
@@ -60,33 +60,33 @@ def test_what_cannot_be_compared(old: str, new: str, complaint: str) -> None:
     Path("empty").mkdir()
     Path("text").write_text("{}")
     with pytest.raises(UsageError) as error:
-        compare(CompareRequest(old, new))
+        compare_results(CompareRequest(old, new))
     assert complaint in str(error.value)
     assert error.value.exit_code is ExitCode.INVALID
 
 
 def test_markdown_goes_to_a_file_beside_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    compare(CompareRequest("old", "new", markdown="comment.md"))
+    compare_results(CompareRequest("old", "new", markdown="comment.md"))
     assert Path("comment.md").read_text(encoding="utf-8").startswith("## ❌ 1 scenario newly fails\n")
     assert "##" not in capsys.readouterr().out
 
 
 def test_markdown_takes_the_place_of_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert compare(CompareRequest("old", "new", markdown="-")) is ExitCode.FAILED
+    assert compare_results(CompareRequest("old", "new", markdown="-")) is ExitCode.FAILED
     assert capsys.readouterr().out.startswith("## ❌ 1 scenario newly fails\n")
     assert not Path("-").exists()
 
 
 def test_a_place_that_cannot_be_written_to_is_told() -> None:
     with pytest.raises(UsageError, match=r"--markdown no/such\.md cannot be written: No such file or directory"):
-        compare(CompareRequest("old", "new", markdown="no/such.md"))
+        compare_results(CompareRequest("old", "new", markdown="no/such.md"))
 
 
 def test_github_gets_a_summary_and_outputs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
     monkeypatch.setenv("GITHUB_OUTPUT", "output")
     Path("summary.md").write_text("before\n")
-    compare(CompareRequest("old", "new"))
+    compare_results(CompareRequest("old", "new"))
     assert Path("summary.md").read_text(encoding="utf-8").startswith("before\n## ❌ 1 scenario newly fails\n")
     lines = Path("output").read_text().splitlines()
     assert [lines[0].partition("<<")[0], lines[1]] == ["newly-failing", "1"]
@@ -95,5 +95,5 @@ def test_github_gets_a_summary_and_outputs(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_no_summary_where_none_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
-    compare(CompareRequest("old", "new", summary=False))
+    compare_results(CompareRequest("old", "new", summary=False))
     assert not Path("summary.md").exists()

@@ -111,21 +111,21 @@ def names_of(size: int, each: int = 1000) -> list[str]:
     return [*names, "x" * (size - len(names) * (each + 1))]
 
 
-MOST_BYTES = 128 * 1024 - len("INPUT_SCENARIO=") - 1
+MAX_BYTES = 128 * 1024 - len("INPUT_SCENARIO=") - 1
 
 
 def test_the_scenarios_of_a_shard_are_as_many_as_can_be_passed_on() -> None:
-    (entry,) = dealt(names_of(MOST_BYTES), 1)
+    (entry,) = dealt(names_of(MAX_BYTES), 1)
     passed_on(entry["scenario"])
     with pytest.raises(OSError, match="Argument list too long"):
         passed_on(entry["scenario"] + "x")
     with pytest.raises(UsageError) as raised:
-        dealt(names_of(MOST_BYTES + 1), 1)
+        dealt(names_of(MAX_BYTES + 1), 1)
     assert str(raised.value) == (
         "shard 1 of 1 would be 131 names of 131.1 kB, and 128 KiB is all that one variable of a runner holds; "
         "make more shards, or a matrix of folders or of `shard: I/N`, which needs no names"
     )
-    assert len(dealt(names_of(MOST_BYTES + 1), 2)) == 2
+    assert len(dealt(names_of(MAX_BYTES + 1), 2)) == 2
 
 
 def test_bytes_are_counted_and_not_characters() -> None:
@@ -185,4 +185,4 @@ def test_a_scenario_takes_what_all_of_its_engines_take() -> None:
 
 def test_a_sweep_of_any_size_can_be_passed_on() -> None:
     entries = json.loads(matrix_text([of("push.sim.yml", *range(1, 10_001))], [], 4, {}))["include"]
-    assert max(len(entry["scenario"]) for entry in entries) < MOST_BYTES
+    assert max(len(entry["scenario"]) for entry in entries) < MAX_BYTES

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.app.merge import MergeRequest, merge
+from sim_action.app.merge import MergeRequest, merge_results
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem, UsageError
 from sim_action.reports import ReportRequest
 from sim_action.results.outcome import Failure, Outcome
@@ -47,7 +47,7 @@ def test_traces_come_along_under_names_of_their_own() -> None:
     trace = "traces/same.npz"
     shard(1, outcome("a/same.sim.yml", trace=trace), outcome("c/same.sim.yml"))
     shard(2, outcome("b/Same.sim.yml", trace=trace))
-    assert merge(request()) is ExitCode.PASSED
+    assert merge_results(request()) is ExitCode.PASSED
     found = {made.file: made.trace for made in read().outcomes}
     assert found == {
         "a/same.sim.yml": "traces/same.npz",
@@ -63,7 +63,7 @@ def test_replays_come_along_under_the_names_of_their_traces() -> None:
     trace, replay = "traces/same.npz", "replays/same.json.gz"
     shard(1, outcome("a/same", trace=trace, replay=replay), outcome("c/same"))
     shard(2, outcome("b/same", trace=trace, replay=replay))
-    assert merge(request()) is ExitCode.PASSED
+    assert merge_results(request()) is ExitCode.PASSED
     found = {made.file: made.replay for made in read().outcomes}
     assert found == {"a/same": "replays/same.json.gz", "b/same": "replays/same-2.json.gz", "c/same": None}
     assert Path("joined/replays/same-2.json.gz").read_text() == "replay of b/same"
@@ -74,7 +74,7 @@ def test_a_replay_that_is_not_beside_its_results_is_left_out_and_that_is_told() 
     written = Results.read(path)
     forged = written.outcomes[0].model_copy(update={"replay": "../../secret"})
     written.model_copy(update={"outcomes": (forged,)}).write(path.parent)
-    merge(request("shards/1"))
+    merge_results(request("shards/1"))
     (made,) = read().outcomes
     assert (made.trace, made.replay) == ("traces/a.npz", None)
     assert made.notes == ("its replay ../../secret is not beside the results of its shard",)
@@ -84,7 +84,7 @@ def test_what_could_not_be_loaded_takes_no_name_from_a_trace() -> None:
     error = InvalidScenario([Problem(Location("a/same"), "not a scenario")])
     shard(1, Outcome.of_invalid("a/same", error), total=2)
     shard(2, outcome("b/same", trace="traces/same.npz"), total=2)
-    assert merge(request()) is ExitCode.INVALID
+    assert merge_results(request()) is ExitCode.INVALID
     assert [made.trace for made in read().outcomes] == [None, "traces/same.npz"]
 
 
@@ -96,7 +96,7 @@ def test_a_trace_that_is_not_beside_its_results_is_left_out_and_that_is_told(wor
     written = Results.read(path)
     forged = written.outcomes[0].model_copy(update={"trace": trace})
     written.model_copy(update={"outcomes": (forged,)}).write(path.parent)
-    assert merge(request()) is ExitCode.PASSED
+    assert merge_results(request()) is ExitCode.PASSED
     (made,) = read().outcomes
     assert made.trace is None
     assert made.notes == (f"its trace {trace} is not beside the results of its shard",)
@@ -106,7 +106,7 @@ def test_a_trace_that_is_not_beside_its_results_is_left_out_and_that_is_told(wor
 def test_what_people_waited_for_is_the_longest_shard() -> None:
     shard(1, outcome("a"), outcome("c"))
     shard(2, outcome("b"))
-    merge(request())
+    merge_results(request())
     assert (read().wall_time, read().shard) == (2.0, None)
 
 
@@ -114,21 +114,21 @@ def test_shards_that_were_not_alike_are_not_called_so(capsys: pytest.CaptureFixt
     shard(1, outcome("a"), outcome("c"))
     path = shard(2, outcome("b"))
     Results.read(path).model_copy(update={"sim_action": "0.2.0", "platform": "Other"}).write(path.parent)
-    assert merge(request()) is ExitCode.PASSED
+    assert merge_results(request()) is ExitCode.PASSED
     assert (read().sim_action, read().python, read().platform) == ("0.1.0, 0.2.0", "3.11.7", "Linux, Other")
     assert [made.notes for made in read().outcomes] == [
         ("it ran with sim-action 0.1.0",),
         ("it ran with sim-action 0.2.0",),
         ("it ran with sim-action 0.1.0",),
     ]
-    told = "sim-action: these results are of different versions of sim-action: 0.1.0, 0.2.0\n"
+    told = "sim-action: the results come from different versions of sim-action: 0.1.0, 0.2.0\n"
     assert capsys.readouterr().err == told
 
 
 def test_of_shards_that_were_alike_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), outcome("c"))
     shard(2, outcome("b"))
-    assert merge(request()) is ExitCode.PASSED
+    assert merge_results(request()) is ExitCode.PASSED
     assert [made.notes for made in read().outcomes] == [(), (), ()]
     assert capsys.readouterr().err == ""
 
@@ -141,7 +141,7 @@ def test_a_version_that_a_stranger_made_up_is_a_short_line_of_text(
     path = shard(2, outcome("b"))
     forged = "\n::error::forged\n##[error]forged" + "x" * 100_000
     Results.read(path).model_copy(update={"sim_action": forged, "python": forged}).write(path.parent)
-    merge(request())
+    merge_results(request())
     assert len(read().sim_action) <= 200
     assert len(read().python) <= 200
     assert all(len(note) < 300 for made in read().outcomes for note in made.notes)
@@ -156,7 +156,7 @@ def test_a_missing_shard_is_in_every_report_and_in_the_exit_code(
     for name in ("GITHUB_STEP_SUMMARY", "GITHUB_OUTPUT"):
         monkeypatch.setenv(name, name)
     shard(1, outcome("a"), outcome("c"))
-    assert merge(request()) is ExitCode.INVALID
+    assert merge_results(request()) is ExitCode.INVALID
     assert 'name="shard 2 of 2"' in Path("joined/junit.xml").read_text()
     assert "shard 2 of 2 has left no results" in Path("GITHUB_STEP_SUMMARY").read_text()
     assert "\nfailure\n" in Path("GITHUB_OUTPUT").read_text()
@@ -169,7 +169,7 @@ def test_only_what_no_shard_has_annotated_is_annotated(
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a", holds=False), outcome("c"))
     listing = Listing([source("a"), source("b.sim.yml"), source("c")], [])
-    assert merge(request(listing=listing)) is ExitCode.INVALID
+    assert merge_results(request(listing=listing)) is ExitCode.INVALID
     commands = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("::error", "::warning"))]
     (command,) = commands
     assert command.startswith("::error file=b.sim.yml,title=b.sim.yml%3A no result::no shard has left a result")
@@ -180,14 +180,14 @@ def test_annotations_of_what_is_of_no_file_name_none(
 ) -> None:
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a"), outcome("c"))
-    merge(request())
+    merge_results(request())
     assert "\n::error title=shard 2 of 2%3A no results::shard 2 of 2 has left" in capsys.readouterr().out
 
 
 def test_results_can_be_joined_into_the_folder_above_them() -> None:
     shard(1, outcome("a", trace="traces/x.npz"), outcome("c"))
     shard(2, outcome("b", trace="traces/x.npz"))
-    assert merge(request(folder="shards")) is ExitCode.PASSED
+    assert merge_results(request(folder="shards")) is ExitCode.PASSED
     assert len(read("shards").outcomes) == 3
     assert Path("shards/1/traces/x.npz").read_text() == "trace of a"
 
@@ -207,7 +207,7 @@ def test_nothing_that_is_joined_is_overwritten(patterns: list[str], folder: str,
     results(outcome("b")).write(path.parent / "traces").rename(path.parent / "traces" / "inner.json")
     before = {file: file.read_bytes() for file in path.parent.rglob("*") if file.is_file()}
     with pytest.raises(UsageError, match="would be overwritten; choose another"):
-        merge(request(*patterns, folder=folder, junit=junit))
+        merge_results(request(*patterns, folder=folder, junit=junit))
     assert {file: file.read_bytes() for file in path.parent.rglob("*") if file.is_file()} == before
 
 
@@ -215,39 +215,39 @@ def test_the_same_call_again_leaves_out_what_it_has_written(capsys: pytest.Captu
     shard(1, outcome("a", trace="traces/x.npz"), outcome("c"))
     shard(2, outcome("b", trace="traces/x.npz"))
     for patterns in (["shards"], ["."], ["shards/*", "shards/results.json*"]):
-        merge(request(*patterns, folder="shards"))
+        merge_results(request(*patterns, folder="shards"))
         first = read("shards")
         capsys.readouterr()
-        assert merge(request(*patterns, folder="shards")) is ExitCode.PASSED
+        assert merge_results(request(*patterns, folder="shards")) is ExitCode.PASSED
         assert read("shards") == first
-        told = "sim-action: shards/results.json is left out: an earlier merge wrote it, and this one writes it anew\n"
+        told = "sim-action: shards/results.json is skipped: an earlier merge wrote it, and this one overwrites it\n"
         assert capsys.readouterr().err == told
 
 
 def test_what_was_joined_elsewhere_is_joined_like_anything_else() -> None:
     shard(1, outcome("a"), outcome("c"))
     shard(2, outcome("b"))
-    merge(request(folder="joined"))
+    merge_results(request(folder="joined"))
     with pytest.raises(UsageError, match="have results of"):
-        merge(request(".", folder="again"))
-    assert merge(request("joined", folder="again")) is ExitCode.PASSED
+        merge_results(request(".", folder="again"))
+    assert merge_results(request("joined", folder="again")) is ExitCode.PASSED
     assert len(read("again").outcomes) == 3
 
 
 def test_an_earlier_merge_that_is_named_itself_is_not_overwritten() -> None:
     shard(1, outcome("a"), total=1)
-    merge(request())
+    merge_results(request())
     listing = Listing([source("a")], [])
     with pytest.raises(UsageError, match="would be overwritten; choose another"):
-        merge(request("joined/results.json", listing=listing))
+        merge_results(request("joined/results.json", listing=listing))
 
 
 def test_what_an_earlier_merge_has_left_is_no_result_of_a_shard(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), total=1)
-    merge(request())
-    with pytest.raises(UsageError, match=r"no results\.json in or at 'joined'"):
-        merge(request("joined"))
-    assert merge(request("joined", listing=Listing([source("a")], []))) is ExitCode.INVALID
+    merge_results(request())
+    with pytest.raises(UsageError, match=r"no results\.json found at 'joined'"):
+        merge_results(request("joined"))
+    assert merge_results(request("joined", listing=Listing([source("a")], []))) is ExitCode.INVALID
     assert "no shard has left any results" in capsys.readouterr().out
 
 
@@ -260,13 +260,13 @@ def test_if_all_shards_are_lost_every_listed_scenario_is_an_error_in_every_repor
     if made:
         Path("shards").mkdir()
     listing = Listing([source("a.sim.yml"), source("deep/b.sim.yml")], [])
-    assert merge(request(listing=listing)) is ExitCode.INVALID
+    assert merge_results(request(listing=listing)) is ExitCode.INVALID
     assert [(made.file, made.exit_code) for made in read().outcomes] == [
         ("a.sim.yml", ExitCode.INVALID),
         ("deep/b.sim.yml", ExitCode.INVALID),
     ]
     captured = capsys.readouterr()
-    assert captured.err == "sim-action: no results.json in or at 'shards'\n"
+    assert captured.err == "sim-action: no results.json found at 'shards'\n"
     assert captured.out.count("no shard has left any results") == 2
     assert ET.parse("joined/junit.xml").getroot().get("errors") == "2"
     assert "2 of 2 scenarios did not pass" in Path("GITHUB_STEP_SUMMARY").read_text()
@@ -278,28 +278,28 @@ def test_without_a_listing_nobody_knows_what_is_lost(pattern: str) -> None:
     Path("empty").mkdir()
     shard(1, outcome("a"), total=1)
     with pytest.raises(UsageError) as raised:
-        merge(request("shards", pattern))
+        merge_results(request("shards", pattern))
     assert str(raised.value) == (
-        f"no results.json in or at '{pattern}': have the shards left their results there? "
-        "With --scenarios, what has none is reported"
+        f"no results.json found at '{pattern}': download the results of the shards first, "
+        "or list the scenarios with --scenarios"
     )
     assert not Path("joined").exists()
 
 
 def test_with_a_listing_a_place_without_results_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), total=1)
-    assert merge(request("shards", "nope", listing=Listing([source("a")], []))) is ExitCode.PASSED
-    assert capsys.readouterr().err == "sim-action: no results.json in or at 'nope'\n"
+    assert merge_results(request("shards", "nope", listing=Listing([source("a")], []))) is ExitCode.PASSED
+    assert capsys.readouterr().err == "sim-action: no results.json found at 'nope'\n"
 
 
 def test_a_link_that_leads_in_a_circle_is_but_a_name() -> None:
     Path("loop").symlink_to("loop")
     shard(1, outcome("loop"), total=1)
-    assert merge(request()) is ExitCode.PASSED
+    assert merge_results(request()) is ExitCode.PASSED
     assert ET.parse("joined/junit.xml").find("testsuite[@file='loop']") is not None
     for folder, junit in (("loop", None), ("again", "loop/junit.xml")):
         with pytest.raises(UsageError, match="'loop' is a link"):
-            merge(request(folder=folder, junit=junit))
+            merge_results(request(folder=folder, junit=junit))
 
 
 def test_very_many_outcomes_of_one_name_take_no_longer_than_others() -> None:
@@ -308,7 +308,7 @@ def test_very_many_outcomes_of_one_name_take_no_longer_than_others() -> None:
 
     def work(count: int) -> int:
         stored(Path(f"{count}"), results(*[made] * count))
-        return work_of(lambda: merge(request(f"{count}", folder=f"joined{count}")))
+        return work_of(lambda: merge_results(request(f"{count}", folder=f"joined{count}")))
 
     work(1)  # what is done once is done
     once, twice, four_times = map(work, (100, 200, 400))
@@ -319,15 +319,15 @@ def test_silenced_reports_are_not_written(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
     shard(1, outcome("a"), total=1)
     asked = request()
-    merge(replace(asked, reports=replace(asked.reports, silenced=frozenset({"summary"}))))
+    merge_results(replace(asked, reports=replace(asked.reports, silenced=frozenset({"summary"}))))
     assert not Path("summary.md").exists()
-    merge(asked)
+    merge_results(asked)
     assert Path("summary.md").exists()
 
 
 def test_one_scenario_reports_how_far_it_came() -> None:
     shard(1, outcome("a").model_copy(update={"travelled": 1.5}), total=1)
-    merge(request())
+    merge_results(request())
     assert read().travelled == 1.5
 
 
@@ -336,7 +336,7 @@ def test_recordings_come_along_under_the_names_of_their_traces() -> None:
     made = outcome("a/same", trace="traces/same.npz").model_copy(update={"recordings": names})
     shard(1, made, outcome("c/same"))
     shard(2, made.model_copy(update={"file": "b/same"}))
-    assert merge(request()) is ExitCode.PASSED
+    assert merge_results(request()) is ExitCode.PASSED
     found = {made.file: made.recordings for made in read().outcomes}
     assert found == {
         "a/same": ("recordings/same.mcap", "recordings/same.csv"),
@@ -354,7 +354,7 @@ def test_what_is_no_recording_of_ours_is_not_copied_and_that_is_told() -> None:
     written = Results.read(path)
     outcomes = (written.outcomes[0].model_copy(update={"recordings": forged}),)
     written.model_copy(update={"outcomes": outcomes}).write(path.parent)
-    merge(request("shards/1"))
+    merge_results(request("shards/1"))
     (made,) = read().outcomes
     assert made.recordings == ()
     assert made.notes == tuple(f"its recording {name} is not beside the results of its shard" for name in forged)

@@ -38,7 +38,7 @@ def test_a_moment_of_a_scenario_stands_behind_it(folder: Path) -> None:
 
 
 def test_a_name_that_is_not_in_it_is_told_with_the_nearest(folder: Path) -> None:
-    with pytest.raises(UsageError, match="no scenario 'dd' is in the report; did you mean 'd'"):
+    with pytest.raises(UsageError, match="the report has no scenario 'dd'; did you mean 'd'"):
         address(ViewRequest(folder, "dd"))
 
 
@@ -53,13 +53,13 @@ def test_a_time_is_of_one_scenario(there: int, folder: Path) -> None:
     if there == 1:
         assert address(ViewRequest(folder, time=2.0)).endswith("#scenario=a&t=2")
         return
-    with pytest.raises(UsageError, match="name it with --only"):
+    with pytest.raises(UsageError, match="--time needs --only to select a scenario"):
         address(ViewRequest(folder, time=2.0))
 
 
 @pytest.mark.parametrize("place", ["nowhere", "sim-results/traces", "x" * 300, "a\0b"])
 def test_a_report_that_is_not_there_is_told_with_what_writes_it(place: str) -> None:
-    with pytest.raises(UsageError, match=r"no report at .*: sim-action run writes it"):
+    with pytest.raises(UsageError, match=r"no report found at .*; `sim-action run` writes one"):
         address(ViewRequest(Path(place)))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.app import watch as watching
+from sim_action.app import watch
 from sim_action.app.watch import _wait, _Watched
 from sim_action.core.process import Interruption
 from sim_action.scenario.watched_files import stamps
@@ -35,7 +35,7 @@ def saved(pieces: list[str], file: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         if piece := next(left, None):
             file.write_text(file.read_text() + piece)
 
-    monkeypatch.setattr(watching, "_sleep", sleep)
+    monkeypatch.setattr(watch, "_sleep", sleep)
 
 
 def test_what_is_saved_in_pieces_is_waited_for(
@@ -56,7 +56,7 @@ def test_nothing_is_left_to_do_once_it_is_interrupted(
         file.write_text("name: b\n")
         noticing.happened = True
 
-    monkeypatch.setattr(watching, "_sleep", sleep)
+    monkeypatch.setattr(watch, "_sleep", sleep)
     assert _wait(watched, interruption) == set()
 
 
@@ -66,8 +66,8 @@ def test_a_change_that_was_undone_meanwhile_touches_nothing(
     (file,) = watched.files
     first = stamps(watched.seen)
     looks = iter([{**first, file: None}, first, first])
-    monkeypatch.setattr(watching, "_sleep", lambda *_: None)
-    monkeypatch.setattr(watching, "stamps", lambda _paths: next(looks))
+    monkeypatch.setattr(watch, "_sleep", lambda *_: None)
+    monkeypatch.setattr(watch, "stamps", lambda _paths: next(looks))
     assert _wait(watched, interruption) == {tmp_path}
     assert watched.touched({tmp_path}) == []
 

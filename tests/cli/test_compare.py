@@ -41,4 +41,4 @@ def test_exit_codes(typed: str, code: int) -> None:
 
 def test_what_is_wrong_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     call(["compare", "old", "missing"])
-    assert "sim-action: no results.json in or at 'missing'" in capsys.readouterr().err
+    assert "sim-action: no results.json found at 'missing'" in capsys.readouterr().err

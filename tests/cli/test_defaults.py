@@ -154,10 +154,10 @@ def test_what_is_no_toml_is_told_if_it_is_about_us(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f"a = {'[' * 5000}{']' * 5000}", "is not read: its lists or tables go too deep"),
+        (f"a = {'[' * 5000}{']' * 5000}", "cannot be read: its lists or tables are nested too deeply"),
         (f"a = {'1' * 5000}", "is not valid TOML: Exceeds the limit"),
-        (f"a{' . a' * 100_000} = 1", "is not read: it has a key of more than 100 steps"),
-        ("'a'" + '."a"' * 100_000 + " = 1", "is not read: it has a key of more than 100 steps"),
+        (f"a{' . a' * 100_000} = 1", "cannot be read: it has a key of more than 100 steps"),
+        ("'a'" + '."a"' * 100_000 + " = 1", "cannot be read: it has a key of more than 100 steps"),
     ],
 )
 def test_what_would_take_the_reader_down_is_refused(folder: Path, text: str, message: str) -> None:
@@ -215,9 +215,9 @@ def test_of_very_many_keys_that_are_unknown_few_are_told(folder: Path) -> None:
     found = told(folder, "\n".join(["bakcend = 'mujoco'", *keys]))
     assert found[0].startswith("pyproject.toml:5:1: bakcend: unknown key; did you mean 'backend'?")
     assert found[50] == "pyproject.toml:55:1: key49: unknown key"
-    assert found[-1] == "pyproject.toml: and 4,901 more like these"
+    assert found[-1] == "pyproject.toml: and 4,901 more problems"
     assert len(found) == 101
 
 
 def test_a_file_that_is_too_large_is_not_read_in_part(folder: Path) -> None:
-    assert told(folder, "jobs = 1\n" + "#" * 1_000_000) == ["pyproject.toml is not read: it has more than 1 MB"]
+    assert told(folder, "jobs = 1\n" + "#" * 1_000_000) == ["pyproject.toml cannot be read: it is larger than 1 MB"]

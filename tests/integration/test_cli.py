@@ -116,7 +116,7 @@ def test_validate_says_the_same_with_lines_and_columns(bad_run: tuple[Path, subp
 def test_no_scenario_is_exit_code_5_and_still_a_junit(tmp_path: Path) -> None:
     ran = sim_action(tmp_path, "run")
     assert ran.returncode == 5
-    assert "no scenario in or at '.'" in ran.stderr
+    assert "no scenario found at '.'" in ran.stderr
     assert junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml")).tests == 0
 
 

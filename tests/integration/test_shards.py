@@ -114,7 +114,7 @@ def test_without_durations_the_matrix_is_balanced_by_count(workspace: Path, tmp_
         durations.write_text(text)
     made = sim_action(workspace, "matrix", "--shards", "2", "--durations", str(durations))
     assert made.returncode == 0
-    assert re.search(r"results\.json is no results file: .+; every scenario counts the same", made.stderr)
+    assert re.search(r"results\.json is no results file: .+; all scenarios count as equally long", made.stderr)
     assert made.stdout == sim_action(workspace, "matrix", "--shards", "2").stdout
 
 
@@ -144,11 +144,11 @@ def test_if_every_shard_is_lost_every_scenario_is_reported(workspace: Path, tmp_
     asked = ("merge", "nope", "--output-dir", str(tmp_path / "out"))
     unlisted = sim_action(workspace, *asked)
     assert unlisted.returncode == 2
-    assert unlisted.stderr.startswith("sim-action: no results.json in or at 'nope': have the shards left")
+    assert unlisted.stderr.startswith("sim-action: no results.json found at 'nope': have the shards left")
     assert list(tmp_path.iterdir()) == []
     merged = sim_action(workspace, *asked, "--scenarios", ".", GITHUB_OUTPUT=str(tmp_path / "outputs"))
     assert merged.returncode == 2
-    assert merged.stderr == "sim-action: no results.json in or at 'nope'\n"
+    assert merged.stderr == "sim-action: no results.json found at 'nope'\n"
     assert [made["file"] for made in outcomes(tmp_path / "out")] == sorted(
         SCENARIOS, key=lambda name: ("/" in name, name)
     )
@@ -203,7 +203,7 @@ def test_no_scenario_at_all_is_exit_code_5(tmp_path: Path) -> None:
     assert sim_action(tmp_path, "run", "--shard", "1/2").returncode == 5
     planned = sim_action(tmp_path, "matrix", "--shards", "2")
     assert (planned.returncode, planned.stdout) == (5, "")
-    assert "no scenario in or at '.'" in planned.stderr
+    assert "no scenario found at '.'" in planned.stderr
 
 
 @pytest.mark.parametrize(
@@ -213,10 +213,10 @@ def test_no_scenario_at_all_is_exit_code_5(tmp_path: Path) -> None:
         (("matrix", "--shards", "257"), "257 is not in the range 1<=x<=256"),
         (("matrix",), "Missing option '--shards'"),
         (("merge",), "Missing argument 'RESULTS...'"),
-        (("merge", "."), "sim-action: no results.json in or at '.'"),
-        (("merge", ".", "--scenarios", "nope*"), "sim-action: --scenarios finds none"),
+        (("merge", "."), "sim-action: no results.json found at '.'"),
+        (("merge", ".", "--scenarios", "nope*"), "sim-action: --scenarios finds no scenario"),
         (("merge", "loop"), "loop is no results file: Too many levels of symbolic links"),
-        (("merge", ".", "-v", "-q"), "--verbose and --quiet do not go together"),
+        (("merge", ".", "-v", "-q"), "--verbose and --quiet cannot be combined"),
     ],
 )
 def test_a_wrong_call_is_exit_code_2_in_one_line(tmp_path: Path, arguments: tuple[str, ...], told: str) -> None:

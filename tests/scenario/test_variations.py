@@ -22,13 +22,13 @@ from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations import MOST_RUNS, expanded
+from sim_action.scenario.variations import MAX_RUNS, expanded
 from tests.scenarios import LEAST
 
 WALL = "world: {objects: [{name: wall, box: [0.1, 2, 0.5], pose: {x: 3}}]}\n"
 
 
-def varied(text: str, seed: int | None = None, most: int = MOST_RUNS) -> tuple[Source, ...]:
+def varied(text: str, seed: int | None = None, most: int = MAX_RUNS) -> tuple[Source, ...]:
     document = read_document("s.sim.yml", LEAST + text)
     here = Path.cwd()
     return expanded(Source(Path("s.sim.yml"), Workspace(here, here), document, "push"), seed, most)

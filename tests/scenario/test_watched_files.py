@@ -131,7 +131,7 @@ def test_nothing_outside_of_the_workspace_is_looked_at_unless_it_may_be(tmp_path
 
 
 def test_there_is_a_most(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_FILES", 5)
+    monkeypatch.setattr(module, "MAX_FILES", 5)
     scenario = f"variations: {{robot.model: [{', '.join(f'{number}.urdf' for number in range(20))}]}}"
     assert len(found(scenario)) == 5
 

@@ -165,7 +165,7 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
     for index, argument in enumerate(given):
         name, sign, _ = argument.partition(":=")
         if not (sign and name.isidentifier()):
-            yield index, f"'{argument}' is no argument of a launch file; write NAME:=VALUE"
+            yield index, f"'{argument}' is not an argument of a launch file; write NAME:=VALUE"
         elif name not in own:
             yield index, f"'{file.name}' has no argument '{name}'{did_you_mean(name, own)}"
         elif own[name].get("value") is not None:

@@ -71,7 +71,7 @@ BAD = [
     ("{launch: [driver, drive.launch, 'x:=2', 'fixed:=1']}", 5, 49, "'fixed' has a fixed value in 'drive.launch'"),
     ("{launch: [driver, needs.launch]}", 5, 27, "needs the argument 'must': give it as must:=VALUE"),
     ("{launch: [driver, no.launch]}", 5, 27, "'no.launch' is no launch file: no element found: line 1, column 3"),
-    ("{launch: [driver, drive.launch, x=1]}", 5, 41, "'x=1' is no argument of a launch file; write NAME:=VALUE"),
+    ("{launch: [driver, drive.launch, x=1]}", 5, 41, "'x=1' is not an argument of a launch file; write NAME:=VALUE"),
     ("{nodes: [driver/mver.py]}", 5, 18, "no node 'mver.py'; did you mean 'mover.py'?"),
     ("{nodes: [driver/helper.sh]}", 5, 18, "'helper.sh' of 'driver' is not executable: chmod +x"),
     ("{nodes: [mover.py]}", 5, 18, "a node in short is package/type"),
