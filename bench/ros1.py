@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
-from sim_action.ros.ros1.call import PROCESS_FILE, RUN_FILE, RosRequest
+from sim_action.ros.ros1.call import PROCESS_FILE, RUN_FILE, LaunchRequest
 from sim_action.ros.ros1.command import Call
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.overlay import build_overlay
@@ -75,7 +75,7 @@ def _command() -> float:
 
 
 def _parts(ros: Ros) -> Parts:
-    request = RosRequest("rostest", "robot_driver", "mover.test", workspace=EXAMPLES)
+    request = LaunchRequest("rostest", "robot_driver", "mover.test", workspace=EXAMPLES)
     with tempfile.TemporaryDirectory() as name, Interruption() as interruption:
         folder = Path(os.path.realpath(name))
         for made in ("overlay", "call"):

@@ -102,9 +102,9 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     _check(arguments)
     with Interruption() as interruption:
         from sim_action.ros.ros1 import command
-        from sim_action.ros.ros1.call import RosRequest
+        from sim_action.ros.ros1.call import LaunchRequest
 
-        request = RosRequest(
+        request = LaunchRequest(
             program,
             flags["package"],
             flags["file"],

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.core.errors import SourceOver
-from sim_action.ros.processes import Children, descendants, is_written, name_of, test_result
-from sim_action.ros.quiescence import Watched
+from sim_action.ros.processes import ChildProcesses, descendants, is_result_written, process_name, test_result_path
+from sim_action.ros.quiescence import WatchedProcesses
 
 # In s of wall time: how long nodes may compute between two ticks, and how long processes may take to become nodes.
-PATIENCE: Final = 10.0
+MAX_SETTLE_S: Final = 10.0
 # Once lock-step is lost, nobody waits long for it to come back.
 _HURRY: Final = 0.05
 _LOOK: Final = 0.01
@@ -50,7 +50,7 @@ class GraphSource(Protocol):
         """Return True if every subscriber is connected to all publishers of its topics."""
 
 
-class TestOver(SourceOver):
+class TestFinished(SourceOver):
     """The test that rostest has started has judged."""
 
 
@@ -78,22 +78,22 @@ class Lockstep:
         is_shutdown: Callable[[], bool],
         *,
         gone: Callable[[frozenset[int]], None] = _nobody_asks,
-        newcomers_within: float = PATIENCE,
+        newcomers_within: float = MAX_SETTLE_S,
     ) -> None:
         self._master, self._node, self._is_shutdown = master, node, is_shutdown
         self._gone, self._newcomers_within = gone, newcomers_within
-        self._watched = Watched(spared=threading.get_native_id())
-        self._launcher = Children(launcher)
+        self._watched = WatchedProcesses(spared=threading.get_native_id())
+        self._launcher = ChildProcesses(launcher)
         self._siblings: frozenset[int] = frozenset()
         self._given_up: set[int] = set()
         self._tests: dict[int, Path] = {}
-        self._patience = PATIENCE
+        self._patience = MAX_SETTLE_S
         self.notes: list[str] = []
 
     @property
     def is_kept(self) -> bool:
         """Whether nodes were waited for all the time."""
-        return self._patience == PATIENCE
+        return self._patience == MAX_SETTLE_S
 
     def begin(self, commands: Callable[[], frozenset[str]], is_wanted: Callable[[], bool]) -> None:
         """Waits until everybody is there who is about to come.
@@ -109,7 +109,7 @@ class Lockstep:
                 before, calm_since = graph, time.monotonic()
             calm = time.monotonic() - calm_since
             is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands())
-            if calm > PATIENCE or (self._master.is_connected(graph) and (is_driven or calm > _CALM)):
+            if calm > MAX_SETTLE_S or (self._master.is_connected(graph) and (is_driven or calm > _CALM)):
                 break
             self._end_if_over()
             time.sleep(_LOOK)
@@ -157,14 +157,14 @@ class Lockstep:
 
     def _note_tests(self, siblings: frozenset[int]) -> None:
         if self._tests and self._tests.keys().isdisjoint(siblings):
-            raise TestOver("the test is over")
-        self._tests = {pid: path for pid in siblings if (path := test_result(pid))}
+            raise TestFinished("the test is over")
+        self._tests = {pid: path for pid in siblings if (path := test_result_path(pid))}
 
     def _give_up(self) -> None:
         for pid in self._late():
             self._given_up.add(pid)
             within = f"within {self._newcomers_within:g} s of wall time"
-            self.notes.append(f"'{name_of(pid)}' has not become a node of ROS {within}; nobody waits for it")
+            self.notes.append(f"'{process_name(pid)}' has not become a node of ROS {within}; nobody waits for it")
 
     def _late(self) -> Iterator[int]:
         graph = self._master.graph()
@@ -175,13 +175,13 @@ class Lockstep:
     def _lose(self, seconds: float) -> None:
         if self.is_kept:
             self.notes.append(
-                f"lock-step was lost at {seconds:g} s of sim time: nodes were still busy after {PATIENCE:g} s of wall "
-                "time; from there on the run is not deterministic"
+                f"lock-step was lost at {seconds:g} s of sim time: nodes were still busy after {MAX_SETTLE_S:g} s of "
+                "wall time; from there on the run is not deterministic"
             )
         self._patience = _HURRY
 
     def _end_if_over(self) -> None:
         if self._is_shutdown():
             raise SourceOver("the nodes were told to leave")
-        if self._tests and all(map(is_written, self._tests.values())):
-            raise TestOver("the test is over")
+        if self._tests and all(map(is_result_written, self._tests.values())):
+            raise TestFinished("the test is over")

@@ -13,7 +13,7 @@ _HEAD: Final = 64
 _RESULT: Final = b"--gtest_output=xml:"
 
 
-class Children:
+class ChildProcesses:
     """The children of a process; its files are kept open, since they are looked at again and again."""
 
     def __init__(self, pid: int) -> None:
@@ -63,7 +63,7 @@ def descendants(pid: int) -> frozenset[int]:
     return frozenset(found)
 
 
-def test_result(pid: int) -> Path | None:
+def test_result_path(pid: int) -> Path | None:
     """Where a test that rostest has started will write what it found; None of a process that is none."""
     with suppress(OSError):
         for word in (_PROC / str(pid) / "cmdline").read_bytes().split(b"\0"):
@@ -72,7 +72,7 @@ def test_result(pid: int) -> Path | None:
     return None
 
 
-def is_written(result: Path) -> bool:
+def is_result_written(result: Path) -> bool:
     """Whether a test has told what it found; its file is there from its start, with nothing but a head."""
     try:
         return result.stat().st_size > _HEAD and b"</testsuite" in result.read_bytes()[-_HEAD:]
@@ -80,7 +80,7 @@ def is_written(result: Path) -> bool:
         return False
 
 
-def name_of(pid: int) -> str:
+def process_name(pid: int) -> str:
     """What was called: the first words of its command line that tell it from others."""
     with suppress(OSError):
         words = (_PROC / str(pid) / "cmdline").read_bytes().decode(errors="replace").split("\0")

@@ -53,7 +53,7 @@ class _Thread:
         os.close(self._schedstat)
 
 
-class Watched:
+class WatchedProcesses:
     """Processes, by their ids; `spared`: a thread of ours that may run, since it is the one that looks."""
 
     def __init__(self, spared: int) -> None:

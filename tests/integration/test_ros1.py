@@ -17,7 +17,7 @@ from junitparser import JUnitXml
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from sim_action.ros.ros1.call import TRACE_FILE, NodeRun, RosRequest
+from sim_action.ros.ros1.call import TRACE_FILE, LaunchRequest, SimulationResult
 from sim_action.ros.ros1.judging.findings import Findings
 from sim_action.state.trace_storage import load_trace
 from tests.ros.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
@@ -42,7 +42,7 @@ def loaded() -> Iterator[None]:
 
 
 def example(folder: Path, name: str, workspace: Path = EXAMPLES) -> Findings:
-    return launched(folder, RosRequest("rostest", "robot_driver", f"{name}.test", workspace=workspace))
+    return launched(folder, LaunchRequest("rostest", "robot_driver", f"{name}.test", workspace=workspace))
 
 
 def outcomes(folder: Path) -> tuple[Outcome, ...]:
@@ -73,7 +73,7 @@ def test_examples_pass(name: str, tmp_path: Path) -> None:
     assert outcome.replay is not None
 
 
-def seen(run: NodeRun) -> tuple[object, ...]:
+def seen(run: SimulationResult) -> tuple[object, ...]:
     assert run.in_step
     return run.digest, run.messages, run.sim_time, run.first_command, run.travelled
 
@@ -194,7 +194,7 @@ def test_a_plugin_that_is_not_known_is_named(tmp_path: Path) -> None:
     gazebo = workspace / "src/turtlebot3_description/urdf/turtlebot3_burger.gazebo.xacro"
     changed(gazebo, "libgazebo_ros_imu.so", "libgazebo_ros_sonar.so")
 
-    asked = RosRequest("roslaunch", "turtlebot3_gazebo", LAUNCHED, BURGER, workspace, sim_time_limit=0.5)
+    asked = LaunchRequest("roslaunch", "turtlebot3_gazebo", LAUNCHED, BURGER, workspace, sim_time_limit=0.5)
     run = told(launched(tmp_path / "run", asked))
 
     assert [note for note in run.notes if "gazebo_ros_sonar" in note]

@@ -9,13 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.processes import Children, children, descendants, is_written, name_of, test_result
+from sim_action.ros.processes import (
+    ChildProcesses,
+    children,
+    descendants,
+    is_result_written,
+    process_name,
+    test_result_path,
+)
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc")
 
 # rostest's functions are called tests, and are none of ours.
-result_of = test_result
-test_result = None  # type: ignore[assignment] # so that pytest does not collect it
+result_of = test_result_path
+test_result_path = None  # type: ignore[assignment] # so that pytest does not collect it
 
 # A parent that starts a child from a thread when it is told to, and another from its main thread.
 PARENT = """\
@@ -36,7 +43,7 @@ def test_children_of_all_threads_as_they_come_and_go() -> None:
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as it:
         assert it.stdin is not None
         assert it.stdout is not None
-        looking = Children(it.pid)
+        looking = ChildProcesses(it.pid)
         assert looking.look() == frozenset()
         started: set[int] = set()
         for _ in range(2):
@@ -63,10 +70,10 @@ def test_where_a_test_writes_what_it_found() -> None:
         it.stdout.readline()
         assert result_of(it.pid) == Path("/tmp/a b.xml")
         assert result_of(os.getpid()) is None
-        assert name_of(it.pid) == f"{Path(sys.executable).name} -c"
+        assert process_name(it.pid) == f"{Path(sys.executable).name} -c"
         it.communicate(b"\n")
     assert result_of(it.pid) is None
-    assert name_of(it.pid) == f"process {it.pid}"
+    assert process_name(it.pid) == f"process {it.pid}"
 
 
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
@@ -94,4 +101,4 @@ def test_a_result_that_is_whole(text: str | None, is_whole: bool, tmp_path: Path
     if text is not None:
         path.write_text(text)
 
-    assert is_written(path) is is_whole
+    assert is_result_written(path) is is_whole

@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from sim_action.ros.quiescence import Watched
+from sim_action.ros.quiescence import WatchedProcesses
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc")
 
@@ -86,8 +86,8 @@ def process(text: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
             started.kill()
 
 
-def watched(*pids: int) -> Watched:
-    made = Watched(spared=threading.get_native_id())
+def watched(*pids: int) -> WatchedProcesses:
+    made = WatchedProcesses(spared=threading.get_native_id())
     made.watch(pids)
     return made
 

@@ -35,7 +35,7 @@ _MOST_BYTES: Final = 16_000_000
 End = Literal["test over", "nodes gone", "time limit", "failed"]
 
 
-class Request(FrozenModel):
+class SimulationRequest(FrozenModel):
     """What the command asks of the node.
 
     Attributes:
@@ -56,7 +56,7 @@ class Request(FrozenModel):
     replay: bool = True
 
 
-class NodeRun(FrozenModel):
+class SimulationResult(FrozenModel):
     """What became of the simulation, as the node tells it.
 
     Attributes:
@@ -92,7 +92,7 @@ class NodeRun(FrozenModel):
         part.replace(path)
 
     @classmethod
-    def read(cls, folder: Path) -> NodeRun | None:
+    def read(cls, folder: Path) -> SimulationResult | None:
         """What a node has told; None: nothing, or nothing that can be understood."""
         try:
             data = read_at_most(folder / RUN_FILE, _MOST_BYTES)
@@ -101,7 +101,7 @@ class NodeRun(FrozenModel):
             return None
 
 
-def new_run(folder: Path) -> Path:
+def new_run_folder(folder: Path) -> Path:
     """A folder for one more start of the node, below that of the call."""
     for number in count(1):
         try:
@@ -112,7 +112,7 @@ def new_run(folder: Path) -> Path:
     raise AssertionError
 
 
-def runs_in(folder: Path) -> list[Path]:
+def run_folders(folder: Path) -> list[Path]:
     """Those of all starts, the first one first."""
     numbers = sorted(int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir())
     return [folder / str(number) for number in numbers]
@@ -122,7 +122,7 @@ Program = Literal["rostest", "roslaunch"]
 
 
 @dataclass(frozen=True, slots=True)
-class RosRequest:
+class LaunchRequest:
     """One call of a program of ROS, with Gazebo's place taken.
 
     Attributes:

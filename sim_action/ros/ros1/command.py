@@ -21,9 +21,9 @@ from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.results.stored_files import copy_stored, replay_path, trace_paths
-from sim_action.ros.ros1.call import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, Request, RosRequest
+from sim_action.ros.ros1.call import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
 from sim_action.ros.ros1.installation import Ros, find_ros
-from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, Places, Run, find
+from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, find
 from sim_action.ros.ros1.judging.judge import Judge
 from sim_action.ros.ros1.judging.launch_output import shown_path
 from sim_action.ros.ros1.judging.rostest_files import TestTag, test_tags
@@ -51,7 +51,7 @@ rostestmain()
 class Call:
     """One call of the command; `folder`: an empty one of its own."""
 
-    request: RosRequest
+    request: LaunchRequest
     ros: Ros
     overlay: Overlay
     folder: Path
@@ -93,7 +93,7 @@ class Call:
         finally:
             launch.close()
         share = self.overlay.variables["ROS_PACKAGE_PATH"]
-        return find(Places(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
+        return find(LaunchFolders(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
 
     def _words(self, file: Path) -> list[str]:
         """The file as the overlay has it: rostest names its results by the folder of the package."""
@@ -105,11 +105,11 @@ class Call:
             return [str(self.ros.python), "-c", _ROSTEST, str(inside), *request.arguments]
         return [str(self.ros.program("roslaunch")), "-p", str(free_port()), str(inside), *request.arguments]
 
-    def _asked(self, tags: Iterable[TestTag]) -> Request:
+    def _asked(self, tags: Iterable[TestTag]) -> SimulationRequest:
         """Of the node. Sim time ends where a test's own limit would end it in a simulation at real time."""
         request = self.request
         limit = max((tag.time_limit for tag in tags), default=_LAUNCH_TIME)
-        return Request(
+        return SimulationRequest(
             modules=str(self.ros.modules),
             backend=request.backend,
             seed=request.seed,
@@ -133,7 +133,7 @@ def _wall_limit(tags: Sequence[TestTag]) -> float:
     return sum((tag.time_limit + _STARTING) * (1 + tag.retry) for tag in tags) + 2 * _STARTING
 
 
-def run(request: RosRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
+def run(request: LaunchRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
     """Runs the launch, writes every report, and returns what the process says to its caller. Raises UsageError."""
     started = time.monotonic()
     ros = find_ros()

@@ -114,7 +114,7 @@ _DRIVE: Final = "sim_action.ros.ros1.node.drive_plugins:open_drive"
 _LASER: Final = "sim_action.ros.ros1.node.sensor_plugins:open_laser"
 _IMU: Final = "sim_action.ros.ros1.node.sensor_plugins:open_imu"
 
-DEVICES: Final[Table[Opener]] = Table(
+PLUGINS: Final[Table[Opener]] = Table(
     "plugin",
     {
         "gazebo_ros_diff_drive": _DRIVE,
@@ -131,7 +131,7 @@ DEVICES: Final[Table[Opener]] = Table(
 )
 """Name of a plugin's file, without "lib" and ".so" -> what does the same here."""
 
-DRIVING: Final = frozenset(
+DRIVE_PLUGINS: Final = frozenset(
     {"gazebo_ros_control", "gazebo_ros_diff_drive", "gazebo_ros_planar_move", "gazebo_ros_skid_steer_drive"}
 )
 """Those that move a robot: a model of a world with one of them is no thing that stands about."""

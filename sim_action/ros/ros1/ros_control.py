@@ -92,7 +92,7 @@ class JointCurve:
         return _cubic(first, first.velocity, last, last.velocity, time)
 
 
-def curves(
+def joint_curves(
     names: Sequence[str], start: Sequence[Waypoint], points: Sequence[tuple[float, Sequence[float], Sequence[float]]]
 ) -> dict[str, JointCurve]:
     """Joint -> its way, from where it is now. `points`: time in s, positions and velocities, the latter maybe empty.

@@ -13,7 +13,7 @@ import pytest
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
-from sim_action.ros.ros1.call import NodeRun, RosRequest
+from sim_action.ros.ros1.call import LaunchRequest, SimulationResult
 from sim_action.ros.ros1.command import Call
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.judging.findings import Findings
@@ -52,7 +52,7 @@ def package(workspace: Path, name: str, files: Mapping[str, str]) -> Path:
     return folder
 
 
-def launched(folder: Path, request: RosRequest) -> Findings:
+def launched(folder: Path, request: LaunchRequest) -> Findings:
     """What there is of a launch when it is over; `folder`: an empty one."""
     overlay_folder, call = folder / "overlay", folder / "call"
     overlay_folder.mkdir(parents=True)
@@ -63,7 +63,7 @@ def launched(folder: Path, request: RosRequest) -> Findings:
         return made.launched(made.file(), interruption)
 
 
-def told(findings: Findings) -> NodeRun:
+def told(findings: Findings) -> SimulationResult:
     """By the one simulation that there was."""
     (run,) = findings.runs
     assert run.told is not None, findings.text

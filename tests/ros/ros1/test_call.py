@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros1.call import RUN_FILE, NodeRun, new_run, runs_in
+from sim_action.ros.ros1.call import RUN_FILE, SimulationResult, new_run_folder, run_folders
 
 
 def test_each_start_has_a_folder_of_its_own_in_the_order_of_starts(tmp_path: Path) -> None:
-    made = [new_run(tmp_path) for _ in range(11)]
+    made = [new_run_folder(tmp_path) for _ in range(11)]
     (tmp_path / "results").mkdir()
 
-    assert runs_in(tmp_path) == made
+    assert run_folders(tmp_path) == made
     assert made[-1].name == "11"
 
 
 def test_what_is_told_is_read_again(tmp_path: Path) -> None:
-    told = NodeRun(end="time limit", sim_time=30.0, travelled=0.0, messages={"/clock published": 3000})
+    told = SimulationResult(end="time limit", sim_time=30.0, travelled=0.0, messages={"/clock published": 3000})
     told.write(tmp_path)
 
-    assert NodeRun.read(tmp_path) == told
+    assert SimulationResult.read(tmp_path) == told
 
 
 def test_what_cannot_be_understood_is_nothing(tmp_path: Path) -> None:
-    assert NodeRun.read(tmp_path) is None
+    assert SimulationResult.read(tmp_path) is None
     (tmp_path / RUN_FILE).write_text('{"end": "tired"}')
-    assert NodeRun.read(tmp_path) is None
+    assert SimulationResult.read(tmp_path) is None

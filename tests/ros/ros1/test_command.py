@@ -9,16 +9,16 @@ from click.testing import CliRunner
 
 from sim_action.cli.ros import rostest
 from sim_action.ros.ros1 import command
-from sim_action.ros.ros1.call import RosRequest
+from sim_action.ros.ros1.call import LaunchRequest
 
 
 def test_what_nobody_has_asked_for_is_not_typed_again() -> None:
-    asked = RosRequest("rostest", "driver", "mover.test", ("speed:=1",))
+    asked = LaunchRequest("rostest", "driver", "mover.test", ("speed:=1",))
     assert asked.words == ("sim-action", "rostest", "driver", "mover.test", "speed:=1")
 
 
 def test_all_that_makes_the_run_what_it_is_is_typed_again() -> None:
-    asked = RosRequest(
+    asked = LaunchRequest(
         "roslaunch",
         "driver",
         "mover.launch",
@@ -37,8 +37,8 @@ def test_all_that_makes_the_run_what_it_is_is_typed_again() -> None:
 def test_what_is_typed_again_is_the_same_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "ws").mkdir()
     monkeypatch.chdir(tmp_path)
-    calls: list[RosRequest] = []
+    calls: list[LaunchRequest] = []
     monkeypatch.setattr(command, "run", lambda request, *_: calls.append(request))
-    asked = RosRequest("rostest", "driver", "mover.test", ("x:=-1",), Path("ws"), "pybullet", 7, 1 / 3, 0.1, 1e-5)
+    asked = LaunchRequest("rostest", "driver", "mover.test", ("x:=-1",), Path("ws"), "pybullet", 7, 1 / 3, 0.1, 1e-5)
     CliRunner().invoke(rostest, asked.words[2:])
     assert calls == [asked]

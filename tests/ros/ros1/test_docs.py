@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.registry import Table
-from sim_action.ros.ros1.gazebo_plugins import DEVICES, DRIVING
+from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS, PLUGINS
 from sim_action.ros.ros1.ros_control import CONTROLLERS
 
 ROOT = Path(__file__).parents[3]
@@ -23,7 +23,7 @@ def listed(heading: str) -> list[str]:
     return [name for row in rows for name in re.findall(r"`([^`]+)`", row)]
 
 
-@pytest.mark.parametrize(("heading", "table"), [("Plugins", DEVICES), ("Controllers", CONTROLLERS)])
+@pytest.mark.parametrize(("heading", "table"), [("Plugins", PLUGINS), ("Controllers", CONTROLLERS)])
 def test_tables_list_what_is_known(heading: str, table: Table[object]) -> None:
     assert sorted(listed(heading)) == sorted(table)
 
@@ -37,4 +37,4 @@ def test_services_are_those_that_are_offered() -> None:
 
 
 def test_plugins_that_drive_are_plugins() -> None:
-    assert set(DEVICES) >= DRIVING
+    assert set(PLUGINS) >= DRIVE_PLUGINS

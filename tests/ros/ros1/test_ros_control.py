@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.ros.ros1.ros_control import JointCurve, Waypoint, curves, transmissions_of
+from sim_action.ros.ros1.ros_control import JointCurve, Waypoint, joint_curves, transmissions_of
 
 ROBOT = """
 <robot name="arm">
@@ -66,7 +66,9 @@ def test_with_velocities_it_has_them_at_its_points_and_is_smooth_between(
 
 def test_each_joint_has_its_own_from_where_it_is() -> None:
     start = [Waypoint(5.0, 0.1, 0.0), Waypoint(5.0, 0.2, 0.0)]
-    found = curves(["a", "b"], start, [(5.0, [9.0, 9.0], []), (6.0, [1.0, 2.0], [0.0, 0.0]), (7.0, [1.5, 2.5], [])])
+    found = joint_curves(
+        ["a", "b"], start, [(5.0, [9.0, 9.0], []), (6.0, [1.0, 2.0], [0.0, 0.0]), (7.0, [1.5, 2.5], [])]
+    )
 
     assert found["b"].at(5.0)[0] == 0.2
     assert found["a"].at(6.0)[0] == 1.0
@@ -84,4 +86,4 @@ def test_each_joint_has_its_own_from_where_it_is() -> None:
 )
 def test_what_cannot_be(points: list[tuple[float, list[float], list[float]]], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        curves(["a"], [Waypoint(5.0, 0.0)], points)
+        joint_curves(["a"], [Waypoint(5.0, 0.0)], points)

@@ -13,10 +13,10 @@ from sim_action.core.messages import did_you_mean, escaped_line
 from sim_action.ros.ros1.judging.launch_output import (
     Death,
     last_exception,
-    location_in,
     plain,
     refused,
     signal_name,
+    traceback_location,
     xacro_error,
 )
 from sim_action.ros.ros1.launch.overlay import Overlay
@@ -84,7 +84,7 @@ _MOST_DETAILS: Final = 4_000
 _NOT_FOUND: Final = "ResourceNotFound"
 
 
-class Failing:
+class LaunchErrors:
     """Turns ends into errors, with what was printed last.
 
     Args:
@@ -105,7 +105,7 @@ class Failing:
             return self._error(f"the node '{death.node}' has finished, and nothing goes on without it: it is required")
         said = last_exception(text, death.program)
         required = "; it is required" if event.required else ""
-        where = location_in(_after_mention(text, death.program), self._workspace) if said else None
+        where = traceback_location(_after_mention(text, death.program), self._workspace) if said else None
         error = self._error(f"{death}{required}{f': {said}' if said else ''}")
         error.location = where
         return error

@@ -22,11 +22,11 @@ from sim_action.ros.processes import children
 from sim_action.ros.ros1.catkin_packages import workspace_of
 from sim_action.ros.ros1.command import free_port
 from sim_action.ros.ros1.driving.file_problems import Packages, launch_file, why_no_ros
-from sim_action.ros.ros1.driving.launch_events import Event, Events, Failing
+from sim_action.ros.ros1.driving.launch_events import Event, Events, LaunchErrors
 from sim_action.ros.ros1.driving.node_spec import launch_text
 from sim_action.ros.ros1.driving.spec import topics_of
 from sim_action.ros.ros1.installation import Ros, find_ros
-from sim_action.ros.ros1.judging.launch_output import bad_callbacks
+from sim_action.ros.ros1.judging.launch_output import callback_errors
 from sim_action.ros.ros1.launch.launch_process import Launch
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 
@@ -50,7 +50,7 @@ _LEAVING: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Launching:
+class LaunchSpec:
     """What is launched.
 
     Attributes:
@@ -69,10 +69,10 @@ class Launching:
     description: str
 
 
-class Nodes:
+class LaunchedNodes:
     """All nodes of a scenario, but for the one that is the simulation."""
 
-    def __init__(self, asked: Launching) -> None:
+    def __init__(self, asked: LaunchSpec) -> None:
         """Launches them, and returns at once. Raises UsageError."""
         with ExitStack() as undo:
             self._workspace = asked.workspace
@@ -85,7 +85,7 @@ class Nodes:
             undo.callback(self._launch.close)
             self._closing = undo.pop_all()
         self._words = LastWords(self._launch.printed, _STANDARD_OUTPUT, _KEPT)
-        self._failing = Failing(asked.workspace, self.overlay, self._words)
+        self._failing = LaunchErrors(asked.workspace, self.overlay, self._words)
         self._died: set[int] = set()
         self.launcher = 0
         self._core = frozenset[int]()
@@ -95,7 +95,7 @@ class Nodes:
     def _logs(self) -> Path:
         return self.folder / "log"
 
-    def _start(self, asked: Launching) -> Launch:
+    def _start(self, asked: LaunchSpec) -> Launch:
         task: dict[str, Any] = {
             "events": str(self.folder / "events"),
             "file": str(asked.file(self.overlay, self.folder)),
@@ -146,7 +146,7 @@ class Nodes:
         while self._launch.poll() is None and self._are_there() and time.monotonic() < deadline:
             time.sleep(_LOOK)
         if self._logs.is_dir():
-            self.notes += map(str, bad_callbacks(self._logs, None, self._workspace))
+            self.notes += map(str, callback_errors(self._logs, None, self._workspace))
         self._closing.close()
         self._words.close()
 
@@ -185,7 +185,7 @@ def _made(folder: Path) -> Path:
     return folder
 
 
-def variables(nodes: Nodes, port: int) -> Mapping[str, str]:
+def variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
     """What a process needs to be a node among them."""
     wanted = ("ROS_HOSTNAME", "ROS_HOME", "ROS_PACKAGE_PATH", "ROS_ROOT")
     master = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": str(nodes.folder / "log")}
@@ -195,17 +195,17 @@ def variables(nodes: Nodes, port: int) -> Mapping[str, str]:
 _KEY: Final = "ros1"
 
 
-def opened(source: RosCommands, scene: Scene) -> ClosedLoop:
+def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
     """The live half of a source. Raises SourceProblem, ScriptError."""
     if why := why_no_ros():
         raise SourceProblem(why, _KEY)
     spec, ros, port = source.ros1, find_ros(), free_port()
     workspace = workspace_of(spec.workspace, scene.workspace)
-    launching = Launching(
+    launching = LaunchSpec(
         ros, workspace, _file_of(spec, workspace), spec.launch[2:] if spec.launch else (), port, scene.model.urdf
     )
     try:
-        nodes = Nodes(launching)
+        nodes = LaunchedNodes(launching)
     except UsageError as error:
         # Such as messages of a package that nobody can write.
         raise SourceProblem(str(error), _KEY) from None
@@ -233,7 +233,7 @@ def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]
     return named
 
 
-def _joined(nodes: Nodes, ros: Ros, port: int, source: RosCommands, scene: Scene) -> RobotNode:
+def _joined(nodes: LaunchedNodes, ros: Ros, port: int, source: RosCommands, scene: Scene) -> RobotNode:
     """The simulation as one more node. Raises ScriptError."""
     os.environ.update(variables(nodes, port))
     # Behind what is ours: the distribution's other packages are for another Python.

@@ -169,6 +169,6 @@ class RosCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS is not here, ScriptError."""
-        from sim_action.ros.ros1.driving.launched_nodes import opened
+        from sim_action.ros.ros1.driving.launched_nodes import open_nodes
 
-        return opened(self, scene)
+        return open_nodes(self, scene)

@@ -9,13 +9,13 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.messages import escaped_line
 from sim_action.results.outcome import Failure
-from sim_action.ros.ros1.judging.findings import Findings, Run, TestFound
+from sim_action.ros.ros1.judging.findings import Findings, Run, TestFindings
 from sim_action.ros.ros1.judging.launch_output import (
     Death,
     deaths,
     last_exception,
-    last_words,
     missing_package,
+    output_tail,
     refused,
     required_deaths,
     signal_name,
@@ -39,7 +39,7 @@ def how_far(run: Run | None) -> str:
     return f"the robot had come {told.travelled:.2f} m at sim time {told.sim_time:.1f} s{silent}"
 
 
-def time_out(test: TestFound, found: Findings) -> str | None:
+def time_out(test: TestFindings, found: Findings) -> str | None:
     """The message of a test that was ended by a limit; None: it was not."""
     told = test.run.told if test.run else None
     if told is not None and told.end == "time limit":
@@ -51,12 +51,12 @@ def time_out(test: TestFound, found: Findings) -> str | None:
     return None
 
 
-def cause_of(test: TestFound, found: Findings, where: Location | None) -> Failure:
+def cause_of(test: TestFindings, found: Findings, where: Location | None) -> Failure:
     """Why there is no verdict on a test, or on a whole launch; `where`: its place in the launch file."""
     return next(_causes(test, found, where))
 
 
-def _causes(test: TestFound, found: Findings, where: Location | None) -> Iterator[Failure]:
+def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
     if found.ending == "interrupted":
         yield Failure(kind="interrupted", title="interrupted", message="the call was interrupted", location=where)
     if found.ending == "output limit":
@@ -111,7 +111,7 @@ def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]
             yield _failure("crash", "simulation ended", _told(death, found), where, found)
 
 
-def _of_processes(test: TestFound, found: Findings, where: Location | None) -> Iterator[Failure]:
+def _of_processes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
     for death in required_deaths(found.text):
         message = f"{_told(death, found)}; it is required"
         yield _failure("script", "a required node died", message, where, found)
@@ -126,7 +126,7 @@ def _told(death: Death, found: Findings) -> str:
 
 
 def _failure(kind: str, title: str, message: str, where: Location | None, found: Findings) -> Failure:
-    details = last_words(found.text)
+    details = output_tail(found.text)
     return Failure.model_validate(
         {"kind": kind, "title": title, "message": escaped_line(message), "location": where, "details": details}
     )

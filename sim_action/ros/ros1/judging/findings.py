@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import read_at_most
-from sim_action.ros.ros1.call import PROCESS_FILE, REQUEST_FILE, NodeRun, Request, runs_in
-from sim_action.ros.ros1.judging.launch_output import BadCallback, bad_callbacks, plain
+from sim_action.ros.ros1.call import PROCESS_FILE, REQUEST_FILE, SimulationRequest, SimulationResult, run_folders
+from sim_action.ros.ros1.judging.launch_output import CallbackError, callback_errors, plain
 from sim_action.ros.ros1.judging.rostest_files import Case, Suite, TestTag, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
 
@@ -32,11 +32,11 @@ class Run:
     """
 
     folder: Path
-    told: NodeRun | None
+    told: SimulationResult | None
 
 
 @dataclass(frozen=True, slots=True)
-class TestFound:
+class TestFindings:
     """What there is of one test.
 
     Attributes:
@@ -52,7 +52,7 @@ class TestFound:
     methods: Suite | None = None
     launched: Case | None = None
     run: Run | None = None
-    callbacks: tuple[BadCallback, ...] = ()
+    callbacks: tuple[CallbackError, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +67,15 @@ class Findings:
 
     ending: Ending
     exit_code: int | None
-    tests: tuple[TestFound, ...]
+    tests: tuple[TestFindings, ...]
     runs: tuple[Run, ...]
     text: str
     sim_time_limit: float
-    callbacks: tuple[BadCallback, ...] = ()
+    callbacks: tuple[CallbackError, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class LaunchFolders:
     """Where a launch was.
 
     Attributes:
@@ -88,24 +88,24 @@ class Places:
     share: str
     workspace: Path
 
-    def callbacks(self, run: Run | None) -> tuple[BadCallback, ...]:
+    def callbacks(self, run: Run | None) -> tuple[CallbackError, ...]:
         """Those of a simulation, or of all."""
         logs = self.folder / LOGS
-        return bad_callbacks(logs, _process(run), self.workspace) if logs.is_dir() else ()
+        return callback_errors(logs, _process(run), self.workspace) if logs.is_dir() else ()
 
 
-def find(places: Places, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
+def find(places: LaunchFolders, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
     """Reads what is in the folder of a call; the place of packages is left out of what was printed."""
     folder = places.folder
     results = folder / RESULTS
     told = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
     launched = {case.name.removeprefix("test"): case for suite in told for case in suite.cases}
     written = {path.stem.removeprefix("rosunit-"): path for path in sorted(results.rglob("rosunit-*.xml"))}
-    runs = [Run(run, NodeRun.read(run)) for run in runs_in(folder)]
+    runs = [Run(run, SimulationResult.read(run)) for run in run_folders(folder)]
     names = list(dict.fromkeys((*launched, *written))) or [tag.name for tag in tags]
     of_tests = _runs_of(names, written, runs)
     tests = tuple(
-        TestFound(
+        TestFindings(
             name,
             next((tag for tag in tags if tag.is_called(name)), None),
             read_suite(written[name]) if name in written else None,
@@ -116,7 +116,7 @@ def find(places: Places, tags: Sequence[TestTag], ending: Ending, exit_code: int
         for name in names
     )
     output = read_at_most(folder / "output.txt", _MOST_OUTPUT) or b""
-    request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
+    request = SimulationRequest.model_validate_json((folder / REQUEST_FILE).read_bytes())
     text = "\n".join((*(suite.output for suite in told), output.decode(errors="replace")))
     text = plain(text).replace(f"{places.share}/", "")
     limit = request.sim_time_limit or 0.0

@@ -13,10 +13,10 @@ from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.engines import PACKAGES
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.ros.ros1.call import RosRequest
+from sim_action.ros.ros1.call import LaunchRequest
 from sim_action.ros.ros1.judging.failure_causes import cause_of, how_far, time_out
-from sim_action.ros.ros1.judging.findings import Findings, Run, TestFound
-from sim_action.ros.ros1.judging.launch_output import deaths, first_line, last_words, location_in
+from sim_action.ros.ros1.judging.findings import Findings, Run, TestFindings
+from sim_action.ros.ros1.judging.launch_output import deaths, exception_line, output_tail, traceback_location
 from sim_action.ros.ros1.judging.rostest_files import Case
 from sim_action.state.verdict import Verdict
 
@@ -29,7 +29,7 @@ _MEASURED: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest"
 class Judge:
     """What outcomes of a call have in common; `file`: the launch file, as reports call it."""
 
-    request: RosRequest
+    request: LaunchRequest
     file: str
     wall_time: float
 
@@ -38,22 +38,22 @@ class Judge:
         if self.request.program == "rostest" and found.tests:
             return [(self._test(test, found), test.run) for test in found.tests]
         run = found.runs[-1] if found.runs else None
-        whole = TestFound(PurePath(self.file).name, run=run, callbacks=found.callbacks)
+        whole = TestFindings(PurePath(self.file).name, run=run, callbacks=found.callbacks)
         judge = self._launch if self.request.program == "roslaunch" else self._no_test
         return [(judge(whole, found), whole.run)]
 
-    def _test(self, test: TestFound, found: Findings) -> Outcome:
+    def _test(self, test: TestFindings, found: Findings) -> Outcome:
         where = Location(self.file, test.tag.line if test.tag else None)
         expectations = tuple(self._expectations(test, found, where))
         failed = any(expected.failed for expected in expectations)
-        printed = "\n".join(filter(None, (test.methods.output if test.methods else "", last_words(found.text))))
+        printed = "\n".join(filter(None, (test.methods.output if test.methods else "", output_tail(found.text))))
         if not expectations or found.ending == "interrupted" or (failed and _has_failed(test.run)):
             about: dict[str, Any] = {"status": "error", "failures": (cause_of(test, found, where),)}
         else:
             about = {"status": "failed" if failed else "passed", "expectations": expectations}
         return self._outcome(test, {**about, "line": where.line, "output": printed})
 
-    def _expectations(self, test: TestFound, found: Findings, where: Location) -> Iterator[ExpectationOutcome]:
+    def _expectations(self, test: TestFindings, found: Findings, where: Location) -> Iterator[ExpectationOutcome]:
         late = time_out(test, found)
         cases = test.methods.cases if test.methods else ()
         for case in cases:
@@ -62,40 +62,40 @@ class Judge:
             verdict = Verdict(passed=False, time=_sim_time(test.run), message=_with_callbacks(late, test))
             yield _expected(test.name, "rostest", _place(test) or where, verdict)
 
-    def _expectation(self, case: Case, test: TestFound, where: Location, late: str | None) -> ExpectationOutcome:
+    def _expectation(self, case: Case, test: TestFindings, where: Location, late: str | None) -> ExpectationOutcome:
         if case.problem is None:
             return _expected(
                 case.name, "rostest", where, Verdict(passed=True, time=_sim_time(test.run), message="held")
             )
-        place = location_in(case.text, self.request.workspace) or _place(test) or where
-        said = late or f"{first_line(case.type, case.text)}; {how_far(test.run)}"
+        place = traceback_location(case.text, self.request.workspace) or _place(test) or where
+        said = late or f"{exception_line(case.type, case.text)}; {how_far(test.run)}"
         verdict = Verdict(passed=False, time=_sim_time(test.run), message=escaped_line(_with_callbacks(said, test)))
         return _expected(case.name, "rostest", place, verdict)
 
-    def _launch(self, whole: TestFound, found: Findings) -> Outcome:
+    def _launch(self, whole: TestFindings, found: Findings) -> Outcome:
         """Passed: it ran to its limit, or until all nodes had ended, and none of them by an error."""
         where, run = Location(self.file), whole.run
         is_simulated = run is not None and run.told is not None and run.told.travelled is not None
         if not is_simulated or _has_failed(run) or found.ending != "over":
             failures = (cause_of(whole, found, where),)
-            return self._outcome(whole, {"status": "error", "failures": failures, "output": last_words(found.text)})
+            return self._outcome(whole, {"status": "error", "failures": failures, "output": output_tail(found.text)})
         dead = "; ".join(map(str, deaths(found.text)))
         verdict = Verdict(passed=not dead, time=_sim_time(run), message=escaped_line(dead or how_far(run)))
         about = {
             "status": "failed" if dead else "passed",
             "expectations": (_expected("nodes live", "roslaunch", where, verdict),),
-            "output": last_words(found.text),
+            "output": output_tail(found.text),
         }
         return self._outcome(whole, about)
 
-    def _no_test(self, whole: TestFound, found: Findings) -> Outcome:
+    def _no_test(self, whole: TestFindings, found: Findings) -> Outcome:
         failure = cause_of(whole, found, Location(self.file))
         if found.exit_code == 0:
             message = "the file has no <test>; write one, or use sim-action roslaunch"
             failure = failure.model_copy(update={"kind": "invalid", "title": "no test", "message": message})
         return self._outcome(whole, {"status": "error", "failures": (failure,)})
 
-    def _outcome(self, test: TestFound, about: dict[str, Any]) -> Outcome:
+    def _outcome(self, test: TestFindings, about: dict[str, Any]) -> Outcome:
         told = test.run.told if test.run else None
         measured = {key: getattr(told, key) for key in _MEASURED} if told else {}
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
@@ -111,12 +111,12 @@ class Judge:
         )
 
 
-def _with_callbacks(said: str, test: TestFound) -> str:
+def _with_callbacks(said: str, test: TestFindings) -> str:
     """A failure, and what has raised meanwhile, which may be why."""
     return "; ".join((said, *map(str, test.callbacks[:_FEW])))
 
 
-def _place(test: TestFound) -> Location | None:
+def _place(test: TestFindings) -> Location | None:
     return test.callbacks[0].location if test.callbacks else None
 
 

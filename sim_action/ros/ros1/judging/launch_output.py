@@ -86,7 +86,7 @@ def last_exception(text: str, program: str) -> str | None:
     return found[0] if found else None
 
 
-def last_words(text: str) -> str:
+def output_tail(text: str) -> str:
     """The end of what was printed."""
     return text.strip("\n")[-_LAST:]
 
@@ -103,7 +103,7 @@ def _ended(code: int) -> str:
 _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
 
 
-def location_in(text: str, workspace: Path) -> Location | None:
+def traceback_location(text: str, workspace: Path) -> Location | None:
     """The innermost place that is below the workspace."""
     root = workspace.resolve()
     for file, line, _ in reversed(_FRAME.findall(text)):
@@ -116,7 +116,7 @@ def location_in(text: str, workspace: Path) -> Location | None:
     return None
 
 
-def first_line(kind: str, text: str) -> str:
+def exception_line(kind: str, text: str) -> str:
     """What was wrong: the exception and its message; of one without any, the line that raised it."""
     said, _, _ = text.partition("\n")
     if not said.strip() or said.startswith("  File "):
@@ -143,7 +143,7 @@ _SIMULATION: Final = "gazebo"
 
 
 @dataclass(frozen=True, slots=True)
-class BadCallback:
+class CallbackError:
     """One that raised, the same each time.
 
     Attributes:
@@ -162,14 +162,14 @@ class BadCallback:
         return escaped_line(f"a callback of the node '{self.node}' raised{often}: {self.exception}{place}")
 
 
-def bad_callbacks(logs: Path, process: str | None, workspace: Path) -> tuple[BadCallback, ...]:
+def callback_errors(logs: Path, process: str | None, workspace: Path) -> tuple[CallbackError, ...]:
     """Those of the launch whose simulation was a process, the most frequent of each node first."""
     counts = Counter(
-        (_NUMBER.sub("", log.stem), exception.strip(), location_in(trace, workspace))
+        (_NUMBER.sub("", log.stem), exception.strip(), traceback_location(trace, workspace))
         for log in _logs(logs, process)
         for _, trace, exception in _RAISED.findall(_text(log))
     )
-    return tuple(BadCallback(*key, times) for key, times in counts.most_common())
+    return tuple(CallbackError(*key, times) for key, times in counts.most_common())
 
 
 def _logs(logs: Path, process: str | None) -> Iterator[Path]:

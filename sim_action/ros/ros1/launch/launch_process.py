@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import IO, Final, Literal, Self
 
 from sim_action.core.process import Interruption
-from sim_action.ros.processes import children, descendants, test_result
-from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, NodeRun, runs_in
-from sim_action.ros.ros1.launch.overlay import OUR_MODULES, Overlay
+from sim_action.ros.processes import children, descendants, test_result_path
+from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, SimulationResult, run_folders
+from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT, Overlay
 from sim_action.runner.isolation.process_control import processes
 
 # In s: how long the keeper may take to end all.
@@ -26,7 +26,7 @@ _POLL: Final = 0.002
 
 
 class Launch:
-    """One launcher below a keeper (`isolation.command_supervisor`).
+    """One launcher below a keeper (`isolation.keeper`).
 
     Attributes:
         output: the file of all that its processes print.
@@ -55,7 +55,7 @@ class Launch:
         output = folder / "output.txt"
         # The keeper is of this Python, what it starts is of the distribution's.
         keeper = [sys.executable, "-P", "-m", "sim_action.runner.isolation.command_supervisor"]
-        variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": OUR_MODULES}
+        variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": PACKAGE_ROOT}
         with output.open("wb") as file:
             process = subprocess.Popen(  # noqa: S603 - what the user asks for
                 [*keeper, "env", f"PYTHONPATH={overlay.python_path}", *words],
@@ -85,7 +85,7 @@ class Launch:
 
     def tests(self) -> Iterator[int]:
         """The processes of tests that rostest has started."""
-        return (pid for pid in descendants(self._process.pid) if test_result(pid) is not None)
+        return (pid for pid in descendants(self._process.pid) if test_result_path(pid) is not None)
 
     def has_unnoticed(self) -> bool:
         """Whether a process has ended, and whoever has started it does not know yet."""
@@ -181,7 +181,7 @@ class Watch:
 
     def _look_at_runs(self) -> None:
         """Nothing comes of a test once its simulation is over, but for a moment to say what it has found."""
-        for run in runs_in(self._launch.folder)[-1:]:
+        for run in run_folders(self._launch.folder)[-1:]:
             if run not in self._ended_runs and _is_over_early(run, self._launch):
                 self._ended_runs.add(run)
                 if self._has_tests:
@@ -203,7 +203,7 @@ class Watch:
 
 def _is_over_early(run: Path, launch: Launch) -> bool:
     """Whether a simulation has come to its limit, could not go on, or has died."""
-    told = NodeRun.read(run)
+    told = SimulationResult.read(run)
     if told is not None:
         return told.end in ("time limit", "failed")
     process = run / PROCESS_FILE

@@ -28,7 +28,7 @@ from sim_action.runner.isolation.child_process import environment
 
 _SITE: Final = Path(__file__).with_name("ros_patches.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"
-OUR_MODULES: Final = str(Path(__file__).resolve().parents[4])
+PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[4])
 """Where this package is imported from."""
 
 _PROGRAMS: Final = "sim_action.ros.ros1.launch.programs"
@@ -103,7 +103,7 @@ def _variables(folder: Path, ros: Ros, workspace: Path, packages: Mapping[str, P
 
 
 def _paths(variable: str) -> list[str]:
-    return [path for path in os.environ.get(variable, "").split(os.pathsep) if path and path != OUR_MODULES]
+    return [path for path in os.environ.get(variable, "").split(os.pathsep) if path and path != PACKAGE_ROOT]
 
 
 def _modules_of(users: Mapping[str, Path]) -> Iterator[str]:
@@ -120,7 +120,7 @@ def _lay_out(name: str, source: Path, target: Path) -> None:
         if package == name:
             # Models are looked for where an overlay's packages are, which are links: of ROS 2's path they are followed.
             prefix = shlex.quote(str(target.parent.parent))
-            variables = f"PYTHONPATH={shlex.quote(OUR_MODULES)}:$PYTHONPATH AMENT_PREFIX_PATH={prefix}"
+            variables = f"PYTHONPATH={shlex.quote(PACKAGE_ROOT)}:$PYTHONPATH AMENT_PREFIX_PATH={prefix}"
             _write_program(target / node, f'{variables} exec {shlex.quote(sys.executable)} -m {module} "$@"')
     if name == "gazebo_ros":
         # There is no window, and nobody misses it.

@@ -22,13 +22,13 @@ def gzserver() -> int:
     from sim_action.core.process import collect_garbage_rarely
 
     collect_garbage_rarely()
-    from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, Request, new_run
+    from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, SimulationRequest, new_run_folder
 
     # Before any thread starts, also those of an engine: a thread that does not block the signals may receive them.
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     folder = Path(os.environ[FOLDER_VARIABLE])
-    request = Request.model_validate_json((folder / REQUEST_FILE).read_bytes())
-    run = new_run(folder)
+    request = SimulationRequest.model_validate_json((folder / REQUEST_FILE).read_bytes())
+    run = new_run_folder(folder)
     (run / PROCESS_FILE).write_text(str(os.getpid()))
     # At the end: the other packages of the distribution are for another Python.
     sys.path.append(request.modules)

@@ -11,11 +11,11 @@ from typing import Final
 from sim_action.core.errors import SourceOver
 from sim_action.core.geometry import Pose, Twist
 from sim_action.ros.lockstep import Lockstep
-from sim_action.ros.ros1.node.current_state import ModelFrame, Present
+from sim_action.ros.ros1.node.current_state import CurrentState, ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import states_in
-from sim_action.ros.ros1.node.plugins import TICKS, Device, Told
-from sim_action.ros.ros1.node.topics import Topics, Traffic
-from sim_action.ros.ros1.node.world_models import BeginAnew, Changes, Efforts
+from sim_action.ros.ros1.node.plugins import TICKS, Device, RobotCommands
+from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
+from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, WorldChanged
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 
@@ -42,23 +42,25 @@ class Pace:
 class Session:
     """What lasts as long as the node does, through all changes of the world."""
 
-    present: Present
+    current: CurrentState
     traffic: Traffic
-    topics: Topics
+    topics: GazeboTopics
     lockstep: Lockstep
-    changes: Changes
+    changes: ChangeQueue
     paused: Event
     pace: Pace
-    efforts: Efforts
+    efforts: JointEfforts
 
 
 class Bridge:
     """One robot among nodes, until the world changes or the nodes are gone."""
 
-    def __init__(self, session: Session, robot: str, frame: ModelFrame, devices: Iterable[Device], told: Told) -> None:
+    def __init__(
+        self, session: Session, robot: str, frame: ModelFrame, devices: Iterable[Device], commands: RobotCommands
+    ) -> None:
         self._session, self._robot, self._frame = session, robot, frame
-        self._devices, self.told = tuple(devices), told
-        self._start = session.present.time
+        self._devices, self.commands = tuple(devices), commands
+        self._start = session.current.time
         self.first_command: float | None = None
         self.over: SourceOver | None = None
 
@@ -77,54 +79,54 @@ class Bridge:
         session, seconds, tick = self._session, self._start + seen.time, round(seen.time * TICKS)
         self._note(seconds, seen)
         self._hold()
-        is_heard = self._tell(seconds, tick, seen)
-        if is_heard:
+        has_subscribers = self._tell(seconds, tick, seen)
+        if has_subscribers:
             session.lockstep.settle(seconds)
-        session.topics.tell_time(seconds)
+        session.topics.publish_time(seconds)
         session.lockstep.settle(seconds)
         self._stand_still(seconds)
-        if session.changes.are_waiting():
-            raise BeginAnew("the world has changed")
+        if session.changes.has_pending():
+            raise WorldChanged("the world has changed")
         session.pace.keep(seconds)
-        if self.first_command is None and self.told.is_commanded:
+        if self.first_command is None and self.commands.is_commanded:
             self.first_command = seconds
-        return session.efforts.added_to(self.told.answer(seconds, seen), seconds, self.told.wheels)
+        return session.efforts.added_to(self.commands.answer(seconds, seen), seconds, self.commands.wheels)
 
     def _hold(self) -> None:
         """The clock does not start before everybody is there: the engine is, which takes as long as nodes do."""
         session = self._session
-        if session.present.started is not None:
+        if session.current.started is not None:
             return
-        session.lockstep.begin(lambda: self.told.topics, session.changes.are_waiting)
-        if session.changes.are_waiting():
-            raise BeginAnew("the world has changed")
-        self.told.begin()
+        session.lockstep.begin(lambda: self.commands.topics, session.changes.has_pending)
+        if session.changes.has_pending():
+            raise WorldChanged("the world has changed")
+        self.commands.begin()
         session.traffic.clear()
-        session.present.started = time.monotonic()
+        session.current.started = time.monotonic()
 
     def _tell(self, seconds: float, tick: int, seen: Observation) -> bool:
         """Returns whether somebody listens."""
-        topics, present = self._session.topics, self._session.present
+        topics, current = self._session.topics, self._session.current
         heard = [device.tell(tick, seconds, seen) for device in self._devices]
-        links_are_heard = bool(present.links) and topics.tell_links(present.links)
-        return any([*heard, topics.tell_models(present.models), links_are_heard])
+        links_are_heard = bool(current.link_states) and topics.publish_links(current.link_states)
+        return any([*heard, topics.publish_models(current.model_states), links_are_heard])
 
     def _note(self, seconds: float, seen: Observation) -> None:
-        states, present = states_in(seen), self._session.present
+        states, current = states_in(seen), self._session.current
         bodies = {f"{name}::link": state for name, state in states.bodies.items()}
         links = {f"{self._robot}::{name}": state for name, state in states.links.items()}
-        present.time = seconds
-        present.models = {**states.bodies, self._robot: self._model_state(seen)}
-        present.base = seen.pose, seen.twist
+        current.time = seconds
+        current.model_states = {**states.bodies, self._robot: self._model_state(seen)}
+        current.base = seen.pose, seen.twist
         # A node may have begun to listen since they were read.
-        present.links = {**bodies, **links} if links else {}
-        present.joints = dict(seen.joints)
+        current.link_states = {**bodies, **links} if links else {}
+        current.joints = dict(seen.joints)
 
     def _model_state(self, seen: Observation) -> tuple[Pose, Twist]:
         return self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)
 
     def _stand_still(self, seconds: float) -> None:
         session = self._session
-        while session.paused.is_set() and not session.changes.are_waiting():
+        while session.paused.is_set() and not session.changes.has_pending():
             time.sleep(_LOOK)
             session.lockstep.settle(seconds)

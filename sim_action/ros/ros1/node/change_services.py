@@ -30,26 +30,26 @@ from std_srvs.srv import Empty
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
-from sim_action.ros.ros1.node.current_state import Present
+from sim_action.ros.ros1.node.current_state import CurrentState
 from sim_action.ros.ros1.node.messages import header, pose_message, pose_of, twist_message, twist_of
 from sim_action.ros.ros1.node.query_services import WORLD_FRAMES, frame_of, robot_joint, robot_model
 from sim_action.ros.ros1.node.world_models import (
     Alter,
-    Changes,
-    Efforts,
-    Population,
+    ChangeQueue,
+    JointEfforts,
     SpawnedRobot,
+    WorldModels,
     refuse_unknown,
-    unknown,
+    unknown_model_message,
 )
 from sim_action.world import Disturbance, World
 
 
-class Services:
+class ModelServices:
     """Offers them, for as long as the node lives."""
 
-    def __init__(self, present: Present, changes: Changes, paused: Event, efforts: Efforts) -> None:
-        self._present, self._changes, self._paused, self._efforts = present, changes, paused, efforts
+    def __init__(self, current: CurrentState, changes: ChangeQueue, paused: Event, efforts: JointEfforts) -> None:
+        self._current, self._changes, self._paused, self._efforts = current, changes, paused, efforts
         self._numbers = count(1)
         for name, kind, answer in (
             ("spawn_urdf_model", SpawnModel, self._spawn),
@@ -77,19 +77,17 @@ class Services:
     def _spawn(self, request: Any) -> tuple[bool, str]:
         name = request.model_name
 
-        def alter(population: Population) -> Population:
-            if name in population.names:
+        def alter(models: WorldModels) -> WorldModels:
+            if name in models.names:
                 raise ValueError(f"a model '{name}' is there already")
             pose = self._in_world(pose_of(request.initial_pose), request.reference_frame)
             if is_robot(request.model_xml):
-                if population.robot is not None:
-                    raise ValueError(f"one robot at a time: '{population.robot.name}' is there already")
+                if models.robot is not None:
+                    raise ValueError(f"one robot at a time: '{models.robot.name}' is there already")
                 number, space = next(self._numbers), request.robot_namespace
-                return replace(
-                    population, robot=SpawnedRobot(name, request.model_xml, pose, space=space, number=number)
-                )
+                return replace(models, robot=SpawnedRobot(name, request.model_xml, pose, space=space, number=number))
             try:
-                return population.with_body(body_of(name, request.model_xml, pose))
+                return models.with_body(body_of(name, request.model_xml, pose))
             except BadWorld as error:
                 raise ValueError(f"'{name}' cannot be spawned: {error}") from None
 
@@ -98,25 +96,25 @@ class Services:
     def _delete(self, request: Any) -> tuple[bool, str]:
         name = request.model_name
 
-        def alter(population: Population) -> Population:
-            refuse_unknown(name, population)
-            return population.without(name)
+        def alter(models: WorldModels) -> WorldModels:
+            refuse_unknown(name, models)
+            return models.without(name)
 
         return self._answer(alter, f"'{name}' is deleted")
 
     def _set_state(self, state: Any) -> tuple[bool, str]:
         name, velocity = state.model_name, twist_of(state.twist).linear_xyz
 
-        def alter(population: Population) -> Population:
-            refuse_unknown(name, population)
-            moved = population.moved({name: self._in_world(pose_of(state.pose), state.reference_frame)})
-            return moved.pushed(name, velocity) if any(velocity) and population.can_move(name) else moved
+        def alter(models: WorldModels) -> WorldModels:
+            refuse_unknown(name, models)
+            moved = models.moved({name: self._in_world(pose_of(state.pose), state.reference_frame)})
+            return moved.with_velocity(name, velocity) if any(velocity) and models.can_move(name) else moved
 
         return self._answer(alter, f"'{name}' is where it was to be")
 
     def _set_link(self, state: Any) -> tuple[bool, str]:
         model, separator, link = state.link_name.rpartition("::")
-        robot, described = self._present.population.robot, self._present.model
+        robot, described = self._current.world_models.robot, self._current.model
         is_robots = robot is not None and model in ("", robot.name)
         if is_robots and described is not None and link != described.root:
             return (
@@ -129,43 +127,46 @@ class Services:
     def _set_physics(self, request: Any) -> tuple[bool, str]:
         gravity = (request.gravity.x, request.gravity.y, request.gravity.z)
 
-        def alter(population: Population) -> Population:
+        def alter(models: WorldModels) -> WorldModels:
             valid = World.model_validate({"gravity": gravity}).gravity
-            return replace(population, world=population.world.model_copy(update={"gravity": valid}))
+            return replace(models, world=models.world.model_copy(update={"gravity": valid}))
 
-        if gravity == self._present.population.world.gravity_xyz:
+        if gravity == self._current.world_models.world.gravity_xyz:
             return True, "gravity is as it was; steps and the engine are this simulation's own"
         return self._answer(alter, "gravity is set; steps and the engine are this simulation's own")
 
     def _set_joints(self, request: Any) -> tuple[bool, str]:
         positions = dict(zip(request.joint_names, request.joint_positions, strict=False))
 
-        def alter(population: Population) -> Population:
-            robot = population.robot
+        def alter(models: WorldModels) -> WorldModels:
+            robot = models.robot
             if robot is None or robot.name != request.model_name:
                 raise ValueError(f"there is no robot '{request.model_name}'")
-            return replace(population, robot=replace(robot, joints={**robot.joints, **positions}))
+            return replace(models, robot=replace(robot, joints={**robot.joints, **positions}))
 
         return self._answer(alter, f"joints of '{request.model_name}' are where they were to be")
 
     def _reset(self, *, restarts: bool) -> tuple[()]:
         self._efforts.clear_all()
-        self._changes.ask(Population.at_home, restarts=restarts)
+        self._changes.request(WorldModels.at_spawn_poses, restarts_time=restarts)
         return ()
 
     def _get_state(self, request: Any) -> Any:
-        found = self._present.models.get(request.model_name)
+        found = self._current.model_states.get(request.model_name)
         if found is None:
-            return {"success": False, "status_message": unknown(request.model_name, self._present.population)}
+            return {
+                "success": False,
+                "status_message": unknown_model_message(request.model_name, self._current.world_models),
+            }
         pose, twist = found
         other = request.relative_entity_name
         if other not in WORLD_FRAMES:
             try:
-                pose = geometry.compose(geometry.inverse(frame_of(self._present, other)), pose)
+                pose = geometry.compose(geometry.inverse(frame_of(self._current, other)), pose)
             except LookupError:
                 return {"success": False, "status_message": f"there is no model or link '{other}'"}
         return {
-            "header": header(self._present.time, other or "world"),
+            "header": header(self._current.time, other or "world"),
             "pose": pose_message(pose),
             "twist": twist_message(twist),
             "success": True,
@@ -173,18 +174,18 @@ class Services:
         }
 
     def _properties(self, _: Any) -> Any:
-        present = self._present
-        return {"sim_time": present.time, "model_names": list(present.population.names), "success": True}
+        current = self._current
+        return {"sim_time": current.time, "model_names": list(current.world_models.names), "success": True}
 
     def _in_world(self, pose: Pose, frame: str) -> Pose:
         """Raises ValueError for a frame that there is not."""
         try:
-            return pose if frame in WORLD_FRAMES else geometry.compose(frame_of(self._present, frame), pose)
+            return pose if frame in WORLD_FRAMES else geometry.compose(frame_of(self._current, frame), pose)
         except LookupError:
             raise ValueError(f"there is no frame '{frame}': it is that of a model, or of a link of the robot") from None
 
     def _answer(self, alter: Alter, done: str) -> tuple[bool, str]:
-        refused = self._changes.ask(alter)
+        refused = self._changes.request(alter)
         return refused is None, refused or done
 
 
@@ -200,11 +201,11 @@ def is_robot(description: str) -> bool:
 _FOR_EVER: Final = 1e5
 
 
-class Pressing:
+class ForceServices:
     """Offers them, for as long as the node lives."""
 
-    def __init__(self, present: Present, changes: Changes, efforts: Efforts) -> None:
-        self._present, self._changes, self._efforts = present, changes, efforts
+    def __init__(self, current: CurrentState, changes: ChangeQueue, efforts: JointEfforts) -> None:
+        self._current, self._changes, self._efforts = current, changes, efforts
         for name, kind, answer in (
             ("apply_body_wrench", ApplyBodyWrench, self._press),
             ("clear_body_wrenches", BodyRequest, self._release),
@@ -218,15 +219,15 @@ class Pressing:
         force, torque, point = request.wrench.force, request.wrench.torque, request.reference_point
         seconds = request.duration.to_sec()
 
-        def alter(population: Population) -> Population:
-            refuse_unknown(model, population)
-            robot = population.robot
+        def alter(models: WorldModels) -> WorldModels:
+            refuse_unknown(model, models)
+            robot = models.robot
             is_robot = robot is not None and robot.name == model
             if is_robot and link and link not in self._link_names():
                 raise ValueError(f"there is no link '{link}' in '{model}'")
             if seconds == 0:
                 raise ValueError("a wrench needs a duration; a negative one is for ever")
-            begins = max(0.0, request.start_time.to_sec() - self._present.time)
+            begins = max(0.0, request.start_time.to_sec() - self._current.time)
             disturbance = Disturbance.model_validate(
                 {
                     "at": begins,
@@ -237,33 +238,33 @@ class Pressing:
                     **({"point": (point.x, point.y, point.z)} if any((point.x, point.y, point.z)) else {}),
                 }
             )
-            world = population.world
+            world = models.world
             changed = world.model_copy(update={"disturbances": (*world.disturbances, disturbance)})
-            return replace(population, world=changed)
+            return replace(models, world=changed)
 
-        refused = self._changes.ask(alter)
+        refused = self._changes.request(alter)
         return refused is None, refused or "the wrench acts"
 
     def _release(self, request: Any) -> tuple[()]:
         model, _, link = request.body_name.partition("::")
 
-        def alter(population: Population) -> Population:
-            robot = population.robot
+        def alter(models: WorldModels) -> WorldModels:
+            robot = models.robot
             of_robot = robot is not None and robot.name == model
-            return population.unpressed(None if of_robot else model, link if of_robot else "")
+            return models.without_wrench(None if of_robot else model, link if of_robot else "")
 
-        self._changes.ask(alter)
+        self._changes.request(alter)
         return ()
 
     def _turn(self, request: Any) -> tuple[bool, str]:
         seconds = request.duration.to_sec()
         try:
-            joint = robot_joint(robot_model(self._present), request.joint_name)
+            joint = robot_joint(robot_model(self._current), request.joint_name)
         except LookupError as error:
             return False, str(error.args[0])
         if seconds == 0:
             return False, "an effort needs a duration; a negative one is for ever"
-        begins = max(self._present.time, request.start_time.to_sec())
+        begins = max(self._current.time, request.start_time.to_sec())
         self._efforts.apply(joint, request.effort, begins, seconds)
         return True, "the effort acts"
 
@@ -272,5 +273,5 @@ class Pressing:
         return ()
 
     def _link_names(self) -> frozenset[str]:
-        model = self._present.model
+        model = self._current.model
         return frozenset(model.links_by_name) if model else frozenset()

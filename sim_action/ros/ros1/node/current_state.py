@@ -10,7 +10,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import RobotModel
-from sim_action.ros.ros1.node.world_models import Population
+from sim_action.ros.ros1.node.world_models import WorldModels
 from sim_action.state.observation import JointState
 
 States = Mapping[str, tuple[Pose, Twist]]
@@ -21,7 +21,7 @@ _DIFFERENCE_S: Final = 1e-6
 
 
 @dataclass
-class Present:
+class CurrentState:
     """What is known of it; changed by the loop alone, while all nodes wait.
 
     Attributes:
@@ -35,21 +35,21 @@ class Present:
         joints: of the robot, by their names.
     """
 
-    population: Population
+    world_models: WorldModels
     time: float = 0.0
     began: float = 0.0
     started: float | None = None
-    models: States = field(default_factory=dict)
-    links: States = field(default_factory=dict)
+    model_states: States = field(default_factory=dict)
+    link_states: States = field(default_factory=dict)
     model: RobotModel | None = None
     base: tuple[Pose, Twist] = (Pose(), Twist())
     joints: dict[str, JointState] = field(default_factory=dict)
 
-    def carried_on(self) -> Population:
+    def models_now(self) -> WorldModels:
         """The population, where everything is now."""
         positions = {name: joint.position for name, joint in self.joints.items()}
-        moved = self.population.moved({name: pose for name, (pose, _) in self.models.items()}, positions)
-        return moved.later(self.time - self.began)
+        moved = self.world_models.moved({name: pose for name, (pose, _) in self.model_states.items()}, positions)
+        return moved.after(self.time - self.began)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,24 +13,24 @@ from sim_action.core.geometry import Twist
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message, twist_of
 from sim_action.ros.ros1.node.plugins import Device, Wiring, period_of
-from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.state.observation import Observation
 
 
 def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_diff_drive, gazebo_ros_skid_steer_drive. Odometry is the truth, as theirs is unless they are told."""
-    ear = wiring.ear(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
-    wiring.moves(lambda _seconds, _seen: ear.heard)
+    subscription = wiring.subscription(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    wiring.add_mover(lambda _seconds, _seen: subscription.value)
     yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
 
 
 def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
     """Odometry of a base, and its frame; `child`, `rate`: what holds if the plugin does not say."""
     own = plugin.own
-    odometry = wiring.sender(plugin.topic("odometryTopic", default="odom"), Odometry)
+    odometry = wiring.publisher(plugin.topic("odometryTopic", default="odom"), Odometry)
     frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
-    moves_frames = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
-    frames = wiring.sender("/tf", TFMessage) if moves_frames else None
+    publishes_tf = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
+    frames = wiring.publisher("/tf", TFMessage) if publishes_tf else None
     period = period_of(own.number("updateRate", "odometryRate", default=rate))
 
     def publish(seconds: float, seen: Observation) -> None:
@@ -49,23 +49,23 @@ def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) 
 
 def open_planar_move(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_planar_move; a command holds until the next one, unless `cmdTimeout` says for how long."""
-    ear = wiring.ear(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
-    wiring.moves(Lasting(ear, plugin.own.number("cmdTimeout", default=-1.0)))
+    subscription = wiring.subscription(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    wiring.add_mover(CommandWithTimeout(subscription, plugin.own.number("cmdTimeout", default=-1.0)))
     yield odometry_device(plugin, wiring, child="base_footprint", rate=20.0)
 
 
-class Lasting:
+class CommandWithTimeout:
     """A twist that is told, for some seconds of sim time from when it came; `timeout` negative: for ever."""
 
-    def __init__(self, ear: Ear, timeout: float) -> None:
-        self._ear, self._timeout = ear, timeout
+    def __init__(self, subscription: Subscription, timeout: float) -> None:
+        self._subscription, self._timeout = subscription, timeout
         self._count = 0
         self._since = 0.0
 
     def __call__(self, seconds: float, _: Observation) -> Twist | None:
         """See Mover."""
-        if self._ear.count != self._count:
-            self._count, self._since = self._ear.count, seconds
-        twist: Twist | None = self._ear.heard
+        if self._subscription.count != self._count:
+            self._count, self._since = self._subscription.count, seconds
+        twist: Twist | None = self._subscription.value
         is_over = 0 <= self._timeout < seconds - self._since
         return Twist() if is_over and twist is not None else twist

@@ -16,14 +16,14 @@ from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
 from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
-from sim_action.ros.ros1.call import Request
-from sim_action.ros.ros1.gazebo_plugins import DEVICES, base_in_model, plugins_of
+from sim_action.ros.ros1.call import SimulationRequest
+from sim_action.ros.ros1.gazebo_plugins import PLUGINS, base_in_model, plugins_of
 from sim_action.ros.ros1.node.bridge import Bridge, Session
 from sim_action.ros.ros1.node.current_state import ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import states_sensor
 from sim_action.ros.ros1.node.planar_move import PlanarMove
-from sim_action.ros.ros1.node.plugins import TICKS, Device, Told, Wiring
-from sim_action.ros.ros1.node.world_models import SpawnedRobot, placement_of
+from sim_action.ros.ros1.node.plugins import TICKS, Device, RobotCommands, Wiring
+from sim_action.ros.ros1.node.world_models import SpawnedRobot, to_placement
 from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import Footage
@@ -70,33 +70,33 @@ class Episode:
         return simulate(self.scenario, self.scene, lambda _: None, self.footage)
 
 
-class Stage:
+class EpisodeFactory:
     """Where robots are opened: their plugins' topics stay open as long as the robot is the same."""
 
-    def __init__(self, session: Session, request: Request, folder: Path) -> None:
+    def __init__(self, session: Session, request: SimulationRequest, folder: Path) -> None:
         self._session, self._request, self._folder = session, request, folder
-        self._opened: tuple[SpawnedRobot, list[Device], Told] | None = None
+        self._opened: tuple[SpawnedRobot, list[Device], RobotCommands] | None = None
         self._closing = ExitStack()
         self.notes: list[str] = []
 
     def episode(self, *, left: float | None) -> Episode:
         """Of the population as it is; `left`: s of sim time that it may take. Raises ModelError."""
-        population = self._session.present.population
-        assert population.robot is not None
-        spawned = population.robot
+        models = self._session.current.world_models
+        assert models.robot is not None
+        spawned = models.robot
         workspace = Workspace(self._folder, self._folder, allow_outside=True)
         model = load_model(self._described(spawned), workspace)
         frame = ModelFrame(base_in_model(ET.fromstring(spawned.description), model.root))  # noqa: S314 - of what is simulated
         robot = _driven(self._described(spawned), spawned, model, frame)
-        devices, told = self._devices(spawned, model, frame)
+        devices, commands = self._devices(spawned, model, frame)
         drive = robot.drive or recognise(model)
-        told.wheels = drive.open(model, self._request.physics_rate).joints if drive else frozenset()
-        self._session.present.model = model
-        bridge = Bridge(self._session, spawned.name, frame, devices, told)
+        commands.wheels = drive.open(model, self._request.physics_rate).joints if drive else frozenset()
+        self._session.current.model = model
+        bridge = Bridge(self._session, spawned.name, frame, devices, commands)
         scenario = Scenario.model_construct(
-            name=population.robot.name,
+            name=models.robot.name,
             robot=robot,
-            world=population.world,
+            world=models.world,
             physics=Physics(rate=self._request.physics_rate),
             commands=(NodeCommands.through(bridge),),
             sensors=(
@@ -108,14 +108,14 @@ class Stage:
             backend=cast(Literal["auto", "pybullet", "mujoco"], self._request.backend),
             seed=self._request.seed,
         )
-        scene = Scene(robot, model, population.world, scenario.physics, workspace, scenario.seed)
+        scene = Scene(robot, model, models.world, scenario.physics, workspace, scenario.seed)
         return Episode(scenario, scene, Footage(scenario, filmed=self._request.replay), bridge)
 
     def _wants_links(self, devices: list[Device]) -> bool:
         session = self._session
         # Who will listen is not known before the clock starts.
-        is_held = session.present.started is None
-        return is_held or session.topics.are_links_heard or any(device.reads_links for device in devices)
+        is_clock_held = session.current.started is None
+        return is_clock_held or session.topics.has_link_subscribers or any(device.reads_links for device in devices)
 
     def _described(self, robot: SpawnedRobot) -> DrivenRobot:
         """By its description alone."""
@@ -124,30 +124,32 @@ class Stage:
         (self._folder / _DESCRIPTION).write_text(robot.description, encoding="utf-8")
         return DrivenRobot(model=_DESCRIPTION)
 
-    def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], Told]:
+    def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], RobotCommands]:
         if self._opened is None or not robot.is_same_as(self._opened[0]):
             self._closing.close()
             self._session.efforts.clear_all()
-            told = Told()
-            self._opened = robot, list(self._open(robot, model, frame, told)), told
+            commands = RobotCommands()
+            self._opened = robot, list(self._open(robot, model, frame, commands)), commands
         return self._opened[1], self._opened[2]
 
-    def _open(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame, told: Told) -> Iterator[Device]:
+    def _open(
+        self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame, commands: RobotCommands
+    ) -> Iterator[Device]:
         session = self._session
         root = ET.fromstring(robot.description)  # noqa: S314 - of the robot that is simulated
         wiring = Wiring(
             model,
             root,
             frame,
-            told,
+            commands,
             session.traffic,
-            lambda: session.present.started is None,
+            lambda: session.current.started is None,
             self.notes.append,
             self._closing,
         )
         for plugin in plugins_of(root, robot.space):
-            if plugin.name in DEVICES:
-                yield from DEVICES.load(plugin.name)(plugin, wiring)
+            if plugin.name in PLUGINS:
+                yield from PLUGINS.load(plugin.name)(plugin, wiring)
             else:
                 self.notes.append(f"the plugin {plugin.name} of the robot is not known here and does nothing")
 
@@ -155,6 +157,6 @@ class Stage:
 def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:
     """As a scenario has it. Robots are spawned at a height of 0, or dropped from one: here they stand."""
     stands = robot.pose.position_xyz[2] <= 0
-    pose = placement_of(frame.base_pose(robot.pose)).model_copy(update={"z": None} if stands else {})
+    pose = to_placement(frame.base_pose(robot.pose)).model_copy(update={"z": None} if stands else {})
     drive = PlanarMove.recognise(model)
     return described.model_copy(update={"pose": pose, "joints": dict(robot.joints), "drive": drive})

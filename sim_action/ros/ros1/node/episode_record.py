@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sim_action.ros.ros1.node.episode import Episode
 
 
-class Record:
+class EpisodeRecord:
     """Grows by episodes; there to be told also when the last of them has failed."""
 
     def __init__(self) -> None:

@@ -15,19 +15,19 @@ import rospy
 
 from sim_action.core.errors import BadStart, ModelError, RunError, SimulationUnstable, SourceOver
 from sim_action.results.outcome import Failure
-from sim_action.ros.lockstep import Lockstep, TestOver
-from sim_action.ros.ros1.call import End, NodeRun, Request
-from sim_action.ros.ros1.gazebo_plugins import DRIVING
+from sim_action.ros.lockstep import Lockstep, TestFinished
+from sim_action.ros.ros1.call import End, SimulationRequest, SimulationResult
+from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, model_folders, read_world
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.bridge import Pace, Session
-from sim_action.ros.ros1.node.change_services import Pressing, Services
-from sim_action.ros.ros1.node.current_state import Present
-from sim_action.ros.ros1.node.episode import Episode, Stage
-from sim_action.ros.ros1.node.episode_record import Record
-from sim_action.ros.ros1.node.query_services import Inquiries
-from sim_action.ros.ros1.node.topics import Topics
-from sim_action.ros.ros1.node.world_models import BeginAnew, Changes, Efforts, Population, SpawnedRobot
+from sim_action.ros.ros1.node.change_services import ForceServices, ModelServices
+from sim_action.ros.ros1.node.current_state import CurrentState
+from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory
+from sim_action.ros.ros1.node.episode_record import EpisodeRecord
+from sim_action.ros.ros1.node.query_services import QueryServices
+from sim_action.ros.ros1.node.topics import GazeboTopics
+from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, SpawnedRobot, WorldChanged, WorldModels
 from sim_action.simulation.loop import SimulationRun
 from sim_action.world import World
 
@@ -36,7 +36,7 @@ NAME: Final = "/gazebo"
 _LOOK: Final = 0.01
 
 
-def serve(folder: Path, request: Request) -> None:
+def serve(folder: Path, request: SimulationRequest) -> None:
     """Runs the node until the launch is over; writes what became of the simulation when that is known."""
     become_node(NAME.strip("/"))
     _Server(folder, request).run().write(folder)
@@ -45,41 +45,41 @@ def serve(folder: Path, request: Request) -> None:
 
 
 class _Server:
-    def __init__(self, folder: Path, request: Request) -> None:
+    def __init__(self, folder: Path, request: SimulationRequest) -> None:
         self._folder, self._request = folder, request
         self._began = time.monotonic()
         self._notes: list[str] = []
-        self._record = Record()
+        self._record = EpisodeRecord()
         self._traffic = Counter[str]()
-        self._changes, self._present = Changes(), Present(Population(World()))
+        self._changes, self._current = ChangeQueue(), CurrentState(WorldModels(World()))
         self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid(), rospy.is_shutdown)
-        paused, topics = Event(), Topics(self._traffic)
+        paused, topics = Event(), GazeboTopics(self._traffic)
         if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
             paused.set()
         self._session = Session(
-            self._present,
+            self._current,
             self._traffic,
             topics,
             self._lockstep,
             self._changes,
             paused,
             Pace(request.real_time_factor),
-            Efforts(),
+            JointEfforts(),
         )
-        self._stage = Stage(self._session, request, folder)
+        self._stage = EpisodeFactory(self._session, request, folder)
 
-    def run(self) -> NodeRun:
+    def run(self) -> SimulationResult:
         """To its end, whatever that is."""
         end: End = "failed"
         failure: Failure | None = None
         try:
-            self._present.population = self._populated()
+            self._current.world_models = self._populated()
             session = self._session
-            self._services = Services(self._present, self._changes, session.paused, session.efforts)
-            self._pressing = Pressing(self._present, self._changes, session.efforts)
-            self._inquiries = Inquiries(self._present, session.paused, self._request.physics_rate)
+            self._services = ModelServices(self._current, self._changes, session.paused, session.efforts)
+            self._pressing = ForceServices(self._current, self._changes, session.efforts)
+            self._inquiries = QueryServices(self._current, session.paused, self._request.physics_rate)
             end = self._simulate()
-        except TestOver:
+        except TestFinished:
             end = "test over"
         except SourceOver:
             end = "nodes gone"
@@ -88,20 +88,20 @@ class _Server:
         self._record.store(self._folder)
         return self._told(end, failure)
 
-    def _populated(self) -> Population:
+    def _populated(self) -> WorldModels:
         """As the launch file's world has it; one that is Gazebo's own, and not here, is empty. Raises BadWorld."""
         named = Path(str(rospy.get_param("/gazebo/world_name", _world_argument())))
         if not named.is_absolute() or not named.exists():
             if named.name != "empty.world":
                 self._notes.append(f"the world '{named}' is not here; the robot is in an empty one")
-            return Population(World())
-        read = read_world(named, model_folders(), DRIVING)
+            return WorldModels(World())
+        read = read_world(named, model_folders(), DRIVE_PLUGINS)
         self._notes += read.notes
         robot = read.robot
         if robot is None:
-            return Population(read.world)
+            return WorldModels(read.world)
         file = str(robot.file) if robot.file else None
-        return Population(read.world, SpawnedRobot(robot.name, robot.description, robot.pose, file=file))
+        return WorldModels(read.world, SpawnedRobot(robot.name, robot.description, robot.pose, file=file))
 
     def _simulate(self) -> End:
         """Raises RunError; SourceOver if everybody leaves before there is a robot."""
@@ -110,10 +110,10 @@ class _Server:
             episode = self._stage.episode(left=self._left())
             self._run(episode)
             over = episode.bridge.over
-            if not isinstance(over, BeginAnew):
+            if not isinstance(over, WorldChanged):
                 return _end_of(over)
-            if self._present.time > self._present.began:
-                self._notes.append(f"{over} at {self._present.time:g} s of sim time: all that moved went on from rest")
+            if self._current.time > self._current.began:
+                self._notes.append(f"{over} at {self._current.time:g} s of sim time: all that moved went on from rest")
             self._make_changes()
 
     def _run(self, episode: Episode) -> None:
@@ -128,35 +128,35 @@ class _Server:
     def _left(self) -> float | None:
         """How much sim time there is, in s."""
         limit = self._request.sim_time_limit
-        return None if limit is None else max(limit - self._present.time, 1 / self._request.physics_rate)
+        return None if limit is None else max(limit - self._current.time, 1 / self._request.physics_rate)
 
     def _await_robot(self) -> None:
         """Raises SourceOver if none comes before everybody leaves."""
-        while self._present.population.robot is None:
+        while self._current.world_models.robot is None:
             if rospy.is_shutdown():
                 raise SourceOver("the nodes have left before a robot was spawned")
-            self._present.population, _ = self._changes.make(self._present.population)
+            self._current.world_models, _ = self._changes.apply(self._current.world_models)
             time.sleep(_LOOK)
 
     def _make_changes(self) -> None:
         """Makes what was asked for, of the world as it is now."""
-        self._present.population, restarts = self._changes.make(self._present.carried_on())
+        self._current.world_models, restarts = self._changes.apply(self._current.models_now())
         if restarts:
-            self._present.time = 0.0
-        self._present.began = self._present.time
+            self._current.time = 0.0
+        self._current.began = self._current.time
         self._await_robot()
 
-    def _told(self, end: End, failure: Failure | None) -> NodeRun:
+    def _told(self, end: End, failure: Failure | None) -> SimulationResult:
         now, record = time.monotonic(), self._record
-        started = self._present.started or now
-        return NodeRun(
+        started = self._current.started or now
+        return SimulationResult(
             end=end,
             failure=failure,
-            sim_time=self._present.time,
+            sim_time=self._current.time,
             first_command=record.first_command,
             travelled=record.travelled,
             digest=record.digest,
-            real_time_factor=self._present.time / (now - started) if now > started else None,
+            real_time_factor=self._current.time / (now - started) if now > started else None,
             starting=started - self._began,
             engine=record.engine,
             notes=tuple(dict.fromkeys((*self._notes, *self._stage.notes, *record.notes, *self._lockstep.notes))),
@@ -171,7 +171,7 @@ def _world_argument() -> str:
 
 
 def _end_of(over: SourceOver | None) -> End:
-    if isinstance(over, TestOver):
+    if isinstance(over, TestFinished):
         return "test over"
     return "time limit" if over is None else "nodes gone"
 

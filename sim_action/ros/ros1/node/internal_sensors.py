@@ -36,7 +36,7 @@ class WorldStates:
         return {}
 
 
-class StatesSensor(Sensor):
+class WorldStatesSensor(Sensor):
     """Reads them. No key of a scenario leads here."""
 
     key: ClassVar[str] = "states"
@@ -44,7 +44,7 @@ class StatesSensor(Sensor):
     _wants_links: Callable[[], bool] = PrivateAttr()
 
     @classmethod
-    def wanted(cls, wants_links: Callable[[], bool]) -> StatesSensor:
+    def wanted(cls, wants_links: Callable[[], bool]) -> WorldStatesSensor:
         """Links are read at moments at which somebody wants to know of them: that takes as long as all the rest."""
         sensor = cls()
         sensor._wants_links = wants_links
@@ -73,7 +73,7 @@ class StatesSensor(Sensor):
 
 def states_sensor(rate: float, wants_links: Callable[[], bool]) -> MountedSensor:
     """The one that `states_in` finds the reading of."""
-    return MountedSensor(StatesSensor.wanted(wants_links), _NAME, None, Pose(), rate, trace=False)
+    return MountedSensor(WorldStatesSensor.wanted(wants_links), _NAME, None, Pose(), rate, trace=False)
 
 
 def states_in(seen: Observation) -> WorldStates:
@@ -84,7 +84,7 @@ def states_in(seen: Observation) -> WorldStates:
 
 
 @dataclass(frozen=True, slots=True)
-class Silence:
+class NotMeasured:
     """In place of a reading that nobody has asked for; `time`: s of sim time."""
 
     time: float
@@ -94,19 +94,19 @@ class Silence:
         return {}
 
 
-class HeardSensor(Sensor):
+class OnDemandSensor(Sensor):
     """Another sensor, and silence when nobody listens. No key of a scenario leads here."""
 
     key: ClassVar[str] = "heard"
 
     _inner: Sensor = PrivateAttr()
-    _is_heard: Callable[[], bool] = PrivateAttr()
+    _is_wanted: Callable[[], bool] = PrivateAttr()
 
     @classmethod
-    def of(cls, inner: Sensor, is_heard: Callable[[], bool]) -> HeardSensor:
+    def of(cls, inner: Sensor, is_wanted: Callable[[], bool]) -> OnDemandSensor:
         """`is_heard`: whether it is to be read; asked at each of its ticks."""
         sensor = cls()
-        sensor._inner, sensor._is_heard = inner, is_heard
+        sensor._inner, sensor._is_wanted = inner, is_wanted
         return sensor
 
     def open(self, mount: Mount) -> Measure:
@@ -114,10 +114,10 @@ class HeardSensor(Sensor):
         measure = self._inner.open(mount)
         is_fresh = True
 
-        def heard(sight: Sight) -> Reading:
+        def measure_on_demand(sight: Sight) -> Reading:
             nonlocal is_fresh
-            was_fresh, is_fresh = is_fresh, self._is_heard()
-            reading = measure(sight) if is_fresh else Silence(sight.time)
-            return reading if was_fresh else Silence(sight.time)
+            was_fresh, is_fresh = is_fresh, self._is_wanted()
+            reading = measure(sight) if is_fresh else NotMeasured(sight.time)
+            return reading if was_fresh else NotMeasured(sight.time)
 
-        return heard
+        return measure_on_demand

@@ -11,8 +11,8 @@ from xml.etree.ElementTree import Element
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.current_state import ModelFrame
-from sim_action.ros.ros1.node.internal_sensors import HeardSensor
-from sim_action.ros.ros1.node.topics import Ear, Sender, Traffic
+from sim_action.ros.ros1.node.internal_sensors import OnDemandSensor
+from sim_action.ros.ros1.node.topics import Publisher, Subscription, Traffic
 from sim_action.sensors import Sensor
 from sim_action.sensors.mounting import MountedSensor
 from sim_action.state.command import Answer, commands_of
@@ -26,7 +26,7 @@ Mover = Callable[[float, Observation], Answer]
 
 
 @dataclass(slots=True)
-class Told:
+class RobotCommands:
     """What nodes have told the robot, and what comes of it.
 
     Attributes:
@@ -35,24 +35,24 @@ class Told:
         wheels: joints that a twist turns.
     """
 
-    ears: tuple[Ear, ...] = ()
+    subscriptions: tuple[Subscription, ...] = ()
     movers: tuple[Mover, ...] = ()
     wheels: frozenset[str] = frozenset()
 
     @property
     def topics(self) -> frozenset[str]:
         """By which the robot is driven."""
-        return frozenset(ear.topic for ear in self.ears)
+        return frozenset(subscription.topic for subscription in self.subscriptions)
 
     @property
     def is_commanded(self) -> bool:
         """Whether a node has said anything that stands."""
-        return any(ear.heard is not None for ear in self.ears)
+        return any(subscription.value is not None for subscription in self.subscriptions)
 
     def begin(self) -> None:
         """Forgets what was said before the clock started: whether it was heard depends on who came up first."""
-        for ear in self.ears:
-            ear.begin()
+        for subscription in self.subscriptions:
+            subscription.begin()
 
     def answer(self, seconds: float, seen: Observation) -> Answer:
         """What the robot is to do, at a sim time in s."""
@@ -78,35 +78,35 @@ class Wiring:
     model: RobotModel
     description: Element
     frame: ModelFrame
-    told: Told
+    commands: RobotCommands
     traffic: Traffic
-    is_held: Callable[[], bool]
+    is_clock_held: Callable[[], bool]
     warn: Callable[[str], None]
     closing: ExitStack
 
-    def sender(self, topic: str, kind: type[Any]) -> Sender:
+    def publisher(self, topic: str, kind: type[Any]) -> Publisher:
         """A topic for what a plugin tells."""
-        return Sender(topic, kind, self.traffic)
+        return Publisher(topic, kind, self.traffic)
 
-    def ear(self, topic: str, kind: type[Any], read: Callable[[Any], Any]) -> Ear:
+    def subscription(self, topic: str, kind: type[Any], read: Callable[[Any], Any]) -> Subscription:
         """A topic for what a plugin is told; `read`: makes of a message what is kept of it."""
-        ear = Ear(topic, kind, read, self.traffic)
-        self.told.ears = (*self.told.ears, ear)
-        self.closing.callback(ear.close)
-        return ear
+        subscription = Subscription(topic, kind, read, self.traffic)
+        self.commands.subscriptions = (*self.commands.subscriptions, subscription)
+        self.closing.callback(subscription.close)
+        return subscription
 
-    def forget(self, ear: Ear) -> None:
+    def forget(self, subscription: Subscription) -> None:
         """It listens no more."""
-        self.told.ears = tuple(each for each in self.told.ears if each is not ear)
-        ear.close()
+        self.commands.subscriptions = tuple(each for each in self.commands.subscriptions if each is not subscription)
+        subscription.close()
 
-    def moves(self, mover: Mover) -> None:
+    def add_mover(self, mover: Mover) -> None:
         """From now on it is asked at every tick."""
-        self.told.movers = (*self.told.movers, mover)
+        self.commands.movers = (*self.commands.movers, mover)
 
-    def heard(self, sensor: Sensor, sender: Sender) -> Sensor:
+    def on_demand(self, sensor: Sensor, publisher: Publisher) -> Sensor:
         """A sensor that is read for those who listen to a topic."""
-        return HeardSensor.of(sensor, lambda: sender.is_heard or self.is_held())
+        return OnDemandSensor.of(sensor, lambda: publisher.has_subscribers or self.is_clock_held())
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,14 +122,14 @@ class Device:
     """
 
     period: int
-    senders: tuple[Sender, ...]
+    publishers: tuple[Publisher, ...]
     publish: Callable[[float, Observation], None]
     sensor: MountedSensor | None = None
     reads_links: bool = False
 
     def tell(self, tick: int, seconds: float, seen: Observation) -> bool:
         """Publishes, if it is time to; returns whether somebody listens."""
-        if tick % self.period or not any(sender.is_heard for sender in self.senders):
+        if tick % self.period or not any(publisher.has_subscribers for publisher in self.publishers):
             return False
         self.publish(seconds, seen)
         return True

@@ -22,7 +22,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.messages import did_you_mean
 from sim_action.robot.robot_model import JointType, Link, RobotModel
-from sim_action.ros.ros1.node.current_state import Present, link_state
+from sim_action.ros.ros1.node.current_state import CurrentState, link_state
 from sim_action.ros.ros1.node.messages import pose_message, twist_message
 
 WORLD_FRAMES: Final = frozenset({"", "world", "map", "/map", "ground_plane"})
@@ -38,11 +38,11 @@ _MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _LINK: Final = "link"
 
 
-class Inquiries:
+class QueryServices:
     """Offers them, for as long as the node lives; `rate`: of physics steps, in Hz."""
 
-    def __init__(self, present: Present, paused: Event, rate: float) -> None:
-        self._present, self._paused, self._rate = present, paused, rate
+    def __init__(self, current: CurrentState, paused: Event, rate: float) -> None:
+        self._current, self._paused, self._rate = current, paused, rate
         for name, kind, answer in (
             ("get_link_state", GetLinkState, lambda asked: _tried(self._link_state, asked)),
             ("get_link_properties", GetLinkProperties, lambda asked: _tried(self._link, asked.link_name)),
@@ -54,10 +54,10 @@ class Inquiries:
 
     def _link_state(self, asked: Any) -> dict[str, Any]:
         """Raises LookupError."""
-        pose, twist = state_of(self._present, asked.link_name)
+        pose, twist = state_of(self._current, asked.link_name)
         frame = asked.reference_frame
         if frame not in WORLD_FRAMES:
-            other = frame_of(self._present, frame)
+            other = frame_of(self._current, frame)
             pose = geometry.compose(geometry.inverse(other), pose)
             back = geometry.conjugate(other.orientation_xyzw)
             twist = Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
@@ -66,7 +66,7 @@ class Inquiries:
 
     def _link(self, name: str) -> dict[str, Any]:
         """Raises LookupError."""
-        model, short = robot_model(self._present), name.rpartition("::")[2]
+        model, short = robot_model(self._current), name.rpartition("::")[2]
         link = model.links_by_name.get(short)
         if link is None:
             raise LookupError(f"the robot has no link '{short}'{did_you_mean(short, model.links_by_name)}")
@@ -76,16 +76,16 @@ class Inquiries:
 
     def _joint(self, name: str) -> dict[str, Any]:
         """Raises LookupError."""
-        joint = robot_joint(robot_model(self._present), name)
-        found = robot_model(self._present).joints_by_name[joint]
-        state = self._present.joints.get(joint)
+        joint = robot_joint(robot_model(self._current), name)
+        found = robot_model(self._current).joints_by_name[joint]
+        state = self._current.joints.get(joint)
         moving = {"position": [state.position], "rate": [state.velocity]} if state else {}
         return {"type": _TYPES[found.type], "damping": [], **moving}
 
     def _model(self, name: str) -> dict[str, Any]:
         """Raises LookupError."""
-        population, model = self._present.population, self._present.model
-        if population.robot is not None and population.robot.name == name and model is not None:
+        models, model = self._current.world_models, self._current.model
+        if models.robot is not None and models.robot.name == name and model is not None:
             geoms = [f"{link.name}_collision" for link in model.links if link.collisions]
             return {
                 "canonical_body_name": model.root,
@@ -93,29 +93,29 @@ class Inquiries:
                 "geom_names": geoms,
                 "joint_names": [joint.name for joint in model.joints],
             }
-        for body in population.world.objects:
+        for body in models.world.objects:
             if body.name == name:
                 fixed = body.mass is None
                 return {"canonical_body_name": _LINK, "body_names": [_LINK], "geom_names": [_LINK], "is_static": fixed}
-        raise LookupError(f"there is no model '{name}'; there are {', '.join(population.names)}")
+        raise LookupError(f"there is no model '{name}'; there are {', '.join(models.names)}")
 
     def _physics(self, _: Any) -> dict[str, Any]:
         return {
             "time_step": 1 / self._rate,
             "pause": self._paused.is_set(),
             "max_update_rate": 0.0,
-            "gravity": Vector3(*self._present.population.world.gravity_xyz),
+            "gravity": Vector3(*self._current.world_models.world.gravity_xyz),
             "ode_config": ODEPhysics(),
             "success": True,
             "status_message": "this is not ODE: what ode_config says is not of this engine",
         }
 
 
-def robot_model(present: Present) -> RobotModel:
+def robot_model(current: CurrentState) -> RobotModel:
     """Of the one robot. Raises LookupError."""
-    if present.model is None or present.population.robot is None:
+    if current.model is None or current.world_models.robot is None:
         raise LookupError("no robot is there")
-    return present.model
+    return current.model
 
 
 def robot_joint(model: RobotModel, name: str) -> str:
@@ -126,21 +126,21 @@ def robot_joint(model: RobotModel, name: str) -> str:
     return short
 
 
-def state_of(present: Present, name: str) -> tuple[Pose, Twist]:
+def state_of(current: CurrentState, name: str) -> tuple[Pose, Twist]:
     """Of a link that is called `model::link`, or by its own name, if it is the robot's. Raises LookupError."""
     model, separator, link = name.rpartition("::")
-    robot = present.population.robot
-    if separator and (robot is None or model != robot.name) and model in present.models:
-        return present.models[model]
-    described = robot_model(present)
+    robot = current.world_models.robot
+    if separator and (robot is None or model != robot.name) and model in current.model_states:
+        return current.model_states[model]
+    described = robot_model(current)
     if (separator and robot is not None and model != robot.name) or link not in described.links_by_name:
         raise LookupError(f"there is no link '{name}'{did_you_mean(link, described.links_by_name)}")
-    return link_state(described, present.base, present.joints, link)
+    return link_state(described, current.base, current.joints, link)
 
 
-def frame_of(present: Present, name: str) -> Pose:
+def frame_of(current: CurrentState, name: str) -> Pose:
     """Of a model, or of a link, in the world. Raises LookupError."""
-    return present.models[name][0] if name in present.models else state_of(present, name)[0]
+    return current.model_states[name][0] if name in current.model_states else state_of(current, name)[0]
 
 
 def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:

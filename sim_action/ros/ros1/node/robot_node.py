@@ -22,7 +22,7 @@ from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose, Twist
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.lockstep import Lockstep
-from sim_action.ros.ros1.driving.launched_nodes import Nodes
+from sim_action.ros.ros1.driving.launched_nodes import LaunchedNodes
 from sim_action.ros.ros1.driving.spec import COMMANDS, JOINTS, ODOMETRY
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_sensors import states_in, states_sensor
@@ -36,7 +36,7 @@ from sim_action.ros.ros1.node.messages import (
     twist_message,
     twist_of,
 )
-from sim_action.ros.ros1.node.topics import Ear, Sender, Topics, Traffic
+from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
@@ -66,7 +66,7 @@ class RobotSpec:
 class RobotNode:
     """The live half of a source whose commands are given by nodes."""
 
-    def __init__(self, nodes: Nodes, robot: RobotSpec, start_within: float) -> None:
+    def __init__(self, nodes: LaunchedNodes, robot: RobotSpec, start_within: float) -> None:
         """Becomes a node of theirs. Raises ScriptError."""
         self._nodes, self._robot = nodes, robot
         rospy.init_node(NAME.strip("/"), disable_signals=True)
@@ -75,14 +75,14 @@ class RobotNode:
             self._master, NAME, nodes.launcher, rospy.is_shutdown, gone=nodes.note_gone, newcomers_within=start_within
         )
         traffic = Counter[str]()
-        self._states = Topics(traffic)
-        self._others = open_topics(robot.model, robot.sensors, robot.topics, robot.rate, traffic)
-        self._ear = Ear(robot.topics[COMMANDS], TwistMessage, twist_of, traffic)
+        self._states = GazeboTopics(traffic)
+        self._others = open_publishers(robot.model, robot.sensors, robot.topics, robot.rate, traffic)
+        self._subscription = Subscription(robot.topics[COMMANDS], TwistMessage, twist_of, traffic)
         self._has_begun = False
         self._listeners = self._deaths = 0
         self._is_driven = False
         self.notes: list[str] = []
-        self.sensors = (states_sensor(robot.rate, lambda: not self._has_begun or self._states.are_links_heard),)
+        self.sensors = (states_sensor(robot.rate, lambda: not self._has_begun or self._states.has_link_subscribers),)
 
     def tick(self, seen: Observation) -> Answer:
         """Tells nodes of a moment, waits until they have dealt with it, and returns what they say to it.
@@ -94,15 +94,15 @@ class RobotNode:
                 self._begin()
             if self._tell(seen):
                 self._lockstep.settle(seen.time)
-            self._states.tell_time(seen.time)
+            self._states.publish_time(seen.time)
             self._lockstep.settle(seen.time)
             self._look_after_leavers()
         except OSError:
             raise self._nodes.why_over() from None
-        twist: geometry.Twist | None = self._ear.heard
+        twist: geometry.Twist | None = self._subscription.value
         self._is_driven = self._is_driven or twist is not None
         if problem := problem_with(twist, self._robot.model):
-            raise ScriptError(f"a node said on {self._ear.topic}: {problem}")
+            raise ScriptError(f"a node said on {self._subscription.topic}: {problem}")
         return twist
 
     def close(self) -> None:
@@ -113,10 +113,10 @@ class RobotNode:
 
     def _begin(self) -> None:
         """The clock does not start before everybody is there."""
-        self._lockstep.begin(lambda: frozenset({self._ear.topic}), lambda: False)
+        self._lockstep.begin(lambda: frozenset({self._subscription.topic}), lambda: False)
         # Whether something was heard depends on who came up first.
-        self._ear.begin()
-        self._listeners, self._deaths = self._states.listeners, self._nodes.deaths
+        self._subscription.begin()
+        self._listeners, self._deaths = self._states.subscriber_count, self._nodes.deaths
         self._has_begun = True
 
     def _look_after_leavers(self) -> None:
@@ -124,27 +124,27 @@ class RobotNode:
 
         Raises ScriptError if one has ended as it should not.
         """
-        listeners, deaths = self._states.listeners, self._nodes.deaths
+        subscriber_count, deaths = self._states.subscriber_count, self._nodes.deaths
         # Which of the two is known first of one that has ended is not said.
-        leaving = (self._listeners - listeners) - (deaths - self._deaths)
+        leaving = (self._listeners - subscriber_count) - (deaths - self._deaths)
         self._nodes.await_deaths(deaths + leaving)
-        if leaving > 0 or listeners > self._listeners:
-            self._listeners, self._deaths = listeners, self._nodes.deaths
+        if leaving > 0 or subscriber_count > self._listeners:
+            self._listeners, self._deaths = subscriber_count, self._nodes.deaths
 
     def _tell(self, seen: Observation) -> bool:
         """Returns whether somebody listens."""
         name, states = self._robot.model.name, states_in(seen)
         heard = [topic.tell(round(seen.time * self._robot.rate), seen) for topic in self._others]
-        heard.append(self._states.tell_models({**states.bodies, name: (seen.pose, seen.twist)}))
+        heard.append(self._states.publish_models({**states.bodies, name: (seen.pose, seen.twist)}))
         if states.links:
             bodies = {f"{body}::link": state for body, state in states.bodies.items()}
             links = {f"{name}::{link}": state for link, state in states.links.items()}
-            heard.append(self._states.tell_links({**bodies, **links}))
+            heard.append(self._states.publish_links({**bodies, **links}))
         return any(heard)
 
     def _why_not_driven(self) -> tuple[str, ...]:
         """What to say of a robot that nobody has told anything; topics on which nodes talk of twists may be meant."""
-        topic = self._ear.topic
+        topic = self._subscription.topic
         try:
             twists = self._master.published(_TWIST)
         except (OSError, LookupError):
@@ -160,68 +160,74 @@ _STATES_RATE: Final = 30.0
 _ODOMETRY_FRAME: Final = "odom"
 
 
-class Told(Protocol):
+class TopicPublisher(Protocol):
     """Something that nodes can hear of."""
 
     def tell(self, tick: int, seen: Observation) -> bool:
         """Says what is new at a tick; returns whether somebody listens."""
 
 
-def open_topics(
+def open_publishers(
     model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float, traffic: Traffic
-) -> list[Told]:
+) -> list[TopicPublisher]:
     """All topics of a robot; `topics`: what they are of -> topic; `rate`: ticks in a second."""
     period = max(1, round(rate / _STATES_RATE))
-    found: list[Told] = [_Joints(Sender(topics[JOINTS], JointState, traffic), model, period)]
+    found: list[TopicPublisher] = [_Joints(Publisher(topics[JOINTS], JointState, traffic), model, period)]
     if ODOMETRY in topics:
         found.append(_Truth(_Odometry(topics[ODOMETRY], model.root, traffic), period))
     return [*found, *_sensors(sensors, topics, model.root, traffic)]
 
 
-def _sensors(sensors: Sequence[Fitting], topics: Mapping[str, str], base: str, traffic: Traffic) -> Iterator[Told]:
+def _sensors(
+    sensors: Sequence[Fitting], topics: Mapping[str, str], base: str, traffic: Traffic
+) -> Iterator[TopicPublisher]:
     is_first = True
     for sensor in sensors:
         if sensor.kind == "odometry":
-            odometry = _Odometry(topics[sensor.name], base, traffic, moves_frames=is_first)
+            odometry = _Odometry(topics[sensor.name], base, traffic, publishes_tf=is_first)
             is_first = False
             yield _Sensor(sensor.name, odometry.tell_reading)
         elif sensor.kind in _MESSAGES:
             kind, made = _MESSAGES[sensor.kind]
-            yield _Sensor(sensor.name, _sending(Sender(topics[sensor.name], kind, traffic), made, sensor))
+            yield _Sensor(sensor.name, _sending(Publisher(topics[sensor.name], kind, traffic), made, sensor))
 
 
 class _Joints:
     """Where joints are, and what their motors do."""
 
-    def __init__(self, sender: Sender, model: RobotModel, period: int) -> None:
-        self._sender, self._period = sender, period
+    def __init__(self, publisher: Publisher, model: RobotModel, period: int) -> None:
+        self._publisher, self._period = publisher, period
         self._names = [joint.name for joint in model.moving_joints]
 
     def tell(self, tick: int, seen: Observation) -> bool:
         """See Told.tell."""
-        if tick % self._period or not self._sender.is_heard or not self._names:
+        if tick % self._period or not self._publisher.has_subscribers or not self._names:
             return False
         positions, velocities, efforts = zip(*(seen.joints[name] for name in self._names), strict=True)
-        self._sender.send(JointState(header(seen.time, ""), self._names, positions, velocities, efforts))
+        self._publisher.send(JointState(header(seen.time, ""), self._names, positions, velocities, efforts))
         return True
 
 
 class _Odometry:
     """Where a base is said to be, as a message and as a frame."""
 
-    def __init__(self, topic: str, base: str, traffic: Traffic, *, moves_frames: bool = True) -> None:
+    def __init__(self, topic: str, base: str, traffic: Traffic, *, publishes_tf: bool = True) -> None:
         self._base = base
-        self._sender = Sender(topic, Odometry, traffic)
-        self._frames = Sender("/tf", TFMessage, traffic) if moves_frames else None
+        self._publisher = Publisher(topic, Odometry, traffic)
+        self._frames = Publisher("/tf", TFMessage, traffic) if publishes_tf else None
 
     def tell(self, seconds: float, pose: Pose, twist: Twist) -> bool:
         """`twist`: in the frame of the base."""
-        senders = [sender for sender in (self._sender, self._frames) if sender is not None and sender.is_heard]
-        if not senders:
+        publishers = [
+            publisher
+            for publisher in (self._publisher, self._frames)
+            if publisher is not None and publisher.has_subscribers
+        ]
+        if not publishers:
             return False
         message = Odometry(header=header(seconds, _ODOMETRY_FRAME), child_frame_id=self._base)
         message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
-        self._sender.send(message)
+        self._publisher.send(message)
         if self._frames is not None:
             moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
             self._frames.send(TFMessage([TransformStamped(message.header, self._base, moved)]))
@@ -261,11 +267,13 @@ class _Sensor:
         return self._send(reading)
 
 
-def _sending(sender: Sender, made: Callable[[Any, Header, Fitting], Any], sensor: Fitting) -> Callable[[Any], bool]:
+def _sending(
+    publisher: Publisher, made: Callable[[Any, Header, Fitting], Any], sensor: Fitting
+) -> Callable[[Any], bool]:
     def send(reading: Any) -> bool:
-        if not sender.is_heard:
+        if not publisher.has_subscribers:
             return False
-        sender.send(made(reading, header(reading.time, sensor.link), sensor))
+        publisher.send(made(reading, header(reading.time, sensor.link), sensor))
         return True
 
     return send

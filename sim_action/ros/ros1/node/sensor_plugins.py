@@ -24,7 +24,7 @@ from sim_action.state.readings import ImuReading, LidarScan
 def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_laser, gazebo_ros_gpu_laser."""
     sensor, name = plugin.sensor, f"laser {plugin.topic('topicName', default='scan')}"
-    sender = wiring.sender(plugin.topic("topicName", default="scan"), LaserScan)
+    publisher = wiring.publisher(plugin.topic("topicName", default="scan"), LaserScan)
     frame = plugin.own.text("frameName", default=plugin.link)
     period = period_of(sensor.number("update_rate", default=0.0))
 
@@ -32,11 +32,11 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         scan = seen.sensors[name]
         if not isinstance(scan, LidarScan):
             return
-        sender.send(scan_message(scan, header(seconds, frame), period / TICKS))
+        publisher.send(scan_message(scan, header(seconds, frame), period / TICKS))
 
-    lidar = wiring.heard(_lidar(plugin), sender)
+    lidar = wiring.on_demand(_lidar(plugin), publisher)
     mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), TICKS / period, trace=False)
-    yield Device(period, (sender,), publish, mounted)
+    yield Device(period, (publisher,), publish, mounted)
 
 
 def _lidar(plugin: Plugin) -> Lidar:
@@ -64,10 +64,10 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     link = plugin.own.text("bodyName", default=plugin.link or wiring.model.root)
     frame = plugin.own.text("frameName", default=link)
     rate = plugin.own.number("updateRate", "updateRateHZ", default=plugin.sensor.number("update_rate", default=0.0))
-    sender, period = wiring.sender(topic, ImuMessage), period_of(rate)
+    publisher, period = wiring.publisher(topic, ImuMessage), period_of(rate)
     noise = plugin.own.number("gaussianNoise", default=0.0)
     sensor = MountedSensor(
-        wiring.heard(Imu(gyro_noise=noise, accelerometer_noise=noise), sender),
+        wiring.on_demand(Imu(gyro_noise=noise, accelerometer_noise=noise), publisher),
         f"imu {topic}",
         link,
         Pose(),
@@ -79,33 +79,33 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         reading = seen.sensors[sensor.name]
         if not isinstance(reading, ImuReading):
             return
-        sender.send(imu_message(reading, header(seconds, frame)))
+        publisher.send(imu_message(reading, header(seconds, frame)))
 
-    yield Device(period, (sender,), publish, sensor)
+    yield Device(period, (publisher,), publish, sensor)
 
 
 def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_p3d."""
     link, frame = plugin.own.text("bodyName", default=wiring.model.root), plugin.own.text("frameName", default="world")
-    sender = wiring.sender(plugin.topic("topicName", default="odom"), Odometry)
+    publisher = wiring.publisher(plugin.topic("topicName", default="odom"), Odometry)
 
     def publish(seconds: float, seen: Observation) -> None:
         pose, twist = states_in(seen).links[link]
         message = Odometry(header=header(seconds, frame), child_frame_id=link)
         message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
-        sender.send(message)
+        publisher.send(message)
 
-    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (sender,), publish, reads_links=True)
+    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish, reads_links=True)
 
 
 def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_joint_state_publisher; without names, all that move."""
-    sender = wiring.sender(plugin.topic("topicName", default="joint_states"), JointState)
+    publisher = wiring.publisher(plugin.topic("topicName", default="joint_states"), JointState)
     moving = [joint.name for joint in wiring.model.moving_joints]
     names = [name for name in plugin.own.texts("jointName") if name in moving] or moving
 
     def publish(seconds: float, seen: Observation) -> None:
         positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
-        sender.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
+        publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
 
-    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (sender,), publish)
+    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)

@@ -20,7 +20,7 @@ Traffic = Counter[str]
 """Topic -> messages that were sent on it, or heard, since the clock started."""
 
 
-class Sender:
+class Publisher:
     """Messages of one kind on one topic; what nobody listens to is neither sent nor counted."""
 
     def __init__(self, topic: str, kind: type[Any], traffic: Traffic) -> None:
@@ -28,18 +28,18 @@ class Sender:
         self._publisher = _publisher(topic, kind)
 
     @property
-    def listeners(self) -> int:
+    def subscriber_count(self) -> int:
         """How many nodes listen; one that has hung up does not, though rospy finds out only by writing to it twice."""
         return sum(map(_is_there, tuple(self._publisher.impl.connections)))
 
     @property
-    def is_heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether a node listens: else a message need not be made."""
         return bool(self._publisher.get_num_connections())
 
     def send(self, message: Any) -> None:
         """Returns when all who listen have it."""
-        if not self.is_heard:
+        if not self.has_subscribers:
             return
         self._traffic[self._topic] += 1
         self._publisher.publish(message)
@@ -66,7 +66,7 @@ def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
         return rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True)
 
 
-class Ear:
+class Subscription:
     """Listens to a topic.
 
     Attributes:
@@ -77,7 +77,7 @@ class Ear:
 
     def __init__(self, topic: str, kind: type[Any], read: Callable[[Any], Any], traffic: Traffic) -> None:
         self.topic = topic
-        self.heard: Any = None
+        self.value: Any = None
         self.count = 0
         self._is_latched = False
         self._read, self._traffic = read, traffic
@@ -90,14 +90,14 @@ class Ear:
 
     def forget(self) -> None:
         """As if nothing had been said."""
-        self.heard = None
+        self.value = None
 
     def close(self) -> None:
         """Listens no more."""
         self._subscriber.unregister()
 
     def _hear(self, message: Any) -> None:
-        self.heard = self._read(message)
+        self.value = self._read(message)
         self.count += 1
         self._is_latched = message._connection_header.get("latching") == "1"  # noqa: SLF001 - so say rospy's documents
         self._traffic[self.topic] += 1
@@ -109,38 +109,38 @@ GROUND: Final = "ground_plane"
 _STILL: Final = Pose(), Twist()
 
 
-class Topics:
+class GazeboTopics:
     """Tells, if somebody listens."""
 
     def __init__(self, traffic: Traffic) -> None:
-        self._clock = Sender("/clock", Clock, traffic)
-        self._models = Sender("/gazebo/model_states", ModelStates, traffic)
-        self._links = Sender("/gazebo/link_states", LinkStates, traffic)
+        self._clock = Publisher("/clock", Clock, traffic)
+        self._models = Publisher("/gazebo/model_states", ModelStates, traffic)
+        self._links = Publisher("/gazebo/link_states", LinkStates, traffic)
 
     @property
-    def listeners(self) -> int:
+    def subscriber_count(self) -> int:
         """How many nodes are told the time."""
-        return self._clock.listeners
+        return self._clock.subscriber_count
 
     @property
-    def are_links_heard(self) -> bool:
+    def has_link_subscribers(self) -> bool:
         """Whether a node wants to know of links."""
-        return self._links.is_heard
+        return self._links.has_subscribers
 
-    def tell_time(self, seconds: float) -> None:
+    def publish_time(self, seconds: float) -> None:
         """Publishes the clock."""
         self._clock.send(Clock(time_of(seconds)))
 
-    def tell_models(self, models: States) -> bool:
+    def publish_models(self, models: States) -> bool:
         """Publishes where models are; returns whether somebody listens."""
-        if not self._models.is_heard:
+        if not self._models.has_subscribers:
             return False
         self._models.send(ModelStates(*_columns({GROUND: _STILL, **models})))
         return True
 
-    def tell_links(self, links: States) -> bool:
+    def publish_links(self, links: States) -> bool:
         """Publishes where links are, each called after its model and itself; returns whether somebody listens."""
-        if not self._links.is_heard:
+        if not self._links.has_subscribers:
             return False
         self._links.send(LinkStates(*_columns({f"{GROUND}::link": _STILL, **links})))
         return True

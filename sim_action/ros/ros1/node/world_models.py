@@ -44,7 +44,7 @@ class SpawnedRobot:
 
 
 @dataclass(frozen=True, slots=True)
-class Population:
+class WorldModels:
     """All that there is.
 
     Attributes:
@@ -54,7 +54,7 @@ class Population:
 
     world: World
     robot: SpawnedRobot | None = None
-    homes: Mapping[str, Pose] = field(default_factory=dict)
+    spawn_poses: Mapping[str, Pose] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,57 +70,57 @@ class Population:
 
     def without(self, name: str) -> Self:
         """The same without a model."""
-        homes = {model: pose for model, pose in self.homes.items() if model != name}
+        spawn_poses = {model: pose for model, pose in self.spawn_poses.items() if model != name}
         if self.robot is not None and self.robot.name == name:
-            return replace(self, robot=None, homes=homes)
+            return replace(self, robot=None, spawn_poses=spawn_poses)
         others = tuple(each for each in self.world.objects if each.name != name)
-        return replace(self, world=self.world.model_copy(update={"objects": others}), homes=homes)
+        return replace(self, world=self.world.model_copy(update={"objects": others}), spawn_poses=spawn_poses)
 
     def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
         """The same with some models elsewhere; `joints`: where those of the robot are."""
         objects = tuple(
-            body.model_copy(update={"pose": placement_of(poses[body.name])}) if body.name in poses else body
+            body.model_copy(update={"pose": to_placement(poses[body.name])}) if body.name in poses else body
             for body in self.world.objects
         )
-        homes = {body.name: _pose_of(body.pose) for body in self.world.objects}
+        spawn_poses = {body.name: _pose_of(body.pose) for body in self.world.objects}
         robot = self.robot
         if robot is not None:
-            homes[robot.name] = robot.pose
+            spawn_poses[robot.name] = robot.pose
             at = poses.get(robot.name, robot.pose)
             robot = replace(robot, pose=at, joints=robot.joints if joints is None else joints)
         world = self.world.model_copy(update={"objects": objects})
-        return replace(self, world=world, robot=robot, homes={**homes, **self.homes})
+        return replace(self, world=world, robot=robot, spawn_poses={**spawn_poses, **self.spawn_poses})
 
     def can_move(self, name: str) -> bool:
         """Whether a model has a mass: the robot, and some bodies."""
         return all(body.mass is not None for body in self.world.objects if body.name == name)
 
-    def pushed(self, name: str, velocity_xyz: Vector3) -> Self:
+    def with_velocity(self, name: str, velocity_xyz: Vector3) -> Self:
         """The same with a model that begins with a velocity in m/s, world frame."""
         is_robot = self.robot is not None and self.robot.name == name
         push = Disturbance.model_validate({"at": 0.0, "velocity": velocity_xyz, **({} if is_robot else {"body": name})})
         disturbances = (*self.world.disturbances, push)
         return replace(self, world=self.world.model_copy(update={"disturbances": disturbances}))
 
-    def unpressed(self, body: str | None, link: str) -> Self:
+    def without_wrench(self, body: str | None, link: str) -> Self:
         """The same without what presses on a body, or, without one, on a link of the robot; "": its base link."""
         left = tuple(
             each for each in self.world.disturbances if (each.body, each.link or "") != (body, "" if body else link)
         )
         return replace(self, world=self.world.model_copy(update={"disturbances": left}))
 
-    def later(self, seconds: float) -> Self:
+    def after(self, seconds: float) -> Self:
         """The same after a time: of what pushes, that which is left."""
-        left = (_later(push, seconds) for push in self.world.disturbances if push.end > seconds)
+        left = (_push_after(push, seconds) for push in self.world.disturbances if push.end > seconds)
         return replace(self, world=self.world.model_copy(update={"disturbances": tuple(left)}))
 
-    def at_home(self) -> Self:
+    def at_spawn_poses(self) -> Self:
         """The same with all models where they were when they came, and nothing that pushes them."""
-        back = self.moved(self.homes, {})
+        back = self.moved(self.spawn_poses, {})
         return replace(back, world=back.world.model_copy(update={"disturbances": ()}))
 
 
-def _later(push: Disturbance, seconds: float) -> Disturbance:
+def _push_after(push: Disturbance, seconds: float) -> Disturbance:
     begins = max(0.0, push.at - seconds)
     return push.model_copy(update={"at": begins, "duration": push.end - seconds - begins})
 
@@ -129,31 +129,31 @@ def _pose_of(placement: Placement) -> Pose:
     return Pose((placement.x, placement.y, placement.z or 0.0), placement.orientation_xyzw)
 
 
-def placement_of(pose: Pose) -> Placement:
+def to_placement(pose: Pose) -> Placement:
     """The same as a placement."""
     x, y, z = pose.position_xyz
     roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
     return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)
 
 
-def refuse_unknown(name: str, population: Population) -> None:
+def refuse_unknown(name: str, models: WorldModels) -> None:
     """Raises ValueError if there is no such model that a node could change."""
-    if name not in population.names[1:]:
-        raise ValueError(unknown(name, population))
+    if name not in models.names[1:]:
+        raise ValueError(unknown_model_message(name, models))
 
 
-def unknown(name: str, population: Population) -> str:
+def unknown_model_message(name: str, models: WorldModels) -> str:
     """What to say of a model that there is not."""
-    return f"there is no model '{name}'; there are {', '.join(population.names)}"
+    return f"there is no model '{name}'; there are {', '.join(models.names)}"
 
 
-Alter = Callable[[Population], Population]
+Alter = Callable[[WorldModels], WorldModels]
 """From a population to the next. Raises ValueError with what to tell whoever has asked."""
 
 _PATIENCE: Final = 30.0
 
 
-class BeginAnew(SourceOver):
+class WorldChanged(SourceOver):
     """The world has changed: what was simulated so far is over, and goes on from where everything is."""
 
 
@@ -167,45 +167,45 @@ class Change:
     """
 
     alter: Alter
-    restarts: bool = False
-    refused: str | None = None
+    restarts_time: bool = False
+    refusal: str | None = None
     done: threading.Event = field(default_factory=threading.Event)
 
 
-class Changes:
+class ChangeQueue:
     """The requests of all services; a handler of one waits in a thread of its own."""
 
     def __init__(self) -> None:
         self._waiting = queue.SimpleQueue[Change]()
 
-    def ask(self, alter: Alter, *, restarts: bool = False) -> str | None:
+    def request(self, alter: Alter, *, restarts_time: bool = False) -> str | None:
         """Waits until a change is made; returns why it was not, if it was not."""
-        change = Change(alter, restarts)
+        change = Change(alter, restarts_time)
         self._waiting.put(change)
         if not change.done.wait(_PATIENCE):
             return "the simulation does not answer"
-        return change.refused
+        return change.refusal
 
-    def are_waiting(self) -> bool:
+    def has_pending(self) -> bool:
         """Whether there is a change to be made."""
         return not self._waiting.empty()
 
-    def make(self, population: Population) -> tuple[Population, bool]:
+    def apply(self, models: WorldModels) -> tuple[WorldModels, bool]:
         """The population after all changes that are asked for, and whether sim time begins anew."""
         restarts = False
         while not self._waiting.empty():
             change = self._waiting.get()
             try:
-                population = change.alter(population)
-                restarts = restarts or change.restarts
+                models = change.alter(models)
+                restarts = restarts or change.restarts_time
             except ValueError as error:
-                change.refused = str(error)
+                change.refusal = str(error)
             change.done.set()
-        return population, restarts
+        return models, restarts
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class JointEffort:
     """N m (or N) on a joint, from one sim time in s to another."""
 
     joint: str
@@ -214,17 +214,17 @@ class Effort:
     ends: float
 
 
-class Efforts:
+class JointEfforts:
     """Those of the one robot."""
 
     def __init__(self) -> None:
-        self._efforts: tuple[Effort, ...] = ()
+        self._efforts: tuple[JointEffort, ...] = ()
         self._moved: frozenset[str] = frozenset()
 
     def apply(self, joint: str, value: float, begins: float, seconds: float) -> None:
         """`seconds` negative: for ever."""
         ends = math.inf if seconds < 0 else begins + seconds
-        self._efforts = (*self._efforts, Effort(joint, value, begins, ends))
+        self._efforts = (*self._efforts, JointEffort(joint, value, begins, ends))
 
     def clear(self, joint: str) -> None:
         """Ends all on a joint."""

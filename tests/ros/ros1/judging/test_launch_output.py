@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.ros.ros1.judging import launch_output
-from sim_action.ros.ros1.judging.launch_output import Death, bad_callbacks, first_line, location_in
+from sim_action.ros.ros1.judging.launch_output import Death, callback_errors, exception_line, traceback_location
 from tests.ros_workspace import written
 
 DIED = "\x1b[31m[mover-2] process has died [pid 7, exit code -9, cmd /ws/mover.py __name:=mover __log:=/l].\x1b[0m"
@@ -80,21 +80,21 @@ def test_the_place_is_the_innermost_in_the_users_own_code(tmp_path: Path, monkey
     monkeypatch.chdir(tmp_path)
     text = WAY.format(file=tmp_path / "seen/test_it.py")
 
-    assert location_in(text, Path()) == Location("src/test_it.py", 20)
-    assert location_in(text, tmp_path / "other") is None
+    assert traceback_location(text, Path()) == Location("src/test_it.py", 20)
+    assert traceback_location(text, tmp_path / "other") is None
 
 
 def test_what_only_looks_like_a_place_is_none(tmp_path: Path) -> None:
     (tmp_path / "round").symlink_to(tmp_path / "round")
     for file, line in (("a.py", "9" * 5000), ("\0.py", "1"), (f"{tmp_path}/round", "1"), ("x" * 5000, "1")):
-        assert location_in(f'  File "{file}", line {line}, in test\n', tmp_path) is None
+        assert traceback_location(f'  File "{file}", line {line}, in test\n', tmp_path) is None
 
 
 def test_what_was_wrong_is_the_message_or_the_line_that_raised() -> None:
     plain = 'File "x.py", line 1, in test\n    assert far\n'
-    assert first_line("AssertionError", f"0 != 1\n  {plain}") == "AssertionError: 0 != 1"
-    assert first_line("AssertionError", f"\n  {plain}") == "AssertionError: assert far"
-    assert first_line("KeyError", "") == "KeyError"
+    assert exception_line("AssertionError", f"0 != 1\n  {plain}") == "AssertionError: 0 != 1"
+    assert exception_line("AssertionError", f"\n  {plain}") == "AssertionError: assert far"
+    assert exception_line("KeyError", "") == "KeyError"
 
 
 LOG = """\
@@ -119,7 +119,7 @@ def test_each_is_told_once_with_how_often_and_where(tmp_path: Path) -> None:
     written(tmp_path / "log/one/test-4-stdout.log", log)
     written(tmp_path / "log/one/calm-2.log", "[rosout][ERROR] 2026-01-02 03:04:05,558: no battery\n")
 
-    first, second = bad_callbacks(tmp_path / "log", None, tmp_path / "ws")
+    first, second = callback_errors(tmp_path / "log", None, tmp_path / "ws")
 
     assert (first.node, first.times, first.exception) == ("test", 2, "ZeroDivisionError: division by zero")
     assert isinstance(first.location, Location)
@@ -133,6 +133,6 @@ def test_those_of_another_launch_are_not_told(tmp_path: Path) -> None:
         written(tmp_path / run / "gazebo-1.log", f"[rospy.client][INFO] x: init_node, name[/gazebo], pid[{process}]\n")
         written(tmp_path / run / f"{run}-3.log", log)
 
-    (found,) = bad_callbacks(tmp_path, "11", tmp_path / "ws")
+    (found,) = callback_errors(tmp_path, "11", tmp_path / "ws")
 
     assert (found.node, found.location) == ("one", None)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from sim_action.ros.ros1.call import RosRequest
+from sim_action.ros.ros1.call import LaunchRequest
 from sim_action.ros.ros1.launch import ros_patches
 from tests.ros.ros1.launches import launched, needs_ros, package
 
@@ -111,7 +111,7 @@ LATE_TEST = """<launch>
 def test_who_comes_late_is_heard_and_hears_at_once(tmp_path: Path) -> None:
     package(tmp_path / "ws", "late", {"late.py": LATE, "late.test": LATE_TEST})
 
-    found = launched(tmp_path / "run", RosRequest("rostest", "late", "late.test", workspace=tmp_path / "ws"))
+    found = launched(tmp_path / "run", LaunchRequest("rostest", "late", "late.test", workspace=tmp_path / "ws"))
 
     (test,) = found.tests
     assert test.methods is not None, found.text

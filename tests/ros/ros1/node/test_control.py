@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros1.call import RosRequest
+from sim_action.ros.ros1.call import LaunchRequest
 from tests.ros.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST
@@ -16,7 +16,7 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     files = {"machine.urdf": MACHINE, "machine.test": MACHINE_LAUNCH, "test_machine.py": MACHINE_TEST}
     package(tmp_path / "ws", "machine", files)
 
-    found = launched(tmp_path / "run", RosRequest("rostest", "machine", "machine.test", workspace=tmp_path / "ws"))
+    found = launched(tmp_path / "run", LaunchRequest("rostest", "machine", "machine.test", workspace=tmp_path / "ws"))
 
     (test,) = found.tests
     assert test.methods is not None, found.text
@@ -36,7 +36,7 @@ def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(
     files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
     folder = package(tmp_path / "ws", "cart", files)
 
-    request = RosRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
+    request = LaunchRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
     found = launched(tmp_path / "run", request)
     first, second = told(found), told(launched(tmp_path / "again", request))
 

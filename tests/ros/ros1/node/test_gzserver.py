@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros1.call import RosRequest
+from sim_action.ros.ros1.call import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.probe import PROBE, PROBE_TEST
 
@@ -14,7 +14,7 @@ pytestmark = needs_ros
 def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     package(tmp_path / "ws", "probe", {"probe.py": PROBE, "probe.test": PROBE_TEST})
 
-    found = launched(tmp_path / "run", RosRequest("rostest", "probe", "probe.test", workspace=tmp_path / "ws"))
+    found = launched(tmp_path / "run", LaunchRequest("rostest", "probe", "probe.test", workspace=tmp_path / "ws"))
 
     (test,) = found.tests
     assert test.methods is not None, found.text

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, cast
 
 from numpy.typing import ArrayLike
 
-from sim_action.ros.ros1.node.internal_sensors import HeardSensor, Silence
+from sim_action.ros.ros1.node.internal_sensors import NotMeasured, OnDemandSensor
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 
 
@@ -39,15 +39,15 @@ class Stopwatch(Sensor):
         return measure
 
 
-def read(is_heard: Callable[[float], bool], times: list[float]) -> list[float | None]:
+def read(is_wanted: Callable[[float], bool], times: list[float]) -> list[float | None]:
     """What was told at some times; None: silence."""
     now = 0.0
-    measure = HeardSensor.of(Stopwatch(), lambda: is_heard(now)).open(cast(Mount, None))
+    measure = OnDemandSensor.of(Stopwatch(), lambda: is_wanted(now)).open(cast(Mount, None))
     told: list[float | None] = []
     for now in times:
         reading: Any = measure(Sight(now, cast(Any, None), cast(Any, None)))
         assert reading.time == now
-        told.append(None if isinstance(reading, Silence) else reading.since)
+        told.append(None if isinstance(reading, NotMeasured) else reading.since)
     return told
 
 

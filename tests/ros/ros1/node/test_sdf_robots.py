@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros1.call import RosRequest
+from sim_action.ros.ros1.call import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.rover import PACKAGE, ROVER, TEST, YARD, YARD_TEST
 
@@ -16,7 +16,7 @@ def test_robots_in_sdf(tmp_path: Path) -> None:
     package(tmp_path / "ws", "yard", files)
     (tmp_path / "ws/src/yard/package.xml").write_text(PACKAGE)
 
-    found = launched(tmp_path / "run", RosRequest("rostest", "yard", "yard.test", workspace=tmp_path / "ws"))
+    found = launched(tmp_path / "run", LaunchRequest("rostest", "yard", "yard.test", workspace=tmp_path / "ws"))
 
     (test,) = found.tests
     assert test.methods is not None, found.text

@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, rotate
-from sim_action.ros.ros1.node.world_models import Alter, Changes, Efforts, Population, SpawnedRobot, placement_of
+from sim_action.ros.ros1.node.world_models import (
+    Alter,
+    ChangeQueue,
+    JointEfforts,
+    SpawnedRobot,
+    WorldModels,
+    to_placement,
+)
 from sim_action.state.command import Answer, JointTargets, commands_of
 from sim_action.world import Body, Disturbance, World
 
@@ -21,31 +28,31 @@ ROBOT = SpawnedRobot("rover", "<robot/>", Pose())
 
 
 def box(name: str, pose: Pose = HERE) -> Body:
-    return Body(name=name, box=(1.0, 1.0, 1.0), pose=placement_of(pose))
+    return Body(name=name, box=(1.0, 1.0, 1.0), pose=to_placement(pose))
 
 
-def places(population: Population) -> dict[str, tuple[float, float, float | None]]:
-    return {body.name: (body.pose.x, body.pose.y, body.pose.z) for body in population.world.objects}
+def places(models: WorldModels) -> dict[str, tuple[float, float, float | None]]:
+    return {body.name: (body.pose.x, body.pose.y, body.pose.z) for body in models.world.objects}
 
 
 def test_the_ground_is_the_first_of_all_models() -> None:
-    assert Population(World()).names == ("ground_plane",)
-    assert Population(World(objects=(box("wall"),)), ROBOT).names == ("ground_plane", "wall", "rover")
+    assert WorldModels(World()).names == ("ground_plane",)
+    assert WorldModels(World(objects=(box("wall"),)), ROBOT).names == ("ground_plane", "wall", "rover")
 
 
 def test_what_comes_and_goes() -> None:
-    one = Population(World()).with_body(box("a")).with_body(box("b"))
+    one = WorldModels(World()).with_body(box("a")).with_body(box("b"))
 
     assert places(one).keys() == {"a", "b"}
     assert places(one.with_body(box("a", THERE)))["a"] == THERE.position_xyz
     assert places(one.without("a")).keys() == {"b"}
-    assert Population(World(), ROBOT).without("rover").robot is None
+    assert WorldModels(World(), ROBOT).without("rover").robot is None
 
 
 def test_all_are_at_home_again_however_often_they_were_moved() -> None:
-    first = Population(World(objects=(box("wall"),)), ROBOT)
+    first = WorldModels(World(objects=(box("wall"),)), ROBOT)
     moved = first.moved({"wall": THERE, "rover": THERE}, {"wheel": 2.0}).moved({"wall": AWAY, "rover": HERE})
-    back = moved.at_home()
+    back = moved.at_spawn_poses()
 
     assert places(moved) == {"wall": AWAY.position_xyz}
     assert moved.robot is not None
@@ -56,20 +63,20 @@ def test_all_are_at_home_again_however_often_they_were_moved() -> None:
 
 
 def test_what_comes_in_the_place_of_another_has_a_home_of_its_own() -> None:
-    first = Population(World(objects=(box("wall"),)), ROBOT).moved({"wall": THERE, "rover": THERE})
+    first = WorldModels(World(objects=(box("wall"),)), ROBOT).moved({"wall": THERE, "rover": THERE})
     again = first.without("wall").with_body(box("wall", AWAY)).without("rover")
-    later = again.moved({"wall": HERE})
+    after = again.moved({"wall": HERE})
 
-    assert places(later.at_home()) == {"wall": AWAY.position_xyz}
+    assert places(after.at_spawn_poses()) == {"wall": AWAY.position_xyz}
 
 
 def test_pushes_go_on_where_they_were_and_end_when_they_did() -> None:
     pushes = (Disturbance.model_validate({"at": at, "for": lasts, "force": (1.0, 0.0, 0.0)}) for at, lasts in TIMES)
-    later = Population(World(disturbances=tuple(pushes)), ROBOT).later(2.0)
+    after = WorldModels(World(disturbances=tuple(pushes)), ROBOT).after(2.0)
 
-    left = [(push.at, push.duration) for push in later.world.disturbances]
+    left = [(push.at, push.duration) for push in after.world.disturbances]
     assert left == [(0.0, 1.0), (1.0, 1.0)]
-    assert later.at_home().world.disturbances == ()
+    assert after.at_spawn_poses().world.disturbances == ()
 
 
 # One that is over, one that acts, one that is to come.
@@ -81,28 +88,28 @@ ANGLES = st.floats(-math.pi, math.pi)
 @given(ANGLES, ANGLES, ANGLES)
 def test_a_placement_is_where_the_pose_is(roll: float, pitch: float, yaw: float) -> None:
     pose = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(roll, pitch, yaw))
-    placed: Placement = placement_of(pose)
+    placed: Placement = to_placement(pose)
 
     assert (placed.x, placed.y, placed.z) == (1.0, 2.0, 3.0)
     for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
         assert rotate(placed.orientation_xyzw, axis) == pytest.approx(rotate(pose.orientation_xyzw, axis), abs=1e-6)
 
 
-EMPTY = Population(World())
+EMPTY = WorldModels(World())
 
 
 def spawned(name: str) -> SpawnedRobot:
     return SpawnedRobot(name, "<robot/>", Pose())
 
 
-def refusing(_: Population) -> Population:
+def refusing(_: WorldModels) -> WorldModels:
     raise ValueError("not here")
 
 
 class Asking(threading.Thread):
     """A service's thread, which waits for its answer."""
 
-    def __init__(self, changes: Changes, alter: Alter, *, restarts: bool = False) -> None:
+    def __init__(self, changes: ChangeQueue, alter: Alter, *, restarts: bool = False) -> None:
         super().__init__()
         self._asked = changes, alter, restarts
         self.answer: str | None = "none yet"
@@ -110,44 +117,44 @@ class Asking(threading.Thread):
 
     def run(self) -> None:
         changes, alter, restarts = self._asked
-        self.answer = changes.ask(alter, restarts=restarts)
+        self.answer = changes.request(alter, restarts_time=restarts)
 
 
-def wait_for(changes: Changes) -> None:
-    while not changes.are_waiting():
+def wait_for(changes: ChangeQueue) -> None:
+    while not changes.has_pending():
         threading.Event().wait(0.001)
 
 
 def test_who_asks_waits_until_the_change_is_made() -> None:
-    changes = Changes()
-    assert not changes.are_waiting()
-    asking = Asking(changes, lambda population: replace(population, robot=spawned("rover")))
+    changes = ChangeQueue()
+    assert not changes.has_pending()
+    asking = Asking(changes, lambda models: replace(models, robot=spawned("rover")))
     wait_for(changes)
     assert asking.is_alive()
 
-    population, restarts = changes.make(EMPTY)
+    models, restarts = changes.apply(EMPTY)
     asking.join()
 
-    assert population.names == ("ground_plane", "rover")
-    assert (asking.answer, restarts, changes.are_waiting()) == (None, False, False)
+    assert models.names == ("ground_plane", "rover")
+    assert (asking.answer, restarts, changes.has_pending()) == (None, False, False)
 
 
 def test_what_is_refused_changes_nothing_and_the_rest_is_made() -> None:
-    changes = Changes()
+    changes = ChangeQueue()
     first = Asking(changes, refusing, restarts=True)
     wait_for(changes)
-    population, restarts = changes.make(EMPTY)
+    models, restarts = changes.apply(EMPTY)
     first.join()
 
-    assert (population, restarts, first.answer) == (EMPTY, False, "not here")
+    assert (models, restarts, first.answer) == (EMPTY, False, "not here")
 
 
 def test_sim_time_begins_anew_if_a_change_says_so() -> None:
-    changes = Changes()
-    asking = Asking(changes, Population.at_home, restarts=True)
+    changes = ChangeQueue()
+    asking = Asking(changes, WorldModels.at_spawn_poses, restarts=True)
     wait_for(changes)
 
-    assert changes.make(EMPTY)[1]
+    assert changes.apply(EMPTY)[1]
     asking.join()
 
 
@@ -163,7 +170,7 @@ def efforts_in(answer: Answer) -> dict[str, float]:
 
 
 def test_they_act_for_their_time_and_the_joint_is_let_go_once() -> None:
-    efforts = Efforts()
+    efforts = JointEfforts()
     efforts.apply("a", 2.0, 1.0, 0.5)
 
     times = [0.99, 1.0, 1.49, 1.5, 1.6]
@@ -177,7 +184,7 @@ def test_they_act_for_their_time_and_the_joint_is_let_go_once() -> None:
 
 
 def test_those_of_one_joint_add_up_and_last_until_they_are_cleared() -> None:
-    efforts = Efforts()
+    efforts = JointEfforts()
     efforts.apply("a", 2.0, 0.0, -1.0)
     efforts.apply("a", 3.0, 0.0, 1.0)
     efforts.apply("b", 1.0, 0.0, -1.0)
@@ -191,7 +198,7 @@ def test_those_of_one_joint_add_up_and_last_until_they_are_cleared() -> None:
 
 
 def test_they_come_after_what_moves_the_joint_otherwise() -> None:
-    efforts = Efforts()
+    efforts = JointEfforts()
     efforts.apply("a", 2.0, 0.0, 1.0)
 
     held = JointTargets(position={"a": 1.0})
@@ -203,7 +210,7 @@ def test_they_come_after_what_moves_the_joint_otherwise() -> None:
 
 
 def test_wheels_that_a_twist_turns_are_the_drives() -> None:
-    efforts = Efforts()
+    efforts = JointEfforts()
     efforts.apply("wheel", 2.0, 0.0, -1.0)
 
     assert efforts_in(efforts.added_to(None, 0.0, frozenset({"wheel"}))) == {"wheel": 2.0}

@@ -13,7 +13,7 @@ import rospy
 
 from sim_action.robot.robot_model import Reading
 from sim_action.ros.ros1.node.plugins import Device, Mover, Wiring
-from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import Transmissions
 
 
@@ -100,7 +100,7 @@ class Controller:
     joints: tuple[str, ...] = ()
     mover: Mover | None = None
     device: Device | None = None
-    ears: tuple[Ear, ...] = ()
+    subscriptions: tuple[Subscription, ...] = ()
     begin: Callable[[], None] = _nothing
 
 

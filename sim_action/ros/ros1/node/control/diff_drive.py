@@ -16,7 +16,7 @@ from sim_action.drives.wheels import wheel
 from sim_action.ros.ros1.node.control import BadController, Controller, Opening, Parameters
 from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message
 from sim_action.ros.ros1.node.plugins import TICKS, Device, period_of
-from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
@@ -53,23 +53,29 @@ def _range(parameters: Parameters, name: str, kind: str) -> tuple[float, float]:
 def open_diff_drive(opening: Opening) -> Controller:
     """diff_drive_controller/DiffDriveController; odometry is the truth, from where it began to run."""
     left, right = opening.fitting("left_wheel", "velocity"), opening.fitting("right_wheel", "velocity")
-    ear = opening.wiring.ear(opening.topic("cmd_vel"), Twist, lambda told: (told.linear.x, told.angular.z))
-    drive = WheelsOfTwoSides(opening, left, right, ear)
-    return Controller(INTERFACES["velocity"], (*left, *right), drive, _odometry(opening, drive), (ear,), drive.begin)
+    subscription = opening.wiring.subscription(
+        opening.topic("cmd_vel"), Twist, lambda told: (told.linear.x, told.angular.z)
+    )
+    drive = DiffDriveWheels(opening, left, right, subscription)
+    return Controller(
+        INTERFACES["velocity"], (*left, *right), drive, _odometry(opening, drive), (subscription,), drive.begin
+    )
 
 
-class WheelsOfTwoSides:
+class DiffDriveWheels:
     """The live half: how fast the base goes and turns, by the limits of both.
 
     Attributes:
         start: where the robot was when it began to run; None: it has not yet.
     """
 
-    def __init__(self, opening: Opening, left: tuple[str, ...], right: tuple[str, ...], ear: Ear) -> None:
+    def __init__(
+        self, opening: Opening, left: tuple[str, ...], right: tuple[str, ...], subscription: Subscription
+    ) -> None:
         """Raises BadController."""
         parameters = opening.parameters
         self.start: Pose | None = None
-        self._ear, self._left, self._right = ear, left, right
+        self._subscription, self._left, self._right = subscription, left, right
         self._timeout = parameters.number("cmd_vel_timeout", _TIMEOUT)
         self._forward, self._turning = Limit.of(parameters, "linear/x"), Limit.of(parameters, "angular/z")
         self._half_separation, self._left_radius, self._right_radius = _measures(opening, left[0], right[0])
@@ -78,7 +84,7 @@ class WheelsOfTwoSides:
 
     def begin(self) -> None:
         """Stands still until it is told something."""
-        self._ear.forget()
+        self._subscription.forget()
         self.start = None
         self._speed = self._turn = 0.0
 
@@ -86,9 +92,9 @@ class WheelsOfTwoSides:
         """See Mover."""
         if self.start is None:
             self.start = seen.pose
-        if self._ear.count != self._count:
-            self._count, self._since = self._ear.count, seconds
-        speed, turn = self._ear.heard or (0.0, 0.0)
+        if self._subscription.count != self._count:
+            self._count, self._since = self._subscription.count, seconds
+        speed, turn = self._subscription.value or (0.0, 0.0)
         if seconds - self._since > self._timeout:
             speed = turn = 0.0
         self._speed, self._turn = self._forward.next(speed, self._speed), self._turning.next(turn, self._turn)
@@ -118,12 +124,12 @@ def _measures(opening: Opening, left: str, right: str) -> tuple[float, float, fl
     return separation * factor / 2, left_radius, right_radius
 
 
-def _odometry(opening: Opening, drive: WheelsOfTwoSides) -> Device:
+def _odometry(opening: Opening, drive: DiffDriveWheels) -> Device:
     parameters, wiring = opening.parameters, opening.wiring
     frame = str(parameters.get("odom_frame_id", default="odom"))
     base = str(parameters.get("base_frame_id", default="base_link"))
-    odometry = wiring.sender(opening.topic("odom"), Odometry)
-    frames = wiring.sender("/tf", TFMessage) if parameters.get("enable_odom_tf", default=True) else None
+    odometry = wiring.publisher(opening.topic("odom"), Odometry)
+    frames = wiring.publisher("/tf", TFMessage) if parameters.get("enable_odom_tf", default=True) else None
 
     def publish(seconds: float, seen: Observation) -> None:
         pose = geometry.compose(geometry.inverse(drive.start or seen.pose), seen.pose)

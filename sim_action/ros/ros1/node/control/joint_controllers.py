@@ -13,25 +13,27 @@ from sim_action.robot.robot_model import Joint, Reading
 from sim_action.ros.ros1.node.control import Controller, Opening
 from sim_action.ros.ros1.node.messages import header
 from sim_action.ros.ros1.node.plugins import Device, period_of
-from sim_action.ros.ros1.node.topics import Ear
+from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
-GAINS: Final = "a servo of the engine, with the effort that the model allows, is in the place of its gains"
+SERVO_NOTE: Final = "a servo of the engine, with the effort that the model allows, is in the place of its gains"
 """What to know of controllers that make efforts, or velocities, of what they are told."""
 
 
 def _one(opening: Opening, told: Reading, interface: Reading) -> Controller:
     joints = opening.fitting("joint", interface)[:1]
-    ear = opening.wiring.ear(opening.topic("command"), Float64, lambda message: (message.data,))
-    return _controller(opening, joints, told, interface, ear)
+    subscription = opening.wiring.subscription(opening.topic("command"), Float64, lambda message: (message.data,))
+    return _controller(opening, joints, told, interface, subscription)
 
 
 def _group(opening: Opening, told: Reading, interface: Reading) -> Controller:
     joints = opening.fitting("joints", interface)
-    ear = opening.wiring.ear(opening.topic("command"), Float64MultiArray, lambda message: tuple(message.data))
-    return _controller(opening, joints, told, interface, ear)
+    subscription = opening.wiring.subscription(
+        opening.topic("command"), Float64MultiArray, lambda message: tuple(message.data)
+    )
+    return _controller(opening, joints, told, interface, subscription)
 
 
 # Which types these are, `catalogue` says. Servos on efforts: at 100 ticks a second, gains would shake what is light.
@@ -47,24 +49,28 @@ open_group_effort: Final = partial(_group, told="effort", interface="effort")
 open_group_servo: Final = partial(_group, told="position", interface="effort")
 
 
-def _controller(opening: Opening, joints: tuple[str, ...], told: Reading, interface: Reading, ear: Ear) -> Controller:
+def _controller(
+    opening: Opening, joints: tuple[str, ...], told: Reading, interface: Reading, subscription: Subscription
+) -> Controller:
     if told != interface:
-        opening.wiring.warn(f"the controller '{opening.parameters.space}': {GAINS}")
+        opening.wiring.warn(f"the controller '{opening.parameters.space}': {SERVO_NOTE}")
     joint_models = [opening.wiring.model.joints_by_name[name] for name in joints]
-    forward = Forward(joint_models, told, ear, opening.wiring.warn)
-    return Controller(INTERFACES[interface], joints, forward, ears=(ear,), begin=forward.begin)
+    forward = ForwardController(joint_models, told, subscription, opening.wiring.warn)
+    return Controller(INTERFACES[interface], joints, forward, subscriptions=(subscription,), begin=forward.begin)
 
 
-class Forward:
+class ForwardController:
     """Tells joints what it is told; before that, to stay where they are, or to do nothing."""
 
-    def __init__(self, joints: list[Joint], told: Reading, ear: Ear, warn: Callable[[str], None]) -> None:
-        self._joints, self._told, self._ear, self._warn = joints, told, ear, warn
+    def __init__(
+        self, joints: list[Joint], told: Reading, subscription: Subscription, warn: Callable[[str], None]
+    ) -> None:
+        self._joints, self._told, self._subscription, self._warn = joints, told, subscription, warn
         self._resting: Mapping[str, float] | None = None
 
     def begin(self) -> None:
         """What was said while it did not run is not for it."""
-        self._ear.forget()
+        self._subscription.forget()
         self._resting = None
 
     def __call__(self, _: float, seen: Observation) -> JointTargets:
@@ -75,11 +81,13 @@ class Forward:
         return targets(self._told, self._commanded() or self._resting)
 
     def _commanded(self) -> Mapping[str, float] | None:
-        values: tuple[float, ...] | None = self._ear.heard
+        values: tuple[float, ...] | None = self._subscription.value
         if values is None:
             return None
         if len(values) != len(self._joints):
-            self._warn(f"{self._ear.topic}: {len(values)} numbers for {len(self._joints)} joints are passed over")
+            self._warn(
+                f"{self._subscription.topic}: {len(values)} numbers for {len(self._joints)} joints are passed over"
+            )
             return None
         pairs = zip(self._joints, values, strict=True)
         return {joint.name: within_limits(joint, self._told, value) for joint, value in pairs}
@@ -108,12 +116,12 @@ def open_joint_states(opening: Opening) -> Controller:
     """joint_state_controller/JointStateController: of joints with a transmission, in the order of their names."""
     moving = {joint.name for joint in opening.wiring.model.moving_joints}
     names = sorted(moving.intersection(opening.transmissions.interfaces)) or sorted(moving)
-    sender = opening.wiring.sender(f"{opening.space}/joint_states", JointState)
+    publisher = opening.wiring.publisher(f"{opening.space}/joint_states", JointState)
 
     def publish(seconds: float, seen: Observation) -> None:
         if names:
             positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
-            sender.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
+            publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
 
     period = period_of(opening.parameters.number("publish_rate", 50.0))
-    return Controller("hardware_interface/JointStateInterface", device=Device(period, (sender,), publish))
+    return Controller("hardware_interface/JointStateInterface", device=Device(period, (publisher,), publish))

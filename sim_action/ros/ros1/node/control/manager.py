@@ -120,8 +120,8 @@ class ControllerManager:
         self._refuse_unknown(name)
         if self._loaded[name].runs:
             raise BadController(f"the controller '{name}' runs: stop it before it is unloaded")
-        for ear in self._loaded.pop(name).controller.ears:
-            self.wiring.forget(ear)
+        for subscription in self._loaded.pop(name).controller.subscriptions:
+            self.wiring.forget(subscription)
 
     def _switch(self, asked: Any) -> tuple[bool]:
         try:
@@ -203,7 +203,7 @@ def open_control(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     """gazebo_ros_control. Its namespace is the robot's, as spawn_model says it."""
     space = plugin.space
     manager = ControllerManager(space, wiring, transmissions_of(_description(plugin, wiring.description)))
-    wiring.moves(manager.move)
+    wiring.add_mover(manager.move)
     manager.offer()
     yield Managed(1, (), lambda _seconds, _seen: None, teller=manager.tell)
 

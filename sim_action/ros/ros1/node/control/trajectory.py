@@ -10,20 +10,20 @@ from trajectory_msgs.msg import JointTrajectory
 
 from sim_action.robot.robot_model import Joint, Reading
 from sim_action.ros.ros1.node.control import Controller, Opening
-from sim_action.ros.ros1.node.control.joint_controllers import GAINS, within_limits
-from sim_action.ros.ros1.node.topics import Ear
-from sim_action.ros.ros1.ros_control import INTERFACES, JointCurve, Waypoint, curves
+from sim_action.ros.ros1.node.control.joint_controllers import SERVO_NOTE, within_limits
+from sim_action.ros.ros1.node.topics import Subscription
+from sim_action.ros.ros1.ros_control import INTERFACES, JointCurve, Waypoint, joint_curves
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
 
 def _controller(opening: Opening, interface: Reading) -> Controller:
     joints = opening.fitting("joints", interface)
-    ear = opening.wiring.ear(opening.topic("command"), JointTrajectory, lambda message: message)
+    subscription = opening.wiring.subscription(opening.topic("command"), JointTrajectory, lambda message: message)
     if interface != "position":
-        opening.wiring.warn(f"the controller '{opening.parameters.space}': {GAINS}")
-    following = Following(opening, joints, ear)
-    return Controller(INTERFACES[interface], joints, following, ears=(ear,), begin=following.begin)
+        opening.wiring.warn(f"the controller '{opening.parameters.space}': {SERVO_NOTE}")
+    follower = TrajectoryFollower(opening, joints, subscription)
+    return Controller(INTERFACES[interface], joints, follower, subscriptions=(subscription,), begin=follower.begin)
 
 
 # Which types these are, `catalogue` says.
@@ -32,26 +32,26 @@ open_on_velocity: Final = partial(_controller, interface="velocity")
 open_on_effort: Final = partial(_controller, interface="effort")
 
 
-class Following:
+class TrajectoryFollower:
     """Goes after the last trajectory; before there is one, and after its end, joints are held."""
 
-    def __init__(self, opening: Opening, joints: tuple[str, ...], ear: Ear) -> None:
+    def __init__(self, opening: Opening, joints: tuple[str, ...], subscription: Subscription) -> None:
         self._joints: Mapping[str, Joint] = {name: opening.wiring.model.joints_by_name[name] for name in joints}
-        self._warn, self._ear, self._count = opening.wiring.warn, ear, 0
+        self._warn, self._subscription, self._count = opening.wiring.warn, subscription, 0
         self._curves: dict[str, JointCurve] = {}
 
     def begin(self) -> None:
         """What was said while it did not run is not for it."""
-        self._ear.forget()
-        self._count, self._curves = self._ear.count, {}
+        self._subscription.forget()
+        self._count, self._curves = self._subscription.count, {}
 
     def __call__(self, seconds: float, seen: Observation) -> JointTargets:
         """See Mover."""
         if not self._curves:
             self._curves = {name: JointCurve((Waypoint(seconds, seen.joints[name].position),)) for name in self._joints}
-        if self._ear.heard is not None and self._ear.count != self._count:
-            self._count = self._ear.count
-            self._take(self._ear.heard, seconds)
+        if self._subscription.value is not None and self._subscription.count != self._count:
+            self._count = self._subscription.count
+            self._take(self._subscription.value, seconds)
         now = {name: curve.at(seconds) for name, curve in self._curves.items()}
         return JointTargets(
             position={
@@ -71,7 +71,7 @@ class Following:
             return
         if set(told.joint_names) != set(self._joints):
             self._warn(
-                f"{self._ear.topic}: a trajectory of {', '.join(told.joint_names)} is passed over: "
+                f"{self._subscription.topic}: a trajectory of {', '.join(told.joint_names)} is passed over: "
                 f"the controller has {', '.join(self._joints)}"
             )
             return
@@ -79,6 +79,6 @@ class Following:
         start = [Waypoint(seconds, *self._curves[name].at(seconds)) for name in told.joint_names]
         points = [(begins + point.time_from_start.to_sec(), point.positions, point.velocities) for point in told.points]
         try:
-            self._curves = curves(told.joint_names, start, points)
+            self._curves = joint_curves(told.joint_names, start, points)
         except ValueError as error:
-            self._warn(f"{self._ear.topic}: a trajectory is passed over: {error}")
+            self._warn(f"{self._subscription.topic}: a trajectory is passed over: {error}")
