@@ -157,14 +157,14 @@ class Lockstep:
 
     def _note_tests(self, siblings: frozenset[int]) -> None:
         if self._tests and self._tests.keys().isdisjoint(siblings):
-            raise TestFinished("the test is over")
+            raise TestFinished("the test has finished")
         self._tests = {pid: path for pid in siblings if (path := test_result_path(pid))}
 
     def _give_up(self) -> None:
         for pid in self._late():
             self._given_up.add(pid)
             within = f"within {self._newcomers_within:g} s of wall time"
-            self.notes.append(f"'{process_name(pid)}' has not become a node of ROS {within}; nobody waits for it")
+            self.notes.append(f"'{process_name(pid)}' did not become a ROS node {within}; the clock does not wait for it")
 
     def _late(self) -> Iterator[int]:
         graph = self._master.graph()
@@ -182,6 +182,6 @@ class Lockstep:
 
     def _end_if_over(self) -> None:
         if self._is_shutdown():
-            raise SourceOver("the nodes were told to leave")
+            raise SourceOver("the nodes were asked to shut down")
         if self._tests and all(map(is_result_written, self._tests.values())):
-            raise TestFinished("the test is over")
+            raise TestFinished("the test has finished")

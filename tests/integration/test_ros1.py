@@ -143,7 +143,7 @@ MOVER, TEST, LAUNCH = (f"src/robot_driver/{name}" for name in ("mover.py", "test
 @pytest.mark.parametrize(
     ("file", "old", "new", "causes"),
     [
-        pytest.param(TEST, "way < 1.5", "way < 9e9", ["20 s", "the robot had come"], id="the test never ends"),
+        pytest.param(TEST, "way < 1.5", "way < 9e9", ["20 s", "the robot had moved"], id="the test never ends"),
         pytest.param(TEST, "rospy.sleep(0.5)", "import time; time.sleep(600)", ["time"], id="the test hangs"),
         pytest.param(MOVER, "    rate =", "    1 / 0\n    rate =", ["mover", "ZeroDivisionError"], id="a node crashes"),
         pytest.param(MOVER, "import rospy", "import rospy_", ["mover", "No module named 'rospy_'"], id="no module"),

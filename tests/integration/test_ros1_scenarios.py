@@ -124,7 +124,7 @@ def test_a_required_node_that_is_done_is_an_error_and_another_may_leave(tmp_path
     scenario(tmp_path, "{nodes: [nodes/mover.py, {package: nodes, type: done.py, required: true}]}")
     code, outcome = ran(tmp_path)
     assert (code, outcome["status"]) == (1, "error")
-    assert "'done' has finished, and nothing goes on without it: it is required" in outcome["failures"][0]["message"]
+    assert "'done' finished during the run, and it is required" in outcome["failures"][0]["message"]
 
     path = tmp_path / "ws/s.sim.yml"
     path.write_text(path.read_text().replace(", required: true", ""))
@@ -138,7 +138,7 @@ def test_a_robot_that_nobody_drives_is_told_of_with_what_may_be_meant(tmp_path: 
     code, outcome = ran(tmp_path)
 
     assert (code, outcome["status"]) == (1, "failed")
-    (note,) = [note for note in outcome["notes"] if "no node has driven the robot" in note]
+    (note,) = [note for note in outcome["notes"] if "no node drove the robot" in note]
     assert "topics: {cmd_vel: /cmd_vell}" in note
 
     path = tmp_path / "ws/s.sim.yml"
@@ -190,8 +190,8 @@ def test_a_process_that_does_not_become_a_node_is_not_waited_for_for_ever(tmp_pa
     code, outcome = ran(tmp_path)
 
     assert (code, outcome["status"]) == (0, "passed"), outcome
-    (note,) = [note for note in outcome["notes"] if "has not become a node" in note]
-    assert "sleeper.py' has not become a node of ROS within 1 s" in note
+    (note,) = [note for note in outcome["notes"] if "did not become a ROS node" in note]
+    assert "sleeper.py' did not become a ROS node within 1 s" in note
 
 
 def test_a_command_that_is_no_number_is_an_error(tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ def test_a_command_that_is_no_number_is_an_error(tmp_path: Path) -> None:
     code, outcome = ran(tmp_path)
 
     assert (code, outcome["status"]) == (1, "error")
-    assert "a node said on /cmd_vel: Twist(" in outcome["failures"][0]["message"]
+    assert "a node sent a bad command on /cmd_vel: Twist(" in outcome["failures"][0]["message"]
     assert "not every value is finite" in outcome["failures"][0]["message"]
 
 
@@ -211,7 +211,7 @@ def test_messages_that_cannot_be_written_are_told_at_the_scenario(tmp_path: Path
     code, outcome = ran(tmp_path)
 
     assert (code, outcome["status"]) == (2, "error")
-    assert "genpy cannot write the messages of broken" in outcome["failures"][0]["message"]
+    assert "genpy cannot generate the messages of broken" in outcome["failures"][0]["message"]
     assert outcome["failures"][0]["location"]["line"] == 4
 
 
@@ -244,7 +244,7 @@ def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> No
     )
 
     assert done.returncode == 2, done.stdout + done.stderr
-    assert "invalid scenario: commands.ros1: ROS 1 is not installed here" in done.stdout
+    assert "invalid scenario: commands.ros1: ROS 1 is not installed" in done.stdout
     assert "sudo apt-get install --no-install-recommends python3-rospy" in done.stdout
     assert "s.sim.yml:4:3" in done.stdout
 

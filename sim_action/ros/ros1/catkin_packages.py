@@ -80,7 +80,7 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
     if stated is not None:
         found = workspace.file_or_folder(stated)
         if not found.is_dir():
-            raise PathError(f"'{stated}' is no folder (looked for {found})")
+            raise PathError(f"'{stated}' is not a folder (looked for {found})")
         return found
     around = (folder for folder in (workspace.directory, *workspace.directory.parents) if _is_inside(folder, workspace))
     return next(filter(_is_catkin, around), workspace.root)

@@ -81,7 +81,7 @@ class _Reading:
         for include in world.findall("include"):
             self._include(include)
         for plugin in world.findall("plugin"):
-            self._notes.append(f"the plugin {plugin_name(plugin)} of the world is not known here and does nothing")
+            self._notes.append(f"the plugin {plugin_name(plugin)} of the world is not supported and has no effect")
         kept: dict[str, Any] = {"objects": tuple(self._bodies.values())}
         if (gravity := world.findtext("gravity")) is not None:
             kept["gravity"] = tuple(map(float, gravity.split()))
@@ -113,7 +113,7 @@ class _Reading:
             return
         if plugins:
             self._notes.append(
-                f"'{name}' is a body here, and not a robot: its plugins do nothing: {', '.join(plugins)}"
+                f"'{name}' is simulated as a body, not as a robot; its plugins have no effect: {', '.join(plugins)}"
             )
         for body in _bodies_of(model, name, pose, self._notes):
             self._bodies.setdefault(body.name, body)
@@ -130,7 +130,7 @@ def body_of(name: str, description: str, pose: Pose) -> Body:
     except (ET.ParseError, ValueError) as error:
         raise BadWorld(_said(error)) from None
     if len(found) != 1:
-        raise BadWorld(f"a body of one collision shape is wanted, and it has {len(found)}")
+        raise BadWorld(f"a body needs exactly one collision shape, found {len(found)}")
     return found[0]
 
 
@@ -154,7 +154,7 @@ def _bodies_of(model: Element, name: str, pose: Pose, notes: list[str]) -> Itera
     is_static = _is_static(model)
     shapes = [(link, collision) for link in model.findall("link") for collision in link.findall("collision")]
     if len(shapes) > 1 and not is_static:
-        notes.append(f"'{name}' has {len(shapes)} shapes, and what moves has one here: it does not move")
+        notes.append(f"'{name}' has {len(shapes)} collision shapes, but a moving body can have only one: it does not move")
         is_static = True
     for index, (link, collision) in enumerate(shapes):
         shape = _shape(collision.find("geometry"))

@@ -75,7 +75,7 @@ def find_ros(python: Path | None = None) -> Ros:
         if needed.exists():
             return ros
         missing = [str(needed)]
-    raise UsageError(f"ROS 1 is not installed here: {python} has no {', no '.join(missing)}; {INSTALLING}")
+    raise UsageError(f"ROS 1 is not installed: {python} has no {', no '.join(missing)}; run {INSTALLING}")
 
 
 def _look(python: Path) -> tuple[list[str], Path | None]:

@@ -41,7 +41,7 @@ class Transmissions:
             return f"joint '{joint}' has no <transmission> with {wanted} in the robot's description{hint}"
         if wanted not in self.interfaces[joint]:
             there = ", ".join(sorted(self.interfaces[joint])) or "no interface"
-            return f"the <transmission> of joint '{joint}' has {there}, and the controller needs {wanted}"
+            return f"the <transmission> of joint '{joint}' has {there}, but the controller needs {wanted}"
         return None
 
 
@@ -103,11 +103,11 @@ def joint_curves(
     points = [point for point in points if point[0] > start[0].time]
     times = [time for time, _, _ in points]
     if not points:
-        raise ValueError("all of it is in the past")
+        raise ValueError("all its points are in the past")
     if any(later <= earlier for earlier, later in pairwise(times)):
-        raise ValueError("its points are not in rising time")
+        raise ValueError("the times of its points do not increase")
     if any(len(positions) != len(names) or len(speeds) not in (0, len(names)) for _, positions, speeds in points):
-        raise ValueError(f"each point has {len(names)} positions, and as many velocities or none")
+        raise ValueError(f"each point needs {len(names)} positions, and as many velocities or none")
     return {
         name: JointCurve(
             (

@@ -74,7 +74,7 @@ def test_a_model_of_several_shapes_is_fixed_and_that_is_told(tmp_path: Path) -> 
     world, notes = read(tmp_path, f"<model name='m'>{link}</model>")
 
     assert [body.mass for body in world.objects] == [None, None]
-    assert notes == ["'m' has 2 shapes, and what moves has one here: it does not move"]
+    assert notes == ["'m' has 2 collision shapes, but a moving body can have only one: it does not move"]
 
 
 def test_models_that_are_included(tmp_path: Path) -> None:
@@ -179,5 +179,5 @@ def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
     other = ROVER.replace('name="rover"', 'name="second"')
     _, notes = read(tmp_path, f'{ROVER}{other}<plugin name="s" filename="libsky.so"/>')
 
-    assert notes[0] == "'second' is a body here, and not a robot: its plugins do nothing: gazebo_ros_diff_drive"
-    assert notes[-1] == "the plugin sky of the world is not known here and does nothing"
+    assert notes[0] == "'second' is simulated as a body, not as a robot; its plugins have no effect: gazebo_ros_diff_drive"
+    assert notes[-1] == "the plugin sky of the world is not supported and has no effect"

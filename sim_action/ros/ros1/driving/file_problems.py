@@ -33,7 +33,7 @@ _LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
 def unchecked(spec: RosNodes) -> tuple[str, ...]:
     """What is not known before nodes are launched."""
     why = why_no_ros()
-    what = "its launch file is read when it runs" if spec.launch else "its nodes are started when it runs"
+    what = "the launch file is read when the scenario runs" if spec.launch else "the nodes are started when the scenario runs"
     return (f"ros1: {what}", *([f"ros1: {why}"] if why else []))
 
 
@@ -41,7 +41,7 @@ def unchecked(spec: RosNodes) -> tuple[str, ...]:
 def why_no_ros() -> str | None:
     """Why nodes cannot run here."""
     if sys.platform != "linux":
-        return "ROS 1 has packages for Linux alone: Debian 12, and Ubuntu"
+        return "ROS 1 has packages for Linux only: Debian 12 and Ubuntu"
     try:
         find_ros()
     except UsageError as error:
@@ -52,11 +52,11 @@ def why_no_ros() -> str | None:
 def file_problems(spec: RosNodes, workspace: Workspace) -> SpecProblems:
     """Problems by their keys below `ros1`."""
     if (spec.launch is None) == (spec.nodes is None):
-        hint = "leave out one of them" if spec.launch else "give one of them"
-        yield (), f"takes 'launch' or 'nodes'; {hint}"
+        hint = "remove one of them" if spec.launch else "give one of them"
+        yield (), f"needs either 'launch' or 'nodes'; {hint}"
         return
     if spec.launch and len(spec.launch) < 2:
-        yield ("launch",), "names a package and a file of it, such as [my_robot, drive.launch]"
+        yield ("launch",), "needs a package and a launch file, such as [my_robot, drive.launch]"
         return
     try:
         folder = workspace_of(spec.workspace, workspace)
@@ -121,7 +121,7 @@ def _node_problems(nodes: Sequence[NodeSpec], packages: Packages) -> SpecProblem
     names: set[tuple[str | None, str]] = set()
     for index, node in enumerate(nodes):
         if (node.namespace, node.called) in names:
-            yield ("nodes", index), f"a second node named '{node.called}'; give each a 'name' of its own"
+            yield ("nodes", index), f"a second node named '{node.called}'; give each node its own 'name'"
         names.add((node.namespace, node.called))
         if (trouble := packages.trouble(node.package)) or (trouble := _program_trouble(node, packages)):
             yield ("nodes", index), trouble
@@ -133,7 +133,7 @@ def _program_trouble(node: NodeSpec, packages: Packages) -> str | None:
         return None
     if node.type in programs:
         path = node.type
-        return f"'{path}' of '{node.package}' is not executable: chmod +x, and git update-index --chmod=+x, {path}"
+        return f"'{path}' of '{node.package}' is not executable; run chmod +x {path} and git update-index --chmod=+x {path}"
     can_run = [name for name, is_executable in programs.items() if is_executable]
     return f"the package '{node.package}' has no node '{node.type}'{did_you_mean(node.type, can_run)}"
 
@@ -159,7 +159,7 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
     try:
         root = ET.fromstring(read_at_most(file, _MAX_LAUNCH_FILE_BYTES) or b"")  # noqa: S314 - of the user's own package
     except (OSError, ET.ParseError) as error:
-        yield None, f"'{file.name}' is no launch file: {error}"
+        yield None, f"'{file.name}' is not a launch file: {error}"
         return
     own = dict(_own(root))
     for index, argument in enumerate(given):
@@ -169,7 +169,7 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
         elif name not in own:
             yield index, f"'{file.name}' has no argument '{name}'{did_you_mean(name, own)}"
         elif own[name].get("value") is not None:
-            yield index, f"'{name}' has a fixed value in '{file.name}'; only what has a default can be given another"
+            yield index, f"'{name}' has a fixed value in '{file.name}'; only an argument with a default can be set"
     stated = {argument.partition(":=")[0] for argument in given}
     for name, tag in own.items():
         if name not in stated and set(tag.attrib) <= {"name", "doc"}:

@@ -99,10 +99,10 @@ class LaunchErrors:
         if event.event == "refused":
             # The launcher is about to leave: what it has printed is whole then.
             self._words.close()
-            return self._error(f"nothing could be launched: {self._why_refused(event)}")
+            return self._error(f"nothing was launched: {self._why_refused(event)}")
         text, death = self._text(), event.death
         if not event.exit_code:
-            return self._error(f"the node '{death.node}' has finished, and nothing goes on without it: it is required")
+            return self._error(f"the node '{death.node}' finished during the run, and it is required")
         said = last_exception(text, death.program)
         required = "; it is required" if event.required else ""
         where = traceback_location(_after_mention(text, death.program), self._workspace) if said else None
@@ -113,7 +113,7 @@ class LaunchErrors:
     def over(self, exit_code: int | None) -> ScriptError:
         """Of a launcher that nothing was heard from."""
         how = f" by {signal_name(-exit_code)}" if exit_code is not None and exit_code < 0 else ""
-        return self._error(f"roslaunch has ended{how} in the midst of the run, and its nodes with it")
+        return self._error(f"roslaunch ended{how} during the run, and its nodes ended with it")
 
     def late(self, what: str) -> ScriptError:
         """Of what takes too long."""

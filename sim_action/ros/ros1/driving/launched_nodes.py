@@ -113,7 +113,7 @@ class LaunchedNodes:
 
     def await_start(self) -> None:
         """Returns when all are started. Raises ScriptError."""
-        self._wait(lambda: self.launcher != 0, _STARTING, "its nodes were not started")
+        self._wait(lambda: self.launcher != 0, _STARTING, "the nodes were not started")
 
     def note_gone(self, pids: Iterable[int]) -> None:
         """Waits until it is known how these have ended. Raises ScriptError if one of them should not have."""
@@ -177,7 +177,7 @@ class LaunchedNodes:
             self.launcher, self._core = event.pid, frozenset(event.core)
         elif event.left_out:
             left = ", ".join(dict.fromkeys(event.left_out))
-            self.notes.append(f"left out of what is launched, since the scenario is the simulation: {left}")
+            self.notes.append(f"not launched, because sim-action is the simulator: {left}")
 
 
 def _made(folder: Path) -> Path:
@@ -227,7 +227,7 @@ def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]
         package = Packages.around(workspace).folder(spec.launch[0])
         found = launch_file(package, spec.launch[1]) if package else None
         if package is None or found is None:
-            raise SourceProblem(f"'{'/'.join(spec.launch[:2])}' is gone", _KEY)
+            raise SourceProblem(f"'{'/'.join(spec.launch[:2])}' does not exist any more", _KEY)
         return Path(overlay.variables["ROS_PACKAGE_PATH"]) / spec.launch[0] / found.relative_to(package)
 
     return named
@@ -243,8 +243,8 @@ def _joined(nodes: LaunchedNodes, ros: Ros, port: int, source: RosCommands, scen
     except ImportError as error:
         version = ".".join(map(str, sys.version_info[:3]))
         raise ScriptError(
-            f"Python {version} cannot import the rospy of {ros.modules}: {error}; run sim-action by the Python that "
-            f"ROS was installed for, such as in an environment that {ros.python} -m venv has made"
+            f"Python {version} cannot import the rospy of {ros.modules}: {error}; run sim-action with the Python that "
+            f"ROS was installed for, for example in an environment made by {ros.python} -m venv"
         ) from None
     nodes.await_start()
     robot = RobotSpec(scene.model, source.rate, scene.sensors, topics_of(scene.sensors, source.ros1.topics))

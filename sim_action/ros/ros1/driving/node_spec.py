@@ -21,14 +21,14 @@ _GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
 def _base_name(name: str) -> str:
     """Raises ValueError."""
     if not _BASE.fullmatch(name):
-        raise ValueError(f"a node's name is letters, digits and '_', a letter first, found {name!r}")
+        raise ValueError(f"the name of a node has letters, digits and '_' and starts with a letter, found {name!r}")
     return name
 
 
 def _graph_name(name: str) -> str:
     """Raises ValueError."""
     if not _GRAPH.fullmatch(name):
-        raise ValueError(f"a name of ROS is letters, digits, '_' and '/', such as /arm/cmd_vel, found {name!r}")
+        raise ValueError(f"a name in ROS has letters, digits, '_' and '/', such as /arm/cmd_vel, found {name!r}")
     return name
 
 
@@ -46,18 +46,18 @@ def _with_lists(value: Any) -> Any:
 class NodeSpec(FrozenModel):
     """A node: a program of a package, and what it is started with."""
 
-    package: Annotated[str, Field(min_length=1, description="that the program is of")]
-    type: Annotated[str, Field(min_length=1, description="its file, such as mover.py, or its name if it is compiled")]
-    name: Annotated[BaseName | None, Field(description="among nodes; left out: as its file, without the ending")] = None
-    args: Annotated[str, Field(description="words after the name of the program, as in a launch file")] = ""
+    package: Annotated[str, Field(min_length=1, description="package of the program")]
+    type: Annotated[str, Field(min_length=1, description="file of the program, such as mover.py, or its name if it is compiled")]
+    name: Annotated[BaseName | None, Field(description="name of the node; default: the file name without its suffix")] = None
+    args: Annotated[str, Field(description="arguments of the program, as in a launch file")] = ""
     params: Annotated[
-        dict[str, JsonValue], BeforeValidator(_with_lists), Field(description="its private parameters")
+        dict[str, JsonValue], BeforeValidator(_with_lists), Field(description="private parameters of the node")
     ] = Field(default_factory=dict)
-    remap: Annotated[dict[GraphName, GraphName], Field(description="a name that it uses, to another")] = Field(
+    remap: Annotated[dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")] = Field(
         default_factory=dict
     )
-    namespace: Annotated[GraphName | None, Field(description="that its names are in")] = None
-    required: Annotated[bool, Field(description="whether nothing goes on without it")] = False
+    namespace: Annotated[GraphName | None, Field(description="namespace of the node")] = None
+    required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
 
     @model_validator(mode="before")
     @classmethod
@@ -67,7 +67,7 @@ class NodeSpec(FrozenModel):
             return value
         package, slash, kind = value.partition("/")
         if not (package and slash and kind):
-            raise ValueError(f"a node in short is package/type, such as my_robot/mover.py, found '{value}'")
+            raise ValueError(f"the short form of a node is package/type, such as my_robot/mover.py, found '{value}'")
         return {"package": package, "type": kind}
 
     @classmethod

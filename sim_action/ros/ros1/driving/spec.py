@@ -43,7 +43,7 @@ def topic_problems(stated: Mapping[str, str], sensors: Sequence[Fitting]) -> Spe
     topics = topics_of(sensors, stated)
     for name in stated:
         if name not in topics:
-            yield (name,), f"the robot has no '{name}' to be told of{did_you_mean(name, topics)}"
+            yield (name,), f"the robot has no '{name}'{did_you_mean(name, topics)}"
     yield from (((name,), message) for name, message in _twice(stated, topics))
 
 
@@ -51,7 +51,7 @@ def _twice(stated: Mapping[str, str], topics: Mapping[str, str]) -> Iterator[tup
     for name in stated:
         others = [other for other, topic in topics.items() if other != name and topic == topics.get(name)]
         if others:
-            yield name, f"'{topics[name]}' is the topic of '{others[0]}' already"
+            yield name, f"'{topics[name]}' is already the topic of '{others[0]}'"
 
 
 def _topic(sensor: Fitting, sensors: Sequence[Fitting]) -> str:
@@ -74,12 +74,12 @@ class RosNodes(FrozenModel):
         tuple[str, ...] | None,
         Field(
             min_length=1,
-            description="a launch file: its package, its name, and NAME:=VALUE for each argument that it is given",
+            description="launch file: its package, its name, and NAME:=VALUE for each argument",
         ),
     ] = None
     nodes: Annotated[
         tuple[NodeSpec, ...] | None,
-        Field(min_length=1, description="in place of a launch file: nodes, each in full, or as package/type"),
+        Field(min_length=1, description="list of nodes, instead of a launch file; each is a map or package/type"),
     ] = None
     workspace: Annotated[
         str | None,
@@ -93,11 +93,11 @@ class RosNodes(FrozenModel):
     topics: Annotated[
         dict[str, GraphName],
         Field(
-            description="cmd_vel, odom, joint_states, or the name of a sensor -> the topic that it has with the nodes"
+            description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"
         ),
     ] = Field(default_factory=dict)
     start_within: Annotated[
-        PositiveSeconds, Field(le=_A_DAY, description="of wall time: how long sim time waits for nodes to come up")
+        PositiveSeconds, Field(le=_A_DAY, description="wall time that nodes may take to start; sim time waits for them")
     ] = 10.0
 
 
@@ -138,9 +138,9 @@ class RosCommands(CommandSource):
     runs_user_code: ClassVar[bool] = True
     needs_drive: ClassVar[bool] = True
 
-    ros1: Annotated[RosNodes, Field(description="a launch file, or a list of nodes")]
+    ros1: Annotated[RosNodes, Field(description="launch file or list of nodes")]
     rate: Annotated[
-        PositiveHertz, Field(description="of the clock: how often nodes are told the time, and commands are taken")
+        PositiveHertz, Field(description="rate of /clock, and of reading commands")
     ] = 120.0
 
     @property

@@ -31,23 +31,23 @@ _NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
 def how_far(run: Run | None) -> str:
     """What is known of the robot at the end."""
     if run is None or run.told is None:
-        return "no simulation was begun" if run is None else "the simulation has told nothing"
+        return "the simulation did not start" if run is None else "the simulation wrote no result"
     told = run.told
     if told.travelled is None:
         return "no robot was spawned"
-    silent = ", and no node had commanded it" if told.first_command is None else ""
-    return f"the robot had come {told.travelled:.2f} m at sim time {told.sim_time:.1f} s{silent}"
+    silent = ", and no node had sent it a command" if told.first_command is None else ""
+    return f"the robot had moved {told.travelled:.2f} m at sim time {told.sim_time:.1f} s{silent}"
 
 
 def time_out(test: TestFindings, found: Findings) -> str | None:
     """The message of a test that was ended by a limit; None: it was not."""
     told = test.run.told if test.run else None
     if told is not None and told.end == "time limit":
-        return f"not over within {found.sim_time_limit:g} s of sim time: {how_far(test.run)}"
+        return f"did not finish within {found.sim_time_limit:g} s of sim time: {how_far(test.run)}"
     if test.launched is not None and (limit := _TIME_OUT.search(test.launched.text)):
-        return f"not over within its time-limit of {float(limit[1]):g} s of wall time: {how_far(test.run)}"
+        return f"did not finish within its time-limit of {float(limit[1]):g} s of wall time: {how_far(test.run)}"
     if found.ending == "wall limit" and not (test.methods and test.methods.cases):
-        return f"not over within the wall limit of the call: {how_far(test.run)}"
+        return f"did not finish within the wall limit of the call: {how_far(test.run)}"
     return None
 
 
@@ -60,7 +60,7 @@ def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iter
     if found.ending == "interrupted":
         yield Failure(kind="interrupted", title="interrupted", message="the call was interrupted", location=where)
     if found.ending == "output limit":
-        message = "the nodes have printed more than 100 MB"
+        message = "the nodes printed more than the allowed 100 MB"
         yield _failure("crash", "output limit", message, where, found)
     if found.ending == "over" and found.exit_code is not None and found.exit_code < 0:
         message = f"the launcher was ended by {signal_name(-found.exit_code)}; {how_far(test.run)}"
@@ -75,7 +75,7 @@ def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iter
         yield from _of_simulation(found, where)
     yield from _of_processes(test, found, where)
     far = how_far(run)
-    yield _failure("crash", "no result", f"nothing says what became of it; {far}", where, found)
+    yield _failure("crash", "no result", f"the test left no result; {far}", where, found)
 
 
 def _of_launch(text: str, where: Location | None) -> Iterator[Failure]:
@@ -83,23 +83,23 @@ def _of_launch(text: str, where: Location | None) -> Iterator[Failure]:
     if found := _NO_NODE.search(text):
         package, node = found.groups()
         message = (
-            f"the test '{node}' of the package '{package}' is not there, or not executable: chmod +x {node}, and "
-            f"git update-index --chmod=+x {node}"
+            f"the test '{node}' does not exist in the package '{package}', or is not executable: run chmod +x {node} "
+            f"and git update-index --chmod=+x {node}"
         )
         yield Failure(kind="invalid", title="no such test", message=escaped_line(message), location=where)
     if found := _NO_PACKAGE.search(text):
         message = f"there is no package '{found[1]}' in the workspace or in ROS"
         yield Failure(kind="invalid", title="no such package", message=escaped_line(message), location=where)
     if "Duplicate tests named" in text:
-        message = "several tests of this file have this name; give each test-name= of its own"
-        yield Failure(kind="invalid", title="a name used twice", message=message, location=where)
+        message = "several tests of this file have this name; give each test its own test-name"
+        yield Failure(kind="invalid", title="duplicate test name", message=message, location=where)
 
 
 def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
     if wrong := xacro_error(found.text):
         yield _failure("invalid", "xacro error", wrong, where, found)
     if name := missing_package(found.text):
-        message = f"the launch file asks for the package '{name}', which is neither in the workspace nor in ROS"
+        message = f"the launch file needs the package '{name}', which is neither in the workspace nor in ROS"
         yield _failure("invalid", "no such package", message, where, found)
     if wrong := refused(found.text):
         yield _failure("invalid", "launch error", wrong, where, found)

@@ -91,7 +91,7 @@ class Judge:
     def _no_test(self, whole: TestFindings, found: Findings) -> Outcome:
         failure = cause_of(whole, found, Location(self.file))
         if found.exit_code == 0:
-            message = "the file has no <test>; write one, or use sim-action roslaunch"
+            message = "the file has no <test>; add one, or use sim-action roslaunch"
             failure = failure.model_copy(update={"kind": "invalid", "title": "no test", "message": message})
         return self._outcome(whole, {"status": "error", "failures": (failure,)})
 

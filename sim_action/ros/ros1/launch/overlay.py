@@ -174,7 +174,7 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
     )
     if made.returncode:
         said = (made.stderr.strip() or made.stdout.strip()).splitlines()[-1:]
-        raise UsageError(f"genpy cannot write the messages of {', '.join(written)}: {' '.join(said)}")
+        raise UsageError(f"genpy cannot generate the messages of {', '.join(written)}: {' '.join(said)}")
 
 
 def _definitions(package: Path) -> dict[str, list[str]]:
@@ -195,6 +195,6 @@ def scratch_parent() -> str:
         if not _SPLIT.search(os.path.realpath(folder)) and os.access(folder, os.W_OK | os.X_OK):
             return folder
     raise UsageError(
-        f"'{tempfile.gettempdir()}' has a blank or a quote in its name, at which roslaunch splits commands; "
-        "set TMPDIR to a folder without"
+        f"'{tempfile.gettempdir()}' contains a blank or a quote, and roslaunch splits commands there; "
+        "set TMPDIR to a folder without them"
     )

@@ -72,8 +72,8 @@ def _missing(path: Path) -> str:
     names = ", ".join(sorted(file.name for file in folder.iterdir())) if folder.is_dir() else "nothing"
     if _FALLBACKS in folder.resolve().parents:
         return (
-            f"'{path.name}' is not here: of TurtleBot3, sim-action has {names} alone; put ROBOTIS's package "
-            "turtlebot3_description into the workspace for the others, or set TURTLEBOT3_MODEL=burger"
+            f"'{path.name}' does not exist: sim-action includes only {names} of TurtleBot3; add ROBOTIS's package "
+            "turtlebot3_description to the workspace for the others, or set TURTLEBOT3_MODEL=burger"
         )
     return f"'{path}' does not exist (the folder has {names})"
 

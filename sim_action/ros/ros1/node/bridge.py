@@ -86,7 +86,7 @@ class Bridge:
         session.lockstep.settle(seconds)
         self._stand_still(seconds)
         if session.changes.has_pending():
-            raise WorldChanged("the world has changed")
+            raise WorldChanged("the world changed")
         session.pace.keep(seconds)
         if self.first_command is None and self.commands.is_commanded:
             self.first_command = seconds
@@ -99,7 +99,7 @@ class Bridge:
             return
         session.lockstep.begin(lambda: self.commands.topics, session.changes.has_pending)
         if session.changes.has_pending():
-            raise WorldChanged("the world has changed")
+            raise WorldChanged("the world changed")
         self.commands.begin()
         session.traffic.clear()
         session.current.started = time.monotonic()

@@ -79,11 +79,11 @@ class ModelServices:
 
         def alter(models: WorldModels) -> WorldModels:
             if name in models.names:
-                raise ValueError(f"a model '{name}' is there already")
+                raise ValueError(f"a model '{name}' already exists")
             pose = self._in_world(pose_of(request.initial_pose), request.reference_frame)
             if is_robot(request.model_xml):
                 if models.robot is not None:
-                    raise ValueError(f"one robot at a time: '{models.robot.name}' is there already")
+                    raise ValueError(f"only one robot is supported, and '{models.robot.name}' already exists")
                 number, space = next(self._numbers), request.robot_namespace
                 return replace(models, robot=SpawnedRobot(name, request.model_xml, pose, space=space, number=number))
             try:
@@ -110,7 +110,7 @@ class ModelServices:
             moved = models.moved({name: self._in_world(pose_of(state.pose), state.reference_frame)})
             return moved.with_velocity(name, velocity) if any(velocity) and models.can_move(name) else moved
 
-        return self._answer(alter, f"'{name}' is where it was to be")
+        return self._answer(alter, f"the state of '{name}' is set")
 
     def _set_link(self, state: Any) -> tuple[bool, str]:
         model, separator, link = state.link_name.rpartition("::")
@@ -119,7 +119,7 @@ class ModelServices:
         if is_robots and described is not None and link != described.root:
             return (
                 False,
-                f"of the robot, only the base link is set: '{described.root}'; joints are moved by other services",
+                f"only the base link '{described.root}' of the robot can be set; joints are moved by other services",
             )
         named = robot.name if robot is not None and not separator else model
         return self._set_state(ModelState(named, state.pose, state.twist, state.reference_frame))
@@ -132,8 +132,8 @@ class ModelServices:
             return replace(models, world=models.world.model_copy(update={"gravity": valid}))
 
         if gravity == self._current.world_models.world.gravity_xyz:
-            return True, "gravity is as it was; steps and the engine are this simulation's own"
-        return self._answer(alter, "gravity is set; steps and the engine are this simulation's own")
+            return True, "gravity is unchanged; the engine and its steps cannot be changed"
+        return self._answer(alter, "gravity is set; the engine and its steps cannot be changed")
 
     def _set_joints(self, request: Any) -> tuple[bool, str]:
         positions = dict(zip(request.joint_names, request.joint_positions, strict=False))
@@ -144,7 +144,7 @@ class ModelServices:
                 raise ValueError(f"there is no robot '{request.model_name}'")
             return replace(models, robot=replace(robot, joints={**robot.joints, **positions}))
 
-        return self._answer(alter, f"joints of '{request.model_name}' are where they were to be")
+        return self._answer(alter, f"the joints of '{request.model_name}' are set")
 
     def _reset(self, *, restarts: bool) -> tuple[()]:
         self._efforts.clear_all()
@@ -182,7 +182,7 @@ class ModelServices:
         try:
             return pose if frame in WORLD_FRAMES else geometry.compose(frame_of(self._current, frame), pose)
         except LookupError:
-            raise ValueError(f"there is no frame '{frame}': it is that of a model, or of a link of the robot") from None
+            raise ValueError(f"there is no frame '{frame}'; a frame is a model, or a link of the robot") from None
 
     def _answer(self, alter: Alter, done: str) -> tuple[bool, str]:
         refused = self._changes.request(alter)
@@ -226,7 +226,7 @@ class ForceServices:
             if is_robot and link and link not in self._link_names():
                 raise ValueError(f"there is no link '{link}' in '{model}'")
             if seconds == 0:
-                raise ValueError("a wrench needs a duration; a negative one is for ever")
+                raise ValueError("a wrench needs a duration; a negative duration means forever")
             begins = max(0.0, request.start_time.to_sec() - self._current.time)
             disturbance = Disturbance.model_validate(
                 {
@@ -243,7 +243,7 @@ class ForceServices:
             return replace(models, world=changed)
 
         refused = self._changes.request(alter)
-        return refused is None, refused or "the wrench acts"
+        return refused is None, refused or "the wrench is applied"
 
     def _release(self, request: Any) -> tuple[()]:
         model, _, link = request.body_name.partition("::")
@@ -263,10 +263,10 @@ class ForceServices:
         except LookupError as error:
             return False, str(error.args[0])
         if seconds == 0:
-            return False, "an effort needs a duration; a negative one is for ever"
+            return False, "an effort needs a duration; a negative duration means forever"
         begins = max(self._current.time, request.start_time.to_sec())
         self._efforts.apply(joint, request.effort, begins, seconds)
-        return True, "the effort acts"
+        return True, "the effort is applied"
 
     def _let_go(self, request: Any) -> tuple[()]:
         self._efforts.clear(request.joint_name.rpartition("::")[2])

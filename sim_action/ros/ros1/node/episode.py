@@ -151,7 +151,7 @@ class EpisodeFactory:
             if plugin.name in PLUGINS:
                 yield from PLUGINS.load(plugin.name)(plugin, wiring)
             else:
-                self.notes.append(f"the plugin {plugin.name} of the robot is not known here and does nothing")
+                self.notes.append(f"the plugin {plugin.name} of the robot is not supported and has no effect")
 
 
 def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:

@@ -77,4 +77,4 @@ class EpisodeRecord:
         try:
             write_replay(replay_of(self._last.scene, film), folder / REPLAY_FILE)
         except Exception as error:  # noqa: BLE001 - a test has its verdict, whether there is a picture of it or not
-            self._notes.append(f"there is no replay of it: {escaped_line(str(error))}")
+            self._notes.append(f"no replay was written: {escaped_line(str(error))}")

@@ -93,7 +93,7 @@ class _Server:
         named = Path(str(rospy.get_param("/gazebo/world_name", _world_argument())))
         if not named.is_absolute() or not named.exists():
             if named.name != "empty.world":
-                self._notes.append(f"the world '{named}' is not here; the robot is in an empty one")
+                self._notes.append(f"the world '{named}' does not exist; the robot is in an empty world")
             return WorldModels(World())
         read = read_world(named, model_folders(), DRIVE_PLUGINS)
         self._notes += read.notes
@@ -113,7 +113,7 @@ class _Server:
             if not isinstance(over, WorldChanged):
                 return _end_of(over)
             if self._current.time > self._current.began:
-                self._notes.append(f"{over} at {self._current.time:g} s of sim time: all that moved went on from rest")
+                self._notes.append(f"{over} at {self._current.time:g} s of sim time: everything that moved continued from rest")
             self._make_changes()
 
     def _run(self, episode: Episode) -> None:
@@ -134,7 +134,7 @@ class _Server:
         """Raises SourceOver if none comes before everybody leaves."""
         while self._current.world_models.robot is None:
             if rospy.is_shutdown():
-                raise SourceOver("the nodes have left before a robot was spawned")
+                raise SourceOver("the nodes ended before a robot was spawned")
             self._current.world_models, _ = self._changes.apply(self._current.world_models)
             time.sleep(_LOOK)
 
@@ -180,7 +180,7 @@ def _failure_of(error: Exception) -> Failure:
     if isinstance(error, SimulationUnstable):
         return Failure(kind="unstable", title="simulation unstable", message=str(error))
     if isinstance(error, ModelError | BadStart | BadWorld):
-        return Failure(kind="invalid", title="the simulation cannot begin", message=str(error))
+        return Failure(kind="invalid", title="the simulation cannot start", message=str(error))
     return Failure(kind="engine", title="the simulation failed", message=str(error))
 
 

@@ -46,7 +46,7 @@ class PlanarMove(Drive):
 
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
         """See Drive.describe."""
-        return "planar move, kinematic: the base goes at the velocity it is told, at once, and no link has friction"
+        return "planar move (kinematic): the base takes the commanded velocity at once, and its links have no friction"
 
     def mobility(self, model: RobotModel) -> Mobility:
         """See Drive.mobility."""

@@ -97,7 +97,7 @@ class QueryServices:
             if body.name == name:
                 fixed = body.mass is None
                 return {"canonical_body_name": _LINK, "body_names": [_LINK], "geom_names": [_LINK], "is_static": fixed}
-        raise LookupError(f"there is no model '{name}'; there are {', '.join(models.names)}")
+        raise LookupError(unknown_model_message(name, models))
 
     def _physics(self, _: Any) -> dict[str, Any]:
         return {
@@ -107,14 +107,14 @@ class QueryServices:
             "gravity": Vector3(*self._current.world_models.world.gravity_xyz),
             "ode_config": ODEPhysics(),
             "success": True,
-            "status_message": "this is not ODE: what ode_config says is not of this engine",
+            "status_message": "the engine is not ODE: ode_config has no meaning here",
         }
 
 
 def robot_model(current: CurrentState) -> RobotModel:
     """Of the one robot. Raises LookupError."""
     if current.model is None or current.world_models.robot is None:
-        raise LookupError("no robot is there")
+        raise LookupError("there is no robot")
     return current.model
 
 

@@ -102,7 +102,7 @@ class RobotNode:
         twist: geometry.Twist | None = self._subscription.value
         self._is_driven = self._is_driven or twist is not None
         if problem := problem_with(twist, self._robot.model):
-            raise ScriptError(f"a node said on {self._subscription.topic}: {problem}")
+            raise ScriptError(f"a node sent a bad command on {self._subscription.topic}: {problem}")
         return twist
 
     def close(self) -> None:
@@ -151,8 +151,8 @@ class RobotNode:
             twists = {}
         others = sorted(name for name, by in twists.items() if name != topic and by - {NAME})
         hint = f"; {_TWIST} is published on {', '.join(others)}" if others else ""
-        advice = f": if that is meant, say topics: {{{COMMANDS}: {others[0]}}}" if others else ""
-        return (f"no node has driven the robot: nothing came on {topic}{hint}{advice}",)
+        advice = f"; to use it, set topics: {{{COMMANDS}: {others[0]}}}" if others else ""
+        return (f"no node drove the robot: no message arrived on {topic}{hint}{advice}",)
 
 
 # Hz, of what no sensor tells: as Gazebo's plugins are usually set.

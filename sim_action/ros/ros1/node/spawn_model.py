@@ -31,7 +31,7 @@ def spawn(words: Sequence[str] | None = None) -> int:
     rospy.init_node("spawn_model", anonymous=True)
     asked, unknown = _parser().parse_known_args(rospy.myargv()[1:] if words is None else words)
     if unknown:
-        rospy.logwarn("spawn_model: %s is not known here", " ".join(unknown))
+        rospy.logwarn("spawn_model: unknown arguments: %s", " ".join(unknown))
     space = asked.gazebo_namespace.rstrip("/")
     try:
         description = _description(asked)
@@ -121,7 +121,7 @@ def _of_database(name: str) -> Path:
     for folder in folders:
         if (path := folder / name / "model.sdf").is_file():
             return path
-    raise FileNotFoundError(f"GAZEBO_MODEL_PATH has no model '{name}'; nothing is fetched")
+    raise FileNotFoundError(f"GAZEBO_MODEL_PATH has no model '{name}'; models are not downloaded")
 
 
 def _parser() -> argparse.ArgumentParser:

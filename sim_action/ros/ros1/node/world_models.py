@@ -144,7 +144,7 @@ def refuse_unknown(name: str, models: WorldModels) -> None:
 
 def unknown_model_message(name: str, models: WorldModels) -> str:
     """What to say of a model that there is not."""
-    return f"there is no model '{name}'; there are {', '.join(models.names)}"
+    return f"there is no model '{name}'; the models are {', '.join(models.names)}"
 
 
 Alter = Callable[[WorldModels], WorldModels]

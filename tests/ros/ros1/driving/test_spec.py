@@ -62,24 +62,24 @@ def test_nodes_of_the_workspace_are_found(ros1: str, tmp_path: Path) -> None:
 
 
 BAD = [
-    ("{}", 5, 3, "takes 'launch' or 'nodes'; give one of them"),
-    ("{launch: [driver, drive.launch], nodes: [driver/mover.py]}", 5, 3, "leave out one of them"),
-    ("{launch: [driver]}", 5, 10, "names a package and a file of it, such as [my_robot, drive.launch]"),
+    ("{}", 5, 3, "needs either 'launch' or 'nodes'; give one of them"),
+    ("{launch: [driver, drive.launch], nodes: [driver/mover.py]}", 5, 3, "remove one of them"),
+    ("{launch: [driver]}", 5, 10, "needs a package and a launch file, such as [my_robot, drive.launch]"),
     ("{launch: [driver, drve.launch]}", 5, 27, "no file 'drve.launch'; did you mean 'drive.launch'?"),
     ("{launch: [driver, drive.launch, 'nam:=1']}", 5, 41, "no argument 'nam'; did you mean 'name'?"),
     ("{launch: [driver, drive.launch, 'handed:=1']}", 5, 41, "'drive.launch' has no argument 'handed'"),
     ("{launch: [driver, drive.launch, 'x:=2', 'fixed:=1']}", 5, 49, "'fixed' has a fixed value in 'drive.launch'"),
     ("{launch: [driver, needs.launch]}", 5, 27, "needs the argument 'must': give it as must:=VALUE"),
-    ("{launch: [driver, no.launch]}", 5, 27, "'no.launch' is no launch file: no element found: line 1, column 3"),
+    ("{launch: [driver, no.launch]}", 5, 27, "'no.launch' is not a launch file: no element found: line 1, column 3"),
     ("{launch: [driver, drive.launch, x=1]}", 5, 41, "'x=1' is not an argument of a launch file; write NAME:=VALUE"),
     ("{nodes: [driver/mver.py]}", 5, 18, "no node 'mver.py'; did you mean 'mover.py'?"),
-    ("{nodes: [driver/helper.sh]}", 5, 18, "'helper.sh' of 'driver' is not executable: chmod +x"),
-    ("{nodes: [mover.py]}", 5, 18, "a node in short is package/type"),
+    ("{nodes: [driver/helper.sh]}", 5, 18, "'helper.sh' of 'driver' is not executable; run chmod +x"),
+    ("{nodes: [mover.py]}", 5, 18, "the short form of a node is package/type"),
     ("{nodes: [driver/mover.py, driver/mover.py]}", 5, 35, "a second node named 'mover'"),
-    ("{nodes: [{package: driver, type: mover.py, name: a b}]}", 5, 52, "a node's name is letters"),
+    ("{nodes: [{package: driver, type: mover.py, name: a b}]}", 5, 52, "the name of a node has letters"),
     ("{nodes: [{package: driver, typ: mover.py}]}", 5, 36, "unknown key; did you mean 'type'?"),
-    ("{nodes: [driver/mover.py], topics: {cmd_vel: a b}}", 5, 45, "a name of ROS is letters"),
-    ("{nodes: [driver/mover.py], topics: {cmd: /x}}", 5, 45, "the robot has no 'cmd' to be told of"),
+    ("{nodes: [driver/mover.py], topics: {cmd_vel: a b}}", 5, 45, "a name in ROS has letters"),
+    ("{nodes: [driver/mover.py], topics: {cmd: /x}}", 5, 45, "the robot has no 'cmd'"),
     ("{nodes: [driver/mover.py], workspace: nowhere}", 5, 36, "does not exist"),
 ]
 
@@ -133,7 +133,7 @@ def test_where_ros_is_absent_a_file_is_valid_and_cannot_be_run(tmp_path: Path, m
         source = loaded.scenario.commands[0]
 
         assert any("apt-get install --no-install-recommends python3-rospy" in remark for remark in loaded.unchecked)
-        with pytest.raises(SourceProblem, match="ROS 1 is not installed here") as raised:
+        with pytest.raises(SourceProblem, match="ROS 1 is not installed") as raised:
             source.open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))
         assert raised.value.key == "ros1"
     finally:
@@ -182,7 +182,7 @@ def test_stated_topics_are_absolute() -> None:
     [
         ({"lidr": "/scan"}, [LIDAR], "lidr", "did you mean 'lidar'"),
         ({"odom": "/odom"}, [WHEELS], "odom", "allowed: cmd_vel, joint_states, wheels"),
-        ({"lidar": "/odom"}, [LIDAR], "lidar", "'/odom' is the topic of 'odom' already"),
+        ({"lidar": "/odom"}, [LIDAR], "lidar", "'/odom' is already the topic of 'odom'"),
     ],
 )
 def test_topics_that_cannot_be_are_named(

@@ -25,11 +25,11 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     run = told(found)
     assert run.in_step
     notes = "\n".join(run.notes)
-    assert "the plugin smoke_machine of the robot is not known here" in notes
-    assert "'grip' is of the type position_controllers/GripperActionController, which is not known here" in notes
-    assert "joint 'spin' has hardware_interface/VelocityJointInterface, and the controller needs" in notes
+    assert "the plugin smoke_machine of the robot is not supported" in notes
+    assert "'grip' has the type position_controllers/GripperActionController, which is not supported" in notes
+    assert "joint 'spin' has hardware_interface/VelocityJointInterface, but the controller needs" in notes
     assert "'/m/disc_speed': a servo of the engine" in notes
-    assert "planar move, kinematic" in notes
+    assert "planar move (kinematic)" in notes
 
 
 def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(tmp_path: Path) -> None:

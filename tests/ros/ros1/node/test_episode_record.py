@@ -28,4 +28,4 @@ def test_a_replay_that_cannot_be_written_is_a_note_beside_the_trace(tmp_path: Pa
 
     assert (tmp_path / TRACE_FILE).is_file()
     (note,) = record.notes
-    assert note.startswith("there is no replay of it: ")
+    assert note.startswith("no replay was written: ")

@@ -114,7 +114,7 @@ def _measures(opening: Opening, left: str, right: str) -> tuple[float, float, fl
     separation = parameters.number("wheel_separation", math.dist(first.position_xyz, second.position_xyz))
     radii = [parameters.get("wheel_radius", default=found.radius) for found in (first, second)]
     if not separation or not all(radii):
-        raise BadController(f"{parameters.space} needs wheel_separation and wheel_radius: the model does not tell them")
+        raise BadController(f"{parameters.space} needs wheel_separation and wheel_radius: the model does not define them")
     factor = parameters.number("wheel_separation_multiplier", 1.0)
     sides = ("left_wheel_radius_multiplier", "right_wheel_radius_multiplier")
     common = parameters.number("wheel_radius_multiplier", 1.0)

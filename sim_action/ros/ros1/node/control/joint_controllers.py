@@ -18,7 +18,7 @@ from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
-SERVO_NOTE: Final = "a servo of the engine, with the effort that the model allows, is in the place of its gains"
+SERVO_NOTE: Final = "its gains are not used: a servo of the engine, with the effort limit of the model, replaces them"
 """What to know of controllers that make efforts, or velocities, of what they are told."""
 
 
@@ -86,7 +86,7 @@ class ForwardController:
             return None
         if len(values) != len(self._joints):
             self._warn(
-                f"{self._subscription.topic}: {len(values)} numbers for {len(self._joints)} joints are passed over"
+                f"{self._subscription.topic}: a command of {len(values)} numbers for {len(self._joints)} joints is ignored"
             )
             return None
         pairs = zip(self._joints, values, strict=True)

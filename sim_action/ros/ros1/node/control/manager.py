@@ -99,27 +99,27 @@ class ControllerManager:
     def _load(self, name: str) -> None:
         """Raises BadController."""
         if name in self._loaded:
-            raise BadController(f"a controller named '{name}' is loaded already")
+            raise BadController(f"a controller named '{name}' is already loaded")
         parameters = Parameters(f"{self.space}/{name}")
         kind = parameters.get("type")
         if kind is None:
             raise BadController(
-                f"no controller '{name}' can be loaded: there is no parameter {parameters.space}/type; "
-                "load its file of parameters (<rosparam file=...>) before it is spawned"
+                f"the controller '{name}' cannot be loaded: the parameter {parameters.space}/type does not exist; "
+                "load its parameter file (<rosparam file=...>) before the controller is spawned"
             )
         if kind in CONTROLLERS:
             opening = Opening(parameters, self.space, self.wiring, self.transmissions)
             self._loaded[name] = Loaded(kind, CONTROLLERS.load(kind)(opening))
             return
         hint = did_you_mean(str(kind), CONTROLLERS)
-        self._complain(f"the controller '{name}' is of the type {kind}, which is not known here and does nothing{hint}")
+        self._complain(f"the controller '{name}' has the type {kind}, which is not supported and has no effect{hint}")
         self._loaded[name] = Loaded(str(kind), Controller("unknown"))
 
     def _unload(self, name: str) -> None:
         """Raises BadController."""
         self._refuse_unknown(name)
         if self._loaded[name].runs:
-            raise BadController(f"the controller '{name}' runs: stop it before it is unloaded")
+            raise BadController(f"the controller '{name}' is running: stop it before it is unloaded")
         for subscription in self._loaded.pop(name).controller.subscriptions:
             self.wiring.forget(subscription)
 
@@ -129,7 +129,7 @@ class ControllerManager:
                 asked.start_controllers, asked.stop_controllers, strictly=asked.strictness == _STRICT
             )
         except BadController as error:
-            self._complain(f"controllers are not switched: {error}")
+            self._complain(f"the controllers were not switched: {error}")
             return (False,)
         for name, loaded in wanted.items():
             if loaded.runs and not self._loaded[name].runs:
@@ -153,11 +153,11 @@ class ControllerManager:
     def _refuse_unknown(self, name: str) -> None:
         if name not in self._loaded:
             there = ", ".join(self._loaded) or "none"
-            raise BadController(f"no controller '{name}' is loaded; there are: {there}")
+            raise BadController(f"no controller '{name}' is loaded; loaded controllers: {there}")
 
     def _refuse_unswitchable(self, name: str, loaded: Loaded, *, runs: bool) -> None:
         if loaded.runs != runs:
-            raise BadController(f"the controller '{name}' {'does not run' if runs else 'runs already'}")
+            raise BadController(f"the controller '{name}' {'is not running' if runs else 'is already running'}")
 
     def _list(self, _: Any) -> tuple[list[ControllerState]]:
         return (

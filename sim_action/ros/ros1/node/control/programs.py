@@ -67,7 +67,7 @@ def spawner() -> int:
         if loaded and not asked.stopped:
             _told(manager.switch(loaded, []), "started", ", ".join(loaded))
     except (rospy.ROSException, rospy.ServiceException) as error:
-        sys.stderr.write(f"ERROR: controllers are not spawned: {error}\n")
+        sys.stderr.write(f"ERROR: the controllers were not spawned: {error}\n")
         return 1
     rospy.init_node("spawner", anonymous=True)
     rospy.spin()
@@ -92,7 +92,7 @@ def unspawner() -> int:
     try:
         done = _told(manager.switch([], asked.controllers), "stopped", ", ".join(asked.controllers))
     except (rospy.ROSException, rospy.ServiceException) as error:
-        sys.stderr.write(f"ERROR: controllers are not stopped: {error}\n")
+        sys.stderr.write(f"ERROR: the controllers were not stopped: {error}\n")
         return 1
     rospy.init_node("unspawner", anonymous=True)
     rospy.spin()

@@ -71,8 +71,8 @@ class TrajectoryFollower:
             return
         if set(told.joint_names) != set(self._joints):
             self._warn(
-                f"{self._subscription.topic}: a trajectory of {', '.join(told.joint_names)} is passed over: "
-                f"the controller has {', '.join(self._joints)}"
+                f"{self._subscription.topic}: a trajectory of {', '.join(told.joint_names)} is ignored: "
+                f"the joints of the controller are {', '.join(self._joints)}"
             )
             return
         begins = told.header.stamp.to_sec() or seconds
@@ -81,4 +81,4 @@ class TrajectoryFollower:
         try:
             self._curves = joint_curves(told.joint_names, start, points)
         except ValueError as error:
-            self._warn(f"{self._subscription.topic}: a trajectory is passed over: {error}")
+            self._warn(f"{self._subscription.topic}: a trajectory is ignored: {error}")
