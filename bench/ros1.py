@@ -87,17 +87,17 @@ def _parts(ros: Ros) -> Parts:
         call = Call(request, ros, overlay, folder / "call")
         (run,) = call.launched(call.file(), interruption).runs
         ended = time.time()
-        assert run.told is not None
-        assert run.told.real_time_factor
+        assert run.result is not None
+        assert run.result.real_time_factor
         born, over = ((run.folder / file).stat().st_mtime for file in (PROCESS_FILE, RUN_FILE))
-        sim = run.told.sim_time / run.told.real_time_factor
+        sim = run.result.sim_time / run.result.real_time_factor
         return Parts(
             overlay=launched - began,
             roscore=born - launched,
             imports=over - sim - born,
             sim=sim,
             teardown=ended - over,
-            sim_time=run.told.sim_time,
+            sim_time=run.result.sim_time,
             processor=_processor() - before,
         )
 

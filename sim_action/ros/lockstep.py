@@ -1,4 +1,4 @@
-"""Sim time and nodes in step: nothing goes on before every node has dealt with all that it was told."""
+"""Lock-step of sim time and nodes: the clock goes on only when every node has handled all that it received."""
 
 from __future__ import annotations
 
@@ -51,23 +51,23 @@ class GraphSource(Protocol):
 
 
 class TestFinished(SourceOver):
-    """The test that rostest has started has judged."""
+    """The test that rostest started has written its result."""
 
 
 def _nobody_asks(_: frozenset[int]) -> None:
-    """Whoever launches has nothing to hear of processes that have gone."""
+    """Ignore the end of processes; the default for launches."""
 
 
 class Lockstep:
-    """Holds the clock until all nodes wait.
+    """The lock-step: holds the clock until all nodes wait.
 
     Args:
         master: the source of the graph of nodes.
         node: our own name among them.
         launcher: the process that starts nodes.
         is_shutdown: returns True once our own node was asked to leave.
-        gone: hears of each of its processes that has ended.
-        newcomers_within: s of wall time, that processes may take to become nodes.
+        gone: called with the ids of processes of the launcher that have ended.
+        newcomers_within: s of wall time that processes may take to become nodes.
     """
 
     def __init__(
@@ -92,13 +92,15 @@ class Lockstep:
 
     @property
     def is_kept(self) -> bool:
-        """Whether nodes were waited for all the time."""
+        """True if the clock has waited for the nodes all the time."""
         return self._patience == MAX_SETTLE_S
 
     def begin(self, commands: Callable[[], frozenset[str]], is_wanted: Callable[[], bool]) -> None:
-        """Waits until everybody is there who is about to come.
+        """Wait until all nodes are up and connected, before the clock starts.
 
-        `commands`: topics by which the robot is driven now; `is_wanted`: whether there is something better to do.
+        Args:
+            commands: returns the topics that drive the robot at present.
+            is_wanted: returns True if the wait must end at once.
         """
         self._wait_for_newcomers(is_wanted)
         calm_since = time.monotonic()
@@ -116,7 +118,7 @@ class Lockstep:
         self.settle(0.0)
 
     def settle(self, seconds: float) -> None:
-        """Waits until nobody has anything to do at a sim time. Raises SourceOver when nobody is left to wait for."""
+        """Wait until no node has work left at a sim time. Raises SourceOver when no node is left."""
         while True:
             if not self._watched.wait(self._patience):
                 self._lose(seconds)
@@ -143,7 +145,7 @@ class Lockstep:
             graph = self._master.graph()
 
     def _is_everybody_there(self) -> bool:
-        """Whether all processes beside ours are nodes, or have started one."""
+        """Return True if every other process of the launcher is a node or has started one."""
         siblings = self._launcher.look()
         if ended := self._siblings - siblings:
             self._gone(ended)
@@ -164,7 +166,9 @@ class Lockstep:
         for pid in self._late():
             self._given_up.add(pid)
             within = f"within {self._newcomers_within:g} s of wall time"
-            self.notes.append(f"'{process_name(pid)}' did not become a ROS node {within}; the clock does not wait for it")
+            self.notes.append(
+                f"'{process_name(pid)}' did not become a ROS node {within}; the clock does not wait for it"
+            )
 
     def _late(self) -> Iterator[int]:
         graph = self._master.graph()

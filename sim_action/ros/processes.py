@@ -1,4 +1,4 @@
-"""The processes that roslaunch has started beside the simulation: nodes, tests, what starts nodes (Linux, /proc)."""
+"""The processes of a launch: nodes, tests, and programs that start nodes. Read from /proc (Linux)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _RESULT: Final = b"--gtest_output=xml:"
 
 
 class ChildProcesses:
-    """The children of a process; its files are kept open, since they are looked at again and again."""
+    """The children of a process. Its files stay open, because they are read at every step."""
 
     def __init__(self, pid: int) -> None:
         self._tasks = f"/proc/{pid}/task"
@@ -22,7 +22,7 @@ class ChildProcesses:
         self._open: list[int] = []
 
     def look(self) -> frozenset[int]:
-        """Those that are there now, and those that have ended and were not asked after by their parent yet."""
+        """Return the ids of the current children, including ended ones that the parent has not waited for."""
         try:
             count = os.stat(self._tasks).st_nlink  # noqa: PTH116 - looked at thousands of times
             if count != self._count:
@@ -44,7 +44,7 @@ class ChildProcesses:
 
 
 def children(pid: int) -> frozenset[int]:
-    """Of a process, those that are there now."""
+    """Return the ids of the current children of a process."""
     found: set[int] = set()
     with suppress(OSError):
         for thread in (_PROC / str(pid) / "task").iterdir():
@@ -53,7 +53,7 @@ def children(pid: int) -> frozenset[int]:
 
 
 def descendants(pid: int) -> frozenset[int]:
-    """Of a process, all that are there now."""
+    """Return the ids of all current descendants of a process."""
     found: set[int] = set()
     waiting = [pid]
     while waiting:
@@ -64,7 +64,7 @@ def descendants(pid: int) -> frozenset[int]:
 
 
 def test_result_path(pid: int) -> Path | None:
-    """Where a test that rostest has started will write what it found; None of a process that is none."""
+    """Return the path of the result file of a test process of rostest; None for other processes."""
     with suppress(OSError):
         for word in (_PROC / str(pid) / "cmdline").read_bytes().split(b"\0"):
             if word.startswith(_RESULT):
@@ -73,7 +73,7 @@ def test_result_path(pid: int) -> Path | None:
 
 
 def is_result_written(result: Path) -> bool:
-    """Whether a test has told what it found; its file is there from its start, with nothing but a head."""
+    """Return True if a test has written its result. The file exists from the start, with only a header."""
     try:
         return result.stat().st_size > _HEAD and b"</testsuite" in result.read_bytes()[-_HEAD:]
     except OSError:
@@ -81,7 +81,7 @@ def is_result_written(result: Path) -> bool:
 
 
 def process_name(pid: int) -> str:
-    """What was called: the first words of its command line that tell it from others."""
+    """Return a short name of a process: the first words of its command line."""
     with suppress(OSError):
         words = (_PROC / str(pid) / "cmdline").read_bytes().decode(errors="replace").split("\0")
         return " ".join(PurePath(word).name for word in words[:2] if word)

@@ -1,7 +1,7 @@
-"""Whether processes wait: every thread sleeps, and none has run between two looks (Linux, /proc).
+"""Quiescence of processes: every thread sleeps, and none has run between two looks at all of them (Linux, /proc).
 
-A message that is written to a socket of this machine wakes whoever waits for it before the write is over. So once all
-nodes wait, each has dealt with everything that it was sent.
+A write to a socket of this machine wakes the reader before the write returns. So once all nodes wait, each of them has
+handled every message that it was sent.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _OWN_ENTRIES: Final = 2
 
 
 class _Thread:
-    """The files of one thread, which are kept open: to open them takes as long as to read them ten times.
+    """The files of one thread. They stay open, because opening takes as long as ten reads.
 
-    Raises OSError when it is gone.
+    Raises OSError when the thread has ended.
     """
 
     def __init__(self, pid: int, tid: int) -> None:
@@ -39,22 +39,22 @@ class _Thread:
             raise
 
     def is_asleep(self) -> bool:
-        """Whether it waits for something. Raises OSError when it is gone."""
+        """Return True if the thread waits for something. Raises OSError when it has ended."""
         # Its name, in brackets, may hold anything.
         return os.pread(self._stat, _ROOM, 0).rpartition(b") ")[2][:1] in _SLEEPING
 
     def ran(self) -> bytes:
-        """How long, and how often, until it slept last. Raises OSError when it is gone."""
+        """Return how long and how often the thread has run, as text. Raises OSError when it has ended."""
         return os.pread(self._schedstat, _ROOM, 0)
 
     def close(self) -> None:
-        """Lets go of the files."""
+        """Close the files."""
         os.close(self._stat)
         os.close(self._schedstat)
 
 
 class WatchedProcesses:
-    """Processes, by their ids; `spared`: a thread of ours that may run, since it is the one that looks."""
+    """The processes to wait for; `spared`: id of the thread of this process that waits, and so may run."""
 
     def __init__(self, spared: int) -> None:
         _allow_many_files()
@@ -62,7 +62,7 @@ class WatchedProcesses:
         self._threads: dict[int, dict[int, _Thread]] = {}
 
     def watch(self, pids: Iterable[int]) -> None:
-        """From now on these processes and no others."""
+        """Watch exactly these processes from now on."""
         wanted = set(pids)
         for pid in set(self._threads) - wanted:
             self._forget(pid)
@@ -70,7 +70,7 @@ class WatchedProcesses:
             self._threads[pid] = {}
 
     def wait(self, patience: float) -> bool:
-        """Waits until all of them wait; False if that has taken longer than `patience` seconds."""
+        """Wait until all processes wait. Return False if that takes longer than `patience` seconds."""
         deadline = time.monotonic() + patience
         while not self._is_quiet(deadline):
             if time.monotonic() > deadline:
@@ -78,11 +78,11 @@ class WatchedProcesses:
         return True
 
     def _is_quiet(self, deadline: float) -> bool:
-        """Whether none runs, or has run while they were all looked at; if one does, returns when it sleeps.
+        """Return True if no thread ran while all were looked at. If one runs, wait until it sleeps and return False.
 
-        A thread that is asleep the second time, and has not run since the first, was asleep all the while: otherwise
-        it would have run in order to fall asleep. So there was a moment, between the last of the first looks and the
-        first of the second, at which all of them were; and at that moment there were no others.
+        A thread that sleeps at the second look, and has not run since the first, slept in between: it would have had to
+        run in order to fall asleep. So there was a moment, between the last of the first looks and the first of the
+        second looks, at which all threads slept, and at that moment there were no other threads.
         """
         threads = [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]
         thread = None
@@ -103,7 +103,7 @@ class WatchedProcesses:
         return True
 
     def _threads_of(self, pid: int) -> Iterable[_Thread]:
-        """Those that there are now."""
+        """Return the current threads of a process."""
         if not self._knows_all_of(pid):
             try:
                 self._find_threads(pid)
@@ -113,7 +113,7 @@ class WatchedProcesses:
         return tuple(self._threads[pid].values())
 
     def _knows_all_of(self, pid: int) -> bool:
-        """Whether it has no threads but those that are known, if they are all there."""
+        """Return True if the process has as many threads as are known."""
         try:
             entries = os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
         except OSError:
@@ -138,13 +138,13 @@ class WatchedProcesses:
 
 
 def _allow_many_files() -> None:
-    """As many as there may be: with two for each thread, twenty nodes would take the 1,024 that are usual."""
+    """Raise the limit of open files: with two per thread, twenty nodes would exceed the usual 1,024."""
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def _wait_for(thread: _Thread, deadline: float) -> None:
-    """Until it sleeps: nobody else needs to be looked at while it runs. Raises OSError when it is gone."""
+    """Wait until the thread sleeps; the others need no look before that. Raises OSError when it has ended."""
     began = time.monotonic()
     while not thread.is_asleep() and (now := time.monotonic()) < deadline:
         # Most sleep soon. To the others the processor is left: by a nap, since who yields it may wait long for it.

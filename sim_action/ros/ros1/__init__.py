@@ -1,5 +1,5 @@
-"""ROS 1 without Gazebo: nodes, launch files and rostests of a catkin workspace drive the robot of a simulation here.
+"""ROS 1 without Gazebo: nodes, launch files and rostests of a catkin workspace drive the simulated robot.
 
-What is called `gazebo_ros` in the launch files of others is ours (`overlay`): its `gzserver` runs the simulation of
-this package, in lock-step with all nodes (`quiet`), and speaks Gazebo's topics and services.
+The package `gazebo_ros` that launch files name is our own (`launch.overlay`). Its `gzserver` runs the simulation in
+lock-step with all nodes (`sim_action.ros.lockstep`) and offers the topics and services of Gazebo (`node`).
 """

@@ -1,9 +1,11 @@
-"""What the command and the node `gazebo`, which roslaunch starts, say to each other: files in a folder of the call.
+"""A call of `sim-action rostest` or `sim-action roslaunch`: its request, and the files of its folder.
 
-request.json                what is asked of every simulation
-1/, 2/ ...                  one for each time that the node is started: rostest starts it anew for each test
-    process                 the id of its process
-    run.json                what became of the simulation
+The command and the node `gazebo`, which roslaunch starts, exchange files in the folder of the call:
+
+request.json                the request for every simulation
+1/, 2/ ...                  one folder per start of the node: rostest starts it again for each test
+    process                 process id of the node
+    run.json                the result of the simulation
     trace.npz, replay.json.gz
 """
 
@@ -22,7 +24,7 @@ from sim_action.core.files import read_at_most
 from sim_action.results.outcome import Failure
 
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
-"""Names the folder of the call to the node."""
+"""The environment variable that holds the folder of the call."""
 
 REQUEST_FILE: Final = "request.json"
 PROCESS_FILE: Final = "process"
@@ -36,15 +38,15 @@ End = Literal["test over", "nodes gone", "time limit", "failed"]
 
 
 class SimulationRequest(FrozenModel):
-    """What the command asks of the node.
+    """The request of the command to the node `gazebo`.
 
     Attributes:
         modules: the folder that has rospy.
         backend: the engine, or "auto".
-        physics_rate: Hz; 10 ms are whole steps of it.
-        sim_time_limit: s, after which the run is over; None: as long as there are nodes.
-        real_time_factor: what the run is slowed down to; None: as fast as nodes can follow.
-        replay: whether one is written.
+        physics_rate: steps per second, in Hz; 10 ms are a whole number of steps.
+        sim_time_limit: s after which the run ends; None: as long as there are nodes.
+        real_time_factor: limit of the speed; None: as fast as the nodes can follow.
+        replay: True if a replay is written.
     """
 
     modules: str
@@ -57,18 +59,18 @@ class SimulationRequest(FrozenModel):
 
 
 class SimulationResult(FrozenModel):
-    """What became of the simulation, as the node tells it.
+    """The result of a simulation, as the node writes it.
 
     Attributes:
-        end: why it was over.
-        failure: what went wrong, if that is why.
-        sim_time: s at which it was over.
-        first_command: s of sim time at which nodes told the robot something; None: they never did.
-        travelled: m between the robot's first and last place on the ground plane.
-        real_time_factor: sim time over wall time, from the start of the clock on.
+        end: why the run ended.
+        failure: the failure that ended the run, if any.
+        sim_time: s at the end of the run.
+        first_command: s of sim time of the first command to the robot; None: there was none.
+        travelled: m between the first and last place of the robot on the ground plane.
+        real_time_factor: sim time over wall time, since the start of the clock.
         starting: s of wall time until the clock started.
-        messages: topic -> how many were published on it or heard.
-        in_step: whether nodes and clock were in lock-step from beginning to end.
+        messages: topic -> number of messages published or received.
+        in_step: True if nodes and clock were in lock-step from beginning to end.
     """
 
     end: End
@@ -85,7 +87,7 @@ class SimulationResult(FrozenModel):
     in_step: bool = True
 
     def write(self, folder: Path) -> None:
-        """As `run.json`; what reads it finds all of it, or nothing."""
+        """Write `run.json` in one step: a reader finds all of it or no file."""
         path = folder / RUN_FILE
         part = path.with_suffix(".part")
         part.write_text(self.model_dump_json(indent=2), encoding="utf-8")
@@ -93,7 +95,7 @@ class SimulationResult(FrozenModel):
 
     @classmethod
     def read(cls, folder: Path) -> SimulationResult | None:
-        """What a node has told; None: nothing, or nothing that can be understood."""
+        """Read `run.json`; None if it is missing or damaged."""
         try:
             data = read_at_most(folder / RUN_FILE, _MOST_BYTES)
             return None if data is None else cls.model_validate_json(data)
@@ -102,7 +104,7 @@ class SimulationResult(FrozenModel):
 
 
 def new_run_folder(folder: Path) -> Path:
-    """A folder for one more start of the node, below that of the call."""
+    """Make and return the folder of one more start of the node, in the folder of the call."""
     for number in count(1):
         try:
             (made := folder / str(number)).mkdir()
@@ -113,7 +115,7 @@ def new_run_folder(folder: Path) -> Path:
 
 
 def run_folders(folder: Path) -> list[Path]:
-    """Those of all starts, the first one first."""
+    """Return the folders of all starts, in their order."""
     numbers = sorted(int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir())
     return [folder / str(number) for number in numbers]
 
@@ -123,17 +125,17 @@ Program = Literal["rostest", "roslaunch"]
 
 @dataclass(frozen=True, slots=True)
 class LaunchRequest:
-    """One call of a program of ROS, with Gazebo's place taken.
+    """The request of one call of rostest or roslaunch.
 
     Attributes:
-        package: that the file is of.
-        file: as it is named: the one of that name in the package, or a path.
+        package: package of the launch file.
+        file: name of the launch file in the package, or its path.
         arguments: `NAME:=VALUE`.
         workspace: packages are in its `src`, or below it.
-        sim_time_limit: s of a simulation; None: as the tests say.
-        real_time_factor: what the clock is held to; None: as fast as nodes can follow.
+        sim_time_limit: s of a simulation; None: the limits of the tests.
+        real_time_factor: limit of the speed; None: as fast as the nodes can follow.
         wall_limit: s of wall time for the whole call; None: enough for all tests.
-        replays: whether they are stored.
+        replays: True if replays are stored.
     """
 
     program: Program
@@ -150,11 +152,11 @@ class LaunchRequest:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What is typed to have it again; options come first, so that no argument is taken for one."""
+        """The command line that repeats the call. Options come first, so that no argument is read as an option."""
         return ("sim-action", self.program, *self._options(), self.package, self.file, *self.arguments)
 
     def _options(self) -> Iterator[str]:
-        """Those that are not as they are by themselves."""
+        """Yield the options that differ from their defaults."""
         if self.workspace != Path():
             yield from ("--workspace", str(self.workspace))
         if self.backend != "auto":

@@ -1,4 +1,4 @@
-"""Packages of catkin, as they lie in folders: which there are, and which folder each is in."""
+"""Catkin packages in folders and workspaces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _IGNORED: Final = "CATKIN_IGNORE"
 
 
 def packages_below(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Name and folder of each package in a folder or below it; what a build has left is passed over."""
+    """Yield name and folder of each package in a folder or below it, without the output of builds."""
     for parent, folders, files in os.walk(folder):
         if _IGNORED in files:
             folders.clear()
@@ -33,7 +33,7 @@ def packages_below(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def package_name(folder: Path) -> str:
-    """As its package.xml says, else as its folder is called; folders are made that are called so."""
+    """Return the name in package.xml, else the name of the folder. The name is safe as the name of a folder."""
     try:
         name = ET.parse(folder / PACKAGE_FILE).findtext("name")  # noqa: S314 - of the user's own package
     except ET.ParseError:
@@ -43,7 +43,7 @@ def package_name(folder: Path) -> str:
 
 
 def packages_of(paths: Iterable[Path | str]) -> dict[str, Path]:
-    """Packages that are right below these folders, or are these; the first of a name counts."""
+    """Return name -> folder of the packages that are these folders or right below them; the first of a name counts."""
     found: dict[str, Path] = {}
     for path in map(Path, paths):
         for package in sorted([path / PACKAGE_FILE, *path.glob(f"*/{PACKAGE_FILE}")]):
@@ -53,13 +53,13 @@ def packages_of(paths: Iterable[Path | str]) -> dict[str, Path]:
 
 
 def sources(workspace: Path) -> Path:
-    """Where the packages of a workspace are: in its `src`, if it has one."""
+    """Return the folder of the packages of a workspace: its `src`, if there is one."""
     below = workspace / "src"
     return below if below.is_dir() and not (workspace / PACKAGE_FILE).exists() else workspace
 
 
 def exported_models(packages: Iterable[Path]) -> Iterator[str]:
-    """Folders of Gazebo's models that packages name: `<export><gazebo_ros gazebo_model_path="${prefix}/models"/>`."""
+    """Yield the model folders that packages export: `<export><gazebo_ros gazebo_model_path="${prefix}/models"/>`."""
     for package in packages:
         text = (package / PACKAGE_FILE).read_text(encoding="utf-8", errors="replace")
         if _EXPORT not in text:
@@ -73,8 +73,9 @@ def exported_models(packages: Iterable[Path]) -> Iterator[str]:
 
 
 def workspace_of(stated: str | None, workspace: Workspace) -> Path:
-    """The folder that is named; else the nearest one around the scenario with packages in its `src`; else the root.
+    """Return the catkin workspace of a scenario.
 
+    It is the folder `stated`, else the nearest one around the scenario with packages in its `src`, else the root.
     Raises PathError.
     """
     if stated is not None:
@@ -87,7 +88,7 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
 
 
 def packages_in(workspace: Path) -> dict[str, Path]:
-    """Name -> folder."""
+    """Return name -> folder of the packages in a workspace."""
     return dict(packages_below(sources(workspace)))
 
 
@@ -96,5 +97,5 @@ def _is_inside(folder: Path, workspace: Workspace) -> bool:
 
 
 def _is_catkin(folder: Path) -> bool:
-    """Packages have a `src`, too, with their code."""
+    """Return True for a catkin workspace. A package has a `src`, too, with its code."""
     return not (folder / PACKAGE_FILE).exists() and any(True for _ in packages_below(folder / "src"))

@@ -1,4 +1,4 @@
-"""`sim-action rostest` and `sim-action roslaunch`, from a file to reports: overlay -> launch -> judge -> report."""
+"""The commands `sim-action rostest` and `sim-action roslaunch`: overlay -> launch -> judge -> reports."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from sim_action.results.results_json import Results
 from sim_action.results.stored_files import copy_stored, replay_path, trace_paths
 from sim_action.ros.ros1.call import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
 from sim_action.ros.ros1.installation import Ros, find_ros
-from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, find
+from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
 from sim_action.ros.ros1.judging.judge import Judge
 from sim_action.ros.ros1.judging.launch_output import shown_path
 from sim_action.ros.ros1.judging.rostest_files import TestTag, test_tags
@@ -49,7 +49,7 @@ rostestmain()
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One call of the command; `folder`: an empty one of its own."""
+    """One call of the command; `folder`: an empty folder for its files."""
 
     request: LaunchRequest
     ros: Ros
@@ -57,7 +57,7 @@ class Call:
     folder: Path
 
     def file(self) -> Path:
-        """The launch file that is asked for. Raises InvalidScenario."""
+        """Return the path of the requested launch file. Raises InvalidScenario."""
         request, packages = self.request, self.overlay.packages
         package = packages.get(request.package)
         if package is None:
@@ -75,9 +75,9 @@ class Call:
     def launched(
         self, file: Path, interruption: Interruption, meanwhile: Callable[[], object] = lambda: None
     ) -> Findings:
-        """What the launch has left, once all of its processes are gone. Raises UsageError.
+        """Launch the file, and return the findings once all processes have ended. Raises UsageError.
 
-        `meanwhile`: called once it has begun, when this process has nothing to do but to wait.
+        `meanwhile`: called after the start, while this process only waits.
         """
         tags = test_tags(file)
         asked = self._asked(tags)
@@ -93,10 +93,10 @@ class Call:
         finally:
             launch.close()
         share = self.overlay.variables["ROS_PACKAGE_PATH"]
-        return find(LaunchFolders(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
+        return collect_findings(LaunchFolders(self.folder, share, self.request.workspace.resolve()), tags, ending, code)
 
     def _words(self, file: Path) -> list[str]:
-        """The file as the overlay has it: rostest names its results by the folder of the package."""
+        """Return the command line. It names the file in the overlay, because rostest names its results by package."""
         request = self.request
         seen = Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / request.package
         inside = seen / file.relative_to(self.overlay.packages[request.package])
@@ -106,7 +106,7 @@ class Call:
         return [str(self.ros.program("roslaunch")), "-p", str(free_port()), str(inside), *request.arguments]
 
     def _asked(self, tags: Iterable[TestTag]) -> SimulationRequest:
-        """Of the node. Sim time ends where a test's own limit would end it in a simulation at real time."""
+        """Return the request to the node. A test's own limit, taken as sim time, limits the simulation."""
         request = self.request
         limit = max((tag.time_limit for tag in tags), default=_LAUNCH_TIME)
         return SimulationRequest(
@@ -123,7 +123,7 @@ class Call:
 
 
 def free_port() -> int:
-    """One that a master can have."""
+    """Return a free port for a master."""
     with socket.socket() as probe:
         probe.bind(("localhost", 0))
         return int(probe.getsockname()[1])
@@ -134,7 +134,7 @@ def _wall_limit(tags: Sequence[TestTag]) -> float:
 
 
 def run(request: LaunchRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:
-    """Runs the launch, writes every report, and returns what the process says to its caller. Raises UsageError."""
+    """Run the launch, write every report, and return the exit code. Raises UsageError."""
     started = time.monotonic()
     ros = find_ros()
     options = report_options(reports)
@@ -155,7 +155,7 @@ def run(request: LaunchRequest, reports: ReportRequest, interruption: Interrupti
 
 
 def _outcomes(call: Call, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:
-    """With the trace and the replay of each where those of other runs are."""
+    """Yield the outcomes, with their traces and replays copied to the results folder."""
     request, results, started = call.request, options.folder, time.monotonic()
     try:
         file = call.file()

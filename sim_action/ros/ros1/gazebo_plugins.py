@@ -1,7 +1,7 @@
-"""What a robot's description asks Gazebo for, as ROS 1 has it: plugins of the model and of its sensors.
+"""The Gazebo plugins that a robot's description asks for, and the table of those that are supported.
 
-Read from URDF, `<gazebo><plugin>` and `<gazebo reference="LINK"><sensor><plugin>`, and from SDF, where both stand in
-models and links (classic.gazebosim.org, "Gazebo plugins in ROS").
+They are read from URDF, `<gazebo><plugin>` and `<gazebo reference="LINK"><sensor><plugin>`, and from SDF, where both
+stand in models and links (classic.gazebosim.org, "Gazebo plugins in ROS").
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Tags:
-    """The tags below an element, each with its text, by their names; several of one name are `texts`."""
+    """The tags below an element, by name; `texts` reads several tags of one name."""
 
     element: Element | None
 
     def text(self, *names: str, default: str = "") -> str:
-        """What the first of these tags says; a path such as `scan/horizontal/samples` leads further down."""
+        """Return the text of the first of these tags that has one. Paths such as `scan/horizontal/samples` are allowed."""
         for name in names:
             found = self.element.find(name) if self.element is not None else None
             if found is not None and (found.text or "").strip():
@@ -34,33 +34,33 @@ class Tags:
         return default
 
     def texts(self, name: str) -> tuple[str, ...]:
-        """What each tag of a name says; names that are listed in one, with commas or spaces between, are several."""
+        """Return the texts of all tags of a name. A list with commas or spaces in one tag is several texts."""
         found = self.element.findall(name) if self.element is not None else []
         return tuple(word for tag in found for word in (tag.text or "").replace(",", " ").split())
 
     def number(self, *names: str, default: float) -> float:
-        """What the first of these tags says, as a number."""
+        """Return the text of the first of these tags as a number."""
         try:
             return float(self.text(*names))
         except ValueError:
             return default
 
     def flag(self, *names: str, default: bool) -> bool:
-        """What the first of these tags says, as yes or no."""
+        """Return the text of the first of these tags as true or false."""
         text = self.text(*names).lower()
         return text in {"true", "1"} if text else default
 
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A plugin of a model, or of a sensor.
+    """A plugin of a model or of a sensor.
 
     Attributes:
         name: its file, without "lib" and ".so".
         own: its own tags.
-        sensor: those of the sensor that it is of, empty if it is of the model.
-        link: that the sensor sits on.
-        given_space: the namespace that whoever has spawned the robot gave it; counts where it states none itself.
+        sensor: the tags of its sensor; empty for a plugin of the model.
+        link: the link that carries the sensor.
+        given_space: the namespace from the spawn request; used if the plugin states none.
     """
 
     name: str
@@ -71,18 +71,18 @@ class Plugin:
 
     @property
     def space(self) -> str:
-        """Its namespace: "", or one that begins with a slash."""
+        """Its namespace: "", or a name that begins with a slash."""
         names = self.own.text("robotNamespace", "ros/namespace", default=self.given_space).strip("/")
         return f"/{names}" if names else ""
 
     def topic(self, *names: str, default: str) -> str:
-        """A topic, in the namespace that the plugin states."""
+        """Return a topic, in the namespace of the plugin."""
         name = self.own.text(*names, default=default)
         return name if name.startswith("/") else f"{self.space}/{name}"
 
 
 def plugins_of(root: Element, space: str = "") -> Iterator[Plugin]:
-    """All plugins in a robot's description; `space`: the namespace that it was spawned in."""
+    """Yield all plugins in a robot's description; `space`: the namespace of the spawn request."""
     for parent in root.iter():
         link = parent.get("reference", parent.get("name", "")) if parent.tag in {"gazebo", "link"} else ""
         for plugin in parent.findall("plugin") if parent.tag in {"gazebo", "model"} else []:
@@ -93,7 +93,7 @@ def plugins_of(root: Element, space: str = "") -> Iterator[Plugin]:
 
 
 def base_in_model(root: Element, link: str) -> Pose:
-    """Where a link is in the frame of its model, which Gazebo tells of; in URDF, the base link's is that frame."""
+    """Return the pose of a link in the frame of its SDF model. In URDF, the base link has the frame of the model."""
     for element in root.iter("link") if root.tag != "robot" else ():
         if element.get("name") == link and (pose := element.find("pose")) is not None and not pose.get("relative_to"):
             x, y, z, roll, pitch, yaw = map(float, (pose.text or "0 0 0 0 0 0").split())
@@ -102,7 +102,7 @@ def base_in_model(root: Element, link: str) -> Pose:
 
 
 def plugin_name(plugin: Element) -> str:
-    """Its file, without "lib" and ".so"."""
+    """Return the file of a plugin, without "lib" and ".so"."""
     return PurePath(plugin.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
 
 
@@ -129,9 +129,9 @@ PLUGINS: Final[Table[Opener]] = Table(
         "gazebo_ros_p3d": "sim_action.ros.ros1.node.sensor_plugins:open_ground_truth",
     },
 )
-"""Name of a plugin's file, without "lib" and ".so" -> what does the same here."""
+"""Name of a plugin's file, without "lib" and ".so" -> function that opens its replacement."""
 
 DRIVE_PLUGINS: Final = frozenset(
     {"gazebo_ros_control", "gazebo_ros_diff_drive", "gazebo_ros_planar_move", "gazebo_ros_skid_steer_drive"}
 )
-"""Those that move a robot: a model of a world with one of them is no thing that stands about."""
+"""The plugins that move a robot. A model of a world with one of them is a robot, not a body."""

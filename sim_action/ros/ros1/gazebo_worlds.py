@@ -1,6 +1,6 @@
-"""Worlds of Gazebo (SDF): boxes, cylinders, spheres and planes become bodies of ours; a ground plane is there anyway.
+"""Gazebo worlds (SDF): boxes, cylinders and spheres become bodies; a ground plane always exists.
 
-http://sdformat.org/spec (world, model, link, collision, geometry). What a body cannot be is told, not guessed.
+http://sdformat.org/spec (world, model, link, collision, geometry). A note reports everything that is left out.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class BadWorld(Exception):
 
 @dataclass(frozen=True, slots=True)
 class WorldRobot:
-    """A model of a world with plugins that are known here: it is the robot.
+    """The robot of a world: a model with supported plugins.
 
     Attributes:
         description: SDF.
-        pose: of the model.
-        file: that the description is in, if it is in one of its own.
+        pose: pose of the model.
+        file: file of the description; None if it is in the world file itself.
     """
 
     name: str
@@ -45,7 +45,7 @@ class WorldRobot:
 
 @dataclass(frozen=True, slots=True)
 class WorldFile:
-    """What a .world file comes to; `notes`: what was left out of it."""
+    """The content of a .world file; `notes`: what was left out."""
 
     world: World
     robot: WorldRobot | None
@@ -53,7 +53,13 @@ class WorldFile:
 
 
 def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> WorldFile:
-    """A .world file; `folders`: where `model://` is looked for; `known`: plugins that make a robot. Raises BadWorld."""
+    """Read a .world file. Raises BadWorld.
+
+    Args:
+        path: the file.
+        folders: where `model://` is searched.
+        known: plugins that make a model a robot.
+    """
     try:
         root = ET.parse(path).getroot()  # noqa: S314 - a world that the user names
         world = root if root.tag == "world" else root.find("world")
@@ -66,7 +72,7 @@ def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> 
 
 
 class _Reading:
-    """One world while it is read; `version`: of its SDF."""
+    """The state of reading one world; `version`: of its SDF."""
 
     def __init__(self, folders: tuple[Path, ...], known: Container[str], version: str) -> None:
         self._folders, self._known, self._version = folders, known, version
@@ -75,7 +81,7 @@ class _Reading:
         self._robot: WorldRobot | None = None
 
     def read(self, world: Element) -> WorldFile:
-        """Raises ValueError, ET.ParseError, OSError."""
+        """Read a world. Raises ValueError, ET.ParseError, OSError."""
         for model in world.findall("model"):
             self._add(model, model.get("name", "model"), _pose(model), None)
         for include in world.findall("include"):
@@ -120,7 +126,7 @@ class _Reading:
 
 
 def body_of(name: str, description: str, pose: Pose) -> Body:
-    """A body, from the SDF of a model with one link. Raises BadWorld."""
+    """Return a body, from the SDF of a model with one link. Raises BadWorld."""
     try:
         root = ET.fromstring(description)  # noqa: S314 - of what is simulated
         model = root if root.tag == "model" else root.find("model")
@@ -135,7 +141,7 @@ def body_of(name: str, description: str, pose: Pose) -> Body:
 
 
 def _said(error: Exception) -> str:
-    """In a line."""
+    """Return the message of an error in one line."""
     if not isinstance(error, ValidationError):
         return str(error)
     return "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors(include_url=False))
@@ -154,7 +160,9 @@ def _bodies_of(model: Element, name: str, pose: Pose, notes: list[str]) -> Itera
     is_static = _is_static(model)
     shapes = [(link, collision) for link in model.findall("link") for collision in link.findall("collision")]
     if len(shapes) > 1 and not is_static:
-        notes.append(f"'{name}' has {len(shapes)} collision shapes, but a moving body can have only one: it does not move")
+        notes.append(
+            f"'{name}' has {len(shapes)} collision shapes, but a moving body can have only one: it does not move"
+        )
         is_static = True
     for index, (link, collision) in enumerate(shapes):
         shape = _shape(collision.find("geometry"))
@@ -189,5 +197,5 @@ def _pose(element: Element) -> Pose:
 
 
 def model_folders() -> tuple[Path, ...]:
-    """Where Gazebo looks for models, by GAZEBO_MODEL_PATH."""
+    """Return the folders in which Gazebo searches for models, from GAZEBO_MODEL_PATH."""
     return tuple(Path(folder) for folder in os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep) if folder)

@@ -1,4 +1,4 @@
-"""Where ROS 1 is on this machine: the distribution's own packages, for the distribution's own Python."""
+"""The installation of ROS 1: packages of the distribution, for the Python of the distribution."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ PACKAGES: Final = (
     "ros-geometry-msgs",
     "ros-std-msgs",
 )
-"""What Debian and Ubuntu call what is needed of ROS."""
+"""The Debian and Ubuntu packages of ROS 1 that sim-action needs."""
 
 INSTALLING: Final = f"sudo apt-get install --no-install-recommends {' '.join(PACKAGES)}"
 
 PYTHON: Final = Path("/usr/bin/python3")
-"""The one that the distribution's packages are for, whichever is first on PATH."""
+"""The Python of the distribution's packages, even if another one is first on PATH."""
 
 _LOOK: Final = """\
 import importlib.util
@@ -44,7 +44,7 @@ class Ros:
 
     Attributes:
         python: an interpreter that has its modules.
-        modules: the folder that they are in.
+        modules: the folder of its Python modules.
     """
 
     python: Path
@@ -52,21 +52,21 @@ class Ros:
 
     @property
     def prefix(self) -> Path:
-        """What it was installed below: /usr, or /opt/ros/noetic where that has been sourced."""
+        """The installation prefix: /usr, or /opt/ros/noetic where that is sourced."""
         return self.modules.parents[2]
 
     @property
     def share(self) -> Path:
-        """The folder that has a folder for each of its packages."""
+        """The folder of all its packages."""
         return self.prefix / "share"
 
     def program(self, name: str) -> Path:
-        """One of its programs, such as rostest."""
+        """Return the path of a program, such as rostest."""
         return self.prefix / "bin" / name
 
 
 def find_ros(python: Path | None = None) -> Ros:
-    """The distribution's. Raises UsageError if it is not here, or not whole."""
+    """Return the ROS 1 of the distribution. Raises UsageError if it is missing or incomplete."""
     python = python or PYTHON
     missing, modules = _look(python) if python.exists() else (["rospy"], None)
     if modules and not missing:

@@ -1,6 +1,6 @@
-"""Who is there: the nodes of a ROS 1 master, their processes, and what each of them publishes and hears.
+"""The ROS 1 master: its nodes, their processes, and their publishers and subscribers.
 
-Spoken in XML-RPC, as ROS's Master and Slave API have it (wiki.ros.org/ROS/Master_API, wiki.ros.org/ROS/Slave_API).
+It is asked in XML-RPC, by ROS's Master and Slave API (wiki.ros.org/ROS/Master_API, wiki.ros.org/ROS/Slave_API).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _TIMEOUT: Final = 1.0
 
 
 class _Transport(xmlrpc.client.Transport):
-    """Gives up on a node that does not answer."""
+    """A transport that gives up on a node that does not answer."""
 
     def make_connection(self, host: Any) -> Any:
         connection = super().make_connection(host)
@@ -33,7 +33,7 @@ def _server(uri: str) -> Any:
 
 
 class Master:
-    """A running master; `caller`: the node that asks."""
+    """A running master; `caller`: the name of the node that asks."""
 
     def __init__(self, uri: str, caller: str) -> None:
         self._caller = caller
@@ -42,11 +42,11 @@ class Master:
         self._master_pid = 0
 
     def close(self) -> None:
-        """Lets go of the connection."""
+        """Close the connection."""
         self._master("close")()
 
     def graph(self) -> Graph:
-        """The present state. Raises OSError if the master is gone."""
+        """Return the current graph of nodes. Raises OSError if the master does not answer."""
         publishers, subscribers, services = self._ask("getSystemState")
         names = {name for group in (publishers, subscribers, services) for _, nodes in group for name in nodes}
         pids = {name: pid for name in sorted(names) if (pid := self._pid(name)) is not None}
@@ -55,7 +55,7 @@ class Master:
         return Graph(_by_topic(publishers, pids), _by_topic(subscribers, pids), pids, self._master_pid)
 
     def is_connected(self, graph: Graph) -> bool:
-        """Whether every node hears everybody who publishes what it listens to."""
+        """Return True if every subscriber is connected to all publishers of its topics."""
         for node in graph.pids:
             heard = Counter(self._heard(node))
             wanted = (topic for topic, nodes in graph.subscribers.items() if node in nodes)
@@ -64,13 +64,13 @@ class Master:
         return True
 
     def published(self, kind: str) -> dict[str, frozenset[str]]:
-        """Topics of a type of messages -> nodes that publish them. Raises OSError if the master is gone."""
+        """Return topic -> publishing nodes, for one message type. Raises OSError if the master does not answer."""
         types = dict(self._ask("getTopicTypes"))
         publishers = self.graph().publishers
         return {topic: nodes for topic, nodes in publishers.items() if nodes and types.get(topic) == kind}
 
     def _heard(self, node: str) -> Iterator[str]:
-        """The topic of each connection by which a node listens."""
+        """Yield the topic of each incoming connection of a node."""
         with suppress(OSError, xmlrpc.client.Error, LookupError):
             with _server(self._pids[node][0]) as server:
                 _, _, connections = server.getBusInfo(self._caller)
@@ -99,5 +99,5 @@ class Master:
 
 
 def _by_topic(pairs: list[list[Any]], alive: Collection[str]) -> dict[str, frozenset[str]]:
-    """Those of nodes that live: a master keeps what others have left behind."""
+    """Return topic -> living nodes. A master keeps entries of nodes that ended without unregistering."""
     return {topic: frozenset(nodes).intersection(alive) for topic, nodes in pairs}

@@ -1,4 +1,4 @@
-"""Which joints of a robot ros_control may move, and how: the `<transmission>` tags of its description.
+"""The parts of ros_control that need no rospy: transmissions, joint trajectories, and the supported controllers.
 
 wiki.ros.org/urdf/XML/Transmission; the interface is named at the joint, in older descriptions at the actuator.
 """
@@ -24,17 +24,17 @@ INTERFACES: Final[Mapping[Reading, str]] = {
     "velocity": "hardware_interface/VelocityJointInterface",
     "effort": "hardware_interface/EffortJointInterface",
 }
-"""What a joint can be told -> what ros_control calls that."""
+"""Kind of command to a joint -> name of the interface in ros_control."""
 
 
 @dataclass(frozen=True, slots=True)
 class Transmissions:
-    """Joint name -> its interfaces, each in the words of `INTERFACES`."""
+    """Joint name -> its interfaces, as values of `INTERFACES`."""
 
     interfaces: Mapping[str, frozenset[str]]
 
     def why_not(self, joint: str, reading: Reading) -> str | None:
-        """What to say of a joint that cannot be told this; None if it can."""
+        """Return the reason why a joint cannot take this kind of command; None if it can."""
         wanted = INTERFACES[reading]
         if joint not in self.interfaces:
             hint = did_you_mean(joint, self.interfaces)
@@ -46,7 +46,7 @@ class Transmissions:
 
 
 def transmissions_of(description: Element) -> Transmissions:
-    """Those of a robot in URDF."""
+    """Return the transmissions of a robot in URDF."""
     found: dict[str, frozenset[str]] = {}
     for transmission in description.iter("transmission"):
         for joint in transmission.findall("joint"):
@@ -57,7 +57,7 @@ def transmissions_of(description: Element) -> Transmissions:
 
 
 def _interfaces(transmission: Element, joint: Element) -> Iterator[str]:
-    """With the package that old descriptions leave out."""
+    """Yield the interfaces of a joint, with the package that old descriptions leave out."""
     at_joint = joint.findall("hardwareInterface")
     for tag in at_joint or transmission.findall("actuator/hardwareInterface"):
         name = (tag.text or "").strip()
@@ -66,7 +66,7 @@ def _interfaces(transmission: Element, joint: Element) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """Where a joint is to be at a time in s, in rad (or m), and how fast, if that is said, in rad/s (or m/s)."""
+    """A position in rad (or m) at a time in s, and a velocity in rad/s (or m/s) if it is given."""
 
     time: float
     position: float
@@ -75,12 +75,12 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class JointCurve:
-    """The way of one joint; `points`: in rising time, at least one. Before the first and after the last, it rests."""
+    """The trajectory of one joint; `points`: at least one, at increasing times. It rests before and after them."""
 
     points: tuple[Waypoint, ...]
 
     def at(self, time: float) -> tuple[float, float]:
-        """Position and velocity."""
+        """Return position and velocity at a time in s."""
         after = bisect_left([point.time for point in self.points], time)
         if after == 0:
             return self.points[0].position, 0.0
@@ -95,10 +95,10 @@ class JointCurve:
 def joint_curves(
     names: Sequence[str], start: Sequence[Waypoint], points: Sequence[tuple[float, Sequence[float], Sequence[float]]]
 ) -> dict[str, JointCurve]:
-    """Joint -> its way, from where it is now. `points`: time in s, positions and velocities, the latter maybe empty.
+    """Return joint -> its trajectory, from its current position.
 
-    Points that are in the past are left out. Raises ValueError if none is left, they are not in rising time, or not of
-    all joints.
+    `points`: time in s, positions and velocities, which may be empty. Points in the past are left out. Raises
+    ValueError if no point is left, times do not increase, or a point has not all joints.
     """
     points = [point for point in points if point[0] > start[0].time]
     times = [time for time, _, _ in points]
@@ -128,7 +128,7 @@ def _straight(first: Waypoint, last: Waypoint, time: float) -> tuple[float, floa
 
 
 def _cubic(first: Waypoint, speed: float, last: Waypoint, end_speed: float, time: float) -> tuple[float, float]:
-    """Hermite's, from one position and velocity to another."""
+    """Return position and velocity on the cubic Hermite curve between two points."""
     span = last.time - first.time
     part = (time - first.time) / span
     way = last.position - first.position
@@ -164,4 +164,4 @@ CONTROLLERS: Final[Table[Opener]] = Table(
         "effort_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_effort",
     },
 )
-"""Type of a controller -> what does the same here."""
+"""Type of a controller -> function that opens its replacement."""

@@ -66,8 +66,8 @@ def launched(folder: Path, request: LaunchRequest) -> Findings:
 def told(findings: Findings) -> SimulationResult:
     """By the one simulation that there was."""
     (run,) = findings.runs
-    assert run.told is not None, findings.text
-    return run.told
+    assert run.result is not None, findings.text
+    return run.result
 
 
 def rostest(folder: Path, workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:

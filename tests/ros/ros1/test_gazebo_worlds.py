@@ -179,5 +179,7 @@ def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
     other = ROVER.replace('name="rover"', 'name="second"')
     _, notes = read(tmp_path, f'{ROVER}{other}<plugin name="s" filename="libsky.so"/>')
 
-    assert notes[0] == "'second' is simulated as a body, not as a robot; its plugins have no effect: gazebo_ros_diff_drive"
+    assert notes[0] == (
+        "'second' is simulated as a body, not as a robot; its plugins have no effect: gazebo_ros_diff_drive"
+    )
     assert notes[-1] == "the plugin sky of the world is not supported and has no effect"

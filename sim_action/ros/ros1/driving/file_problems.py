@@ -1,6 +1,6 @@
-"""What is wrong with the packages, launch files and nodes that a scenario names; nothing of them is run.
+"""Checks of the packages, launch files and nodes that a scenario names; none of them is run.
 
-What is not in the workspace may be in ROS: where that is not installed, it is not known.
+A package that is not in the workspace may belong to ROS. Where ROS is not installed, it is not checked.
 """
 
 from __future__ import annotations
@@ -31,15 +31,19 @@ _LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
 
 
 def unchecked(spec: RosNodes) -> tuple[str, ...]:
-    """What is not known before nodes are launched."""
+    """Return the notes on everything that cannot be checked before the nodes are launched."""
     why = why_no_ros()
-    what = "the launch file is read when the scenario runs" if spec.launch else "the nodes are started when the scenario runs"
+    what = (
+        "the launch file is read when the scenario runs"
+        if spec.launch
+        else "the nodes are started when the scenario runs"
+    )
     return (f"ros1: {what}", *([f"ros1: {why}"] if why else []))
 
 
 @cache
 def why_no_ros() -> str | None:
-    """Why nodes cannot run here."""
+    """Return the reason why nodes cannot run here; None if they can."""
     if sys.platform != "linux":
         return "ROS 1 has packages for Linux only: Debian 12 and Ubuntu"
     try:
@@ -50,7 +54,7 @@ def why_no_ros() -> str | None:
 
 
 def file_problems(spec: RosNodes, workspace: Workspace) -> SpecProblems:
-    """Problems by their keys below `ros1`."""
+    """Yield problems, by their keys below `ros1`."""
     if (spec.launch is None) == (spec.nodes is None):
         hint = "remove one of them" if spec.launch else "give one of them"
         yield (), f"needs either 'launch' or 'nodes'; {hint}"
@@ -69,7 +73,7 @@ def file_problems(spec: RosNodes, workspace: Workspace) -> SpecProblems:
 
 @dataclass(frozen=True, slots=True)
 class Packages:
-    """The packages that there are: of a workspace, and of ROS; `ros` None: it is not here, and may have others."""
+    """The packages of a workspace and of ROS; `ros` None: ROS is not installed, and may have others."""
 
     workspace: Path
     users: Mapping[str, Path]
@@ -78,12 +82,12 @@ class Packages:
 
     @classmethod
     def around(cls, workspace: Path) -> Packages:
-        """Those of a workspace, and of what is installed."""
+        """Return the packages of a workspace and of the installed ROS."""
         ros = find_ros() if why_no_ros() is None else None
         return cls(workspace, packages_in(workspace), ros, packages_of([ros.share]) if ros else {})
 
     def trouble(self, name: str) -> str | None:
-        """What to say of a package that is not there."""
+        """Return the message for a missing package; None if it exists, or cannot be checked."""
         if name in self.users or name in self.distributed or self.ros is None:
             return None
         # Of those of ROS, a screenful: whoever has misspelt one of their own is to see these.
@@ -91,12 +95,12 @@ class Packages:
         return f"there is no package '{name}' in {self.workspace} or ROS{near}"
 
     def folder(self, name: str) -> Path | None:
-        """Of a package; None: it is one of ROS's that is not here."""
+        """Return the folder of a package; None for a package of ROS that is not installed."""
         return self.users.get(name) or self.distributed.get(name)
 
 
 def launch_file(package: Path, name: str) -> Path | None:
-    """The launch file of a package: where it is said to be, else the one of that name below it."""
+    """Return a launch file of a package: by its path in the package, else by its name in any subfolder."""
     named = [package / name, *sorted(package.rglob(Path(name).name))]
     found = (path for path in named if path.is_file() and path.resolve().is_relative_to(package.resolve()))
     return next(found, None)
@@ -133,13 +137,14 @@ def _program_trouble(node: NodeSpec, packages: Packages) -> str | None:
         return None
     if node.type in programs:
         path = node.type
-        return f"'{path}' of '{node.package}' is not executable; run chmod +x {path} and git update-index --chmod=+x {path}"
+        fix = f"run chmod +x {path} and git update-index --chmod=+x {path}"
+        return f"'{path}' of '{node.package}' is not executable; {fix}"
     can_run = [name for name, is_executable in programs.items() if is_executable]
     return f"the package '{node.package}' has no node '{node.type}'{did_you_mean(node.type, can_run)}"
 
 
 def _programs(package: str, packages: Packages) -> Iterator[tuple[str, bool]]:
-    """Names of files that may be nodes, and whether they can be run: in the package, and where a build puts them."""
+    """Yield file name and "can be run" of each possible node, in the package and in the folders of a build."""
     built = [packages.workspace / space / "lib" / package for space in ("devel", "install")]
     built += [packages.ros.prefix / "lib" / package] if packages.ros else []
     folder = packages.folder(package)
@@ -155,7 +160,7 @@ _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 
 
 def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | None, str]]:
-    """What is wrong with each argument, by its place, or with the file; roslaunch itself passes over a misspelt one."""
+    """Yield problems of launch arguments, by their index; None: of the file. roslaunch ignores misspelt names."""
     try:
         root = ET.fromstring(read_at_most(file, _MAX_LAUNCH_FILE_BYTES) or b"")  # noqa: S314 - of the user's own package
     except (OSError, ET.ParseError) as error:
@@ -177,6 +182,6 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
 
 
 def _own(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Name and tag of each, but for those that it hands on to files that it includes."""
+    """Yield name and tag of each argument of the file itself, without those that it passes on to included files."""
     handed_on = {tag for include in root.iter("include") for tag in include.iter("arg")}
     return ((name, tag) for tag in root.iter("arg") if tag not in handed_on and (name := tag.get("name")))

@@ -1,4 +1,4 @@
-"""What the launcher tells of its nodes: lines of JSON in a file, read as they come."""
+"""The events of the launcher, read as lines of JSON from a file, and the errors that they lead to."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from sim_action.ros.ros1.launch.overlay import Overlay
 
 
 class Event(FrozenModel):
-    """One thing that has happened.
+    """One event of a launch.
 
     Attributes:
-        left_out: nodes of Gazebo, each as package/type, once the launch file is read.
-        pid: of the launcher, when all is started; of a node that has died.
-        core: processes of ROS itself, which keep nothing.
-        exit_code: negative, if it was a signal; None: nobody knows.
-        required: whether nothing goes on without that node.
-        kind, message: of the exception that a launch file is refused by.
+        left_out: nodes of Gazebo as package/type, once the launch file is read.
+        pid: of the launcher, when all nodes are started; of a node that has ended.
+        core: ids of the processes of ROS itself, which hold no results.
+        exit_code: negative for a signal; None: unknown.
+        required: True if the launch ends with this node.
+        kind, message: of the exception by which roslaunch refused the launch file.
     """
 
     event: Literal["read", "started", "refused", "died"]
@@ -47,17 +47,17 @@ class Event(FrozenModel):
 
     @property
     def death(self) -> Death:
-        """The same of a node that has died."""
+        """The ended node of an event "died"."""
         return Death(self.node, self.exit_code or 0, self.program)
 
     @property
     def is_failure(self) -> bool:
-        """Whether nothing that comes after it counts."""
+        """True if the event ends the run with an error."""
         return self.event == "refused" or (self.event == "died" and (self.required or self.exit_code != 0))
 
 
 class Events:
-    """Those of one launch, in their order."""
+    """The events of one launch, in their order."""
 
     def __init__(self, path: Path) -> None:
         path.touch()
@@ -65,17 +65,17 @@ class Events:
         self._unread = b""
 
     def new(self) -> list[Event]:
-        """What was told since the last call."""
+        """Return the events since the last call."""
         *lines, self._unread = (self._unread + self._file.read()).split(b"\n")
         return [Event.model_validate(_plain(json.loads(line))) for line in lines]
 
     def close(self) -> None:
-        """Lets go of the file."""
+        """Close the file."""
         self._file.close()
 
 
 def _plain(data: dict[str, Any]) -> dict[str, Any]:
-    """Lists of JSON are tuples here."""
+    """Return the data with tuples in place of JSON lists."""
     return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
 
 
@@ -85,17 +85,17 @@ _NOT_FOUND: Final = "ResourceNotFound"
 
 
 class LaunchErrors:
-    """Turns ends into errors, with what was printed last.
+    """Makes errors from the ends of launches and nodes, with the last output.
 
     Args:
-        workspace: in which the user's own code is.
+        workspace: the folder of the user's own code.
     """
 
     def __init__(self, workspace: Path, overlay: Overlay, words: LastWords) -> None:
         self._workspace, self._overlay, self._words = workspace, overlay, words
 
     def because_of(self, event: Event) -> ScriptError:
-        """Of a node that has died, or a launch file that cannot be launched."""
+        """Return the error for a node that has ended, or for a launch file that was refused."""
         if event.event == "refused":
             # The launcher is about to leave: what it has printed is whole then.
             self._words.close()
@@ -111,12 +111,12 @@ class LaunchErrors:
         return error
 
     def over(self, exit_code: int | None) -> ScriptError:
-        """Of a launcher that nothing was heard from."""
+        """Return the error for a launcher that ended without an event."""
         how = f" by {signal_name(-exit_code)}" if exit_code is not None and exit_code < 0 else ""
         return self._error(f"roslaunch ended{how} during the run, and its nodes ended with it")
 
     def late(self, what: str) -> ScriptError:
-        """Of what takes too long."""
+        """Return the error for a step that takes too long."""
         return self._error(what)
 
     def _why_refused(self, event: Event) -> str:
@@ -131,7 +131,7 @@ class LaunchErrors:
         return plain(self._words.all())
 
     def _shown(self, text: str | None = None) -> str:
-        """Without the folder in which launched processes see packages."""
+        """Return text without the folder in which launched processes see packages."""
         return (self._text() if text is None else text).replace(f"{self._overlay.variables['ROS_PACKAGE_PATH']}/", "")
 
     def _error(self, message: str) -> ScriptError:
@@ -140,6 +140,6 @@ class LaunchErrors:
 
 
 def _after_mention(text: str, program: str) -> str:
-    """What was printed of a program's own last exception."""
+    """Return the output from the last traceback of a program on."""
     start = text.rfind("Traceback (most recent call last)", 0, max(0, text.rfind(f'/{Path(program).name}", line ')))
     return text[start:] if start >= 0 else text

@@ -1,4 +1,4 @@
-"""Nodes that were launched for a scenario: waited for, asked after, and ended."""
+"""The nodes that are launched for a scenario: started, watched and ended; and the simulation as one of them."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ _LEAVING: Final = 5.0
 
 @dataclass(frozen=True, slots=True)
 class LaunchSpec:
-    """What is launched.
+    """The input of a launch.
 
     Attributes:
-        workspace: of catkin.
-        file: from the overlay's packages to the launch file.
+        workspace: the catkin workspace.
+        file: from the overlay and a scratch folder to the launch file.
         arguments: NAME:=VALUE.
         port: of the master.
         description: the robot's URDF.
@@ -70,10 +70,10 @@ class LaunchSpec:
 
 
 class LaunchedNodes:
-    """All nodes of a scenario, but for the one that is the simulation."""
+    """All nodes of a scenario, without the simulation."""
 
     def __init__(self, asked: LaunchSpec) -> None:
-        """Launches them, and returns at once. Raises UsageError."""
+        """Launch the nodes, and return at once. Raises UsageError."""
         with ExitStack() as undo:
             self._workspace = asked.workspace
             self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
@@ -112,35 +112,35 @@ class LaunchedNodes:
         return Launch.start(words, self.overlay, call, more, is_heard=True)
 
     def await_start(self) -> None:
-        """Returns when all are started. Raises ScriptError."""
+        """Wait until all nodes are started. Raises ScriptError."""
         self._wait(lambda: self.launcher != 0, _STARTING, "the nodes were not started")
 
     def note_gone(self, pids: Iterable[int]) -> None:
-        """Waits until it is known how these have ended. Raises ScriptError if one of them should not have."""
+        """Wait until the exit codes of these processes are known. Raises ScriptError for a failed one."""
         wanted = set(pids)
         self._wait(lambda: wanted <= self._died, _NOTICING, "")
 
     @property
     def deaths(self) -> int:
-        """How many processes are known to have ended."""
+        """The number of processes that are known to have ended."""
         return len(self._died)
 
     def await_deaths(self, number: int) -> None:
-        """Waits, for a while, until so many have ended. Raises ScriptError if one of them should not have."""
+        """Wait a while until this many processes have ended. Raises ScriptError for a failed one."""
         self._look()
         self._wait(lambda: len(self._died) >= number, _NOTICING, "")
 
     def _look(self) -> None:
-        """Takes in what was told. Raises ScriptError."""
+        """Handle new events. Raises ScriptError."""
         for event in self._events.new():
             self._take(event)
 
     def why_over(self) -> Exception:
-        """What to say when their master does not answer any more."""
+        """Return the error for a master that does not answer any more."""
         return self._failing.over(self._launch.poll())
 
     def close(self) -> None:
-        """Asks all to leave, waits a moment for those who may have something to put away, and ends whoever is left."""
+        """Interrupt the launch, wait a moment for nodes that save something, and kill the rest."""
         self._launch.interrupt()
         deadline = time.monotonic() + _LEAVING
         while self._launch.poll() is None and self._are_there() and time.monotonic() < deadline:
@@ -186,7 +186,7 @@ def _made(folder: Path) -> Path:
 
 
 def variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
-    """What a process needs to be a node among them."""
+    """Return the environment variables that make a process a node of this launch."""
     wanted = ("ROS_HOSTNAME", "ROS_HOME", "ROS_PACKAGE_PATH", "ROS_ROOT")
     master = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": str(nodes.folder / "log")}
     return {**{name: nodes.overlay.variables[name] for name in wanted}, **master}
@@ -196,7 +196,7 @@ _KEY: Final = "ros1"
 
 
 def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
-    """The live half of a source. Raises SourceProblem, ScriptError."""
+    """Launch the nodes of a source and return its controller. Raises SourceProblem, ScriptError."""
     if why := why_no_ros():
         raise SourceProblem(why, _KEY)
     spec, ros, port = source.ros1, find_ros(), free_port()
@@ -218,7 +218,7 @@ def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
 
 
 def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]:
-    """Where the launch file is, once there is an overlay, and a folder for what has to be written."""
+    """Return a function that finds or writes the launch file, once there is an overlay."""
 
     def named(overlay: Overlay, folder: Path) -> Path:
         if spec.launch is None:
@@ -234,7 +234,7 @@ def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]
 
 
 def _joined(nodes: LaunchedNodes, ros: Ros, port: int, source: RosCommands, scene: Scene) -> RobotNode:
-    """The simulation as one more node. Raises ScriptError."""
+    """Make the simulation one more node. Raises ScriptError."""
     os.environ.update(variables(nodes, port))
     # Behind what is ours: the distribution's other packages are for another Python.
     sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]

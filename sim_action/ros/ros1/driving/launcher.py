@@ -1,6 +1,6 @@
-"""What the distribution's Python runs: roslaunch, which tells of its nodes in lines of JSON.
+"""The launcher: roslaunch in the distribution's Python, with events of its nodes as lines of JSON.
 
-It imports nothing of ours, and is for the Python that ROS comes with, which may be an old one.
+It imports nothing of this package, and runs on the Python of ROS, which may be an old one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ASKED, _TOLD = 2.0, 0.5
 
 
 class _Events:
-    """Writes them, from whichever thread."""
+    """Writes events, from any thread."""
 
     def __init__(self, path: str) -> None:
         self._file = Path(path).open("ab", buffering=0)  # noqa: SIM115 - as long as this process is there
@@ -39,7 +39,7 @@ class _Listener(roslaunch.pmon.ProcessListener):  # type: ignore[misc]  # roslau
         self._monitor, self._events = monitor, events
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
-        """One that is started anew is told of again and again while nobody has done so."""
+        """Write the event of an ended process. A node that respawns is reported until it runs again."""
         process = self._monitor.get_process(process_name)
         self._events.tell(
             "died",
@@ -52,7 +52,7 @@ class _Listener(roslaunch.pmon.ProcessListener):  # type: ignore[misc]  # roslau
 
 
 def _config(task: dict[str, Any], events: _Events) -> Any:
-    """What is launched: Gazebo is not, and the clock is that of the simulation."""
+    """Return the launch configuration, without the nodes of Gazebo, and with sim time."""
     config = roslaunch.config.load_config_default([(task["file"], task["arguments"])], task["port"], verbose=False)
     left_out = [node for node in config.nodes if node.package in task["left_out"]]
     config.nodes = [node for node in config.nodes if node not in left_out]
@@ -68,7 +68,7 @@ def _config(task: dict[str, Any], events: _Events) -> Any:
 
 
 def _launched(task: dict[str, Any], events: _Events) -> Any:
-    """The monitor of all processes, once all are started."""
+    """Start all processes and return their launch parent."""
     run_id = roslaunch.core.generate_run_id()
     roslaunch.configure_logging(run_id)
     limits = {"sigint_timeout": _ASKED, "sigterm_timeout": _TOLD}
@@ -85,7 +85,7 @@ def _launched(task: dict[str, Any], events: _Events) -> Any:
 
 
 def main(path: str) -> int:
-    """Returns the exit code: 1 if nothing could be launched."""
+    """Launch, and return the exit code: 1 if nothing was launched."""
     task = json.loads(Path(path).read_text(encoding="utf-8"))
     events = _Events(task["events"])
     try:

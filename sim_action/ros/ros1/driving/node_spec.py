@@ -1,4 +1,4 @@
-"""A node, as a scenario lists it."""
+"""The nodes that a scenario lists, their names, and the launch file that starts them."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
 
 
 def _base_name(name: str) -> str:
-    """Raises ValueError."""
+    """Return a valid base name. Raises ValueError."""
     if not _BASE.fullmatch(name):
         raise ValueError(f"the name of a node has letters, digits and '_' and starts with a letter, found {name!r}")
     return name
 
 
 def _graph_name(name: str) -> str:
-    """Raises ValueError."""
+    """Return a valid graph name (wiki.ros.org/Names). Raises ValueError."""
     if not _GRAPH.fullmatch(name):
         raise ValueError(f"a name in ROS has letters, digits, '_' and '/', such as /arm/cmd_vel, found {name!r}")
     return name
@@ -37,32 +37,36 @@ GraphName = Annotated[str, AfterValidator(_graph_name)]
 
 
 def _with_lists(value: Any) -> Any:
-    """Values of YAML are frozen, and those of JSON are not."""
+    """Return a value with lists in place of the tuples of frozen YAML."""
     if isinstance(value, tuple):
         return [_with_lists(each) for each in value]
     return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value
 
 
 class NodeSpec(FrozenModel):
-    """A node: a program of a package, and what it is started with."""
+    """A node: a program of a package, and its start options."""
 
     package: Annotated[str, Field(min_length=1, description="package of the program")]
-    type: Annotated[str, Field(min_length=1, description="file of the program, such as mover.py, or its name if it is compiled")]
-    name: Annotated[BaseName | None, Field(description="name of the node; default: the file name without its suffix")] = None
+    type: Annotated[
+        str, Field(min_length=1, description="file of the program, such as mover.py, or its name if it is compiled")
+    ]
+    name: Annotated[
+        BaseName | None, Field(description="name of the node; default: the file name without its suffix")
+    ] = None
     args: Annotated[str, Field(description="arguments of the program, as in a launch file")] = ""
     params: Annotated[
         dict[str, JsonValue], BeforeValidator(_with_lists), Field(description="private parameters of the node")
     ] = Field(default_factory=dict)
-    remap: Annotated[dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")] = Field(
-        default_factory=dict
-    )
+    remap: Annotated[
+        dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")
+    ] = Field(default_factory=dict)
     namespace: Annotated[GraphName | None, Field(description="namespace of the node")] = None
     required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
 
     @model_validator(mode="before")
     @classmethod
     def _spelled_out(cls, value: Any) -> Any:
-        """Raises ValueError for text that is no node."""
+        """Expand the short form of a node. Raises ValueError."""
         if not isinstance(value, str):
             return value
         package, slash, kind = value.partition("/")
@@ -72,20 +76,20 @@ class NodeSpec(FrozenModel):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Text is a node in short."""
+        """Add the short form of a node, a text, to the schema."""
         full = handler.resolve_ref_schema(handler(schema))
         full.pop("title", None)
         return {"anyOf": [{"type": "string", "pattern": "^[^/]+/.+$"}, full]}
 
     @property
     def called(self) -> str:
-        """Its name among nodes."""
+        """The name of the node."""
         plain = re.sub(r"\W", "_", PurePosixPath(self.type).stem)
         return self.name or (plain if plain[:1].isalpha() else f"node_{plain}")
 
 
 def launch_text(nodes: Iterable[NodeSpec]) -> str:
-    """What roslaunch is given in place of a file of the user's."""
+    """Return the text of a launch file that starts the nodes (wiki.ros.org/roslaunch/XML)."""
     launch = ET.Element("launch")
     for node in nodes:
         _add(launch, node)

@@ -1,4 +1,4 @@
-"""Nodes of ROS 1: `ros1: {launch: [package, file.launch]}` or `ros1: {nodes: [package/type]}`."""
+"""Nodes of ROS 1 as commands: `ros1: {launch: [package, file.launch]}` or `ros1: {nodes: [package/type]}`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ _OF_SENSORS: Final = {
 
 
 def topics_of(sensors: Sequence[Fitting], stated: Mapping[str, str]) -> dict[str, str]:
-    """Each topic by what it is of: `cmd_vel`, `joint_states`, `odom` where no sensor tells odometry, and sensors."""
+    """Return the topics of a robot, by their keys.
+
+    The keys are `cmd_vel`, `joint_states`, `odom` (unless a sensor measures odometry) and the names of sensors.
+    """
     found = {COMMANDS: "/cmd_vel", JOINTS: "/joint_states"}
     if not any(sensor.kind == "odometry" for sensor in sensors):
         found[ODOMETRY] = "/odom"
@@ -39,7 +42,7 @@ def topics_of(sensors: Sequence[Fitting], stated: Mapping[str, str]) -> dict[str
 
 
 def topic_problems(stated: Mapping[str, str], sensors: Sequence[Fitting]) -> SpecProblems:
-    """Names of what the robot has not, and topics that several have; by their keys."""
+    """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
     topics = topics_of(sensors, stated)
     for name in stated:
         if name not in topics:
@@ -68,7 +71,7 @@ _A_DAY = 86_400
 
 
 class RosNodes(FrozenModel):
-    """Which nodes there are, and how the robot's topics are called."""
+    """The nodes to launch, and the names of the robot's topics."""
 
     launch: Annotated[
         tuple[str, ...] | None,
@@ -92,9 +95,7 @@ class RosNodes(FrozenModel):
     ] = None
     topics: Annotated[
         dict[str, GraphName],
-        Field(
-            description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"
-        ),
+        Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"),
     ] = Field(default_factory=dict)
     start_within: Annotated[
         PositiveSeconds, Field(le=_A_DAY, description="wall time that nodes may take to start; sim time waits for them")
@@ -102,46 +103,45 @@ class RosNodes(FrozenModel):
 
 
 class RosCommands(CommandSource):
-    """Drives the base by nodes of ROS 1, as they are: real roscore, roslaunch and rospy, and no Gazebo.
+    """Drives the base by unmodified nodes of ROS 1: real roscore, roslaunch and rospy, without Gazebo.
 
-    The nodes are those of a launch file, or are listed. They run unmodified, on the ROS of the distribution (see
-    [ROS 1 without Gazebo](/docs/ros1/index.md)), and none of their packages needs a catkin build. What
-    they say to the robot on `/cmd_vel` (`geometry_msgs/Twist`) drives it, and holds until they say something else.
-    They hear:
+    The nodes are those of a launch file, or a list. They run on the ROS of the distribution (see [ROS 1 without
+    Gazebo](/docs/ros1/index.md)). None of their packages needs a catkin build. A `geometry_msgs/Twist` on `/cmd_vel`
+    drives the robot, and holds until the next one. The nodes can subscribe to:
 
-    - `/clock` at `rate`, and the parameter `/use_sim_time` is set;
-    - `/odom` and `/tf` (where the base really is) and `/joint_states`, 30 times in a second; `/gazebo/model_states` and
+    - `/clock`, published at `rate`; the parameter `/use_sim_time` is set;
+    - `/odom` and `/tf` (the true pose of the base) and `/joint_states`, 30 times per second; `/gazebo/model_states` and
       `/gazebo/link_states` at `rate`;
     - the sensors of the scenario, at their own rates: a lidar on `/scan`, an IMU on `/imu`, odometry on `/odom` and
-      `/tf` in place of the truth, a camera on `/NAME/image_raw`, a contact sensor on `/contact` (`std_msgs/Bool`). Of
-      several of a kind, each has its name before it: `/NAME/scan`. `topics` calls them otherwise, by their names.
+      `/tf` in place of the true pose, a camera on `/NAME/image_raw`, a contact sensor on `/contact` (`std_msgs/Bool`).
+      With several sensors of a kind, the topic starts with the name of the sensor: `/NAME/scan`. `topics` sets other
+      topics, by the names of sensors.
 
-    `/robot_description` is the robot's URDF, unless a launch file sets it. A launch file that starts Gazebo may stay as
-    it is: nodes of `gazebo_ros` and of `controller_manager` are left out, since the scenario says which robot and which
-    world there is. Services of Gazebo are not offered.
+    `/robot_description` is the URDF of the robot, unless a launch file sets it. A launch file that starts Gazebo can
+    stay as it is: nodes of `gazebo_ros` and `controller_manager` are not launched, because the scenario defines the
+    robot and the world. The services of Gazebo are not available.
 
-    Sim time is 0 when all nodes are up, and hear whom they listen to; a process that has not become a node
-    `start_within` that time is no longer waited for, and noted. From then on it goes on only when every node has dealt
-    with all that it was told: the same run every time, as fast as nodes can follow, and sim time alone decides, as
-    ever. Nodes that are still busy after 10 s of wall time cost lock-step: the run goes on without, and is noted to be
-    not deterministic.
+    Sim time starts at 0 when all nodes are up and connected to each other. A process that does not become a node within
+    `start_within` is no longer waited for, and a note says so. After the start, sim time goes on only when every node
+    has handled all messages that it received. So every run is the same, as fast as the nodes can follow, and only sim
+    time counts. Nodes that are still busy after 10 s of wall time break the lock-step: the run goes on without it, and
+    a note says that the run is not deterministic.
 
-    A node that ends with another exit code than 0, or by a signal, and a required one however it ends, is an error:
-    with the exception that it died of, and the line of the package that raised it. A node that is done may leave. If
-    none has driven the robot, that is noted, with topics on which some might have meant to.
+    A node that ends with an exit code other than 0 or by a signal is an error, and so is any end of a required node.
+    The error has the exception of the node and the line of the package that raised it. A node that has finished its
+    work may end. If no node drove the robot, a note says so, and names the topics with a `Twist` that may have been
+    meant.
 
-    A node of a list is `package/type`, or a map of `package`, `type`, `name`, `args`, `params` (its private ones),
-    `remap`, `namespace` and `required`. Nodes are code, as scripts are: they run with the rights of the job and what
-    scripts see of its environment, each within `memory_limit`, and are refused where scripts are.
+    A node in a list is `package/type`, or a map of `package`, `type`, `name`, `args`, `params` (private parameters),
+    `remap`, `namespace` and `required`. Nodes are user code, as scripts are: they run with the rights of the job and
+    the same environment variables as scripts, each within `memory_limit`, and are refused where scripts are refused.
     """
 
     runs_user_code: ClassVar[bool] = True
     needs_drive: ClassVar[bool] = True
 
     ros1: Annotated[RosNodes, Field(description="launch file or list of nodes")]
-    rate: Annotated[
-        PositiveHertz, Field(description="rate of /clock, and of reading commands")
-    ] = 120.0
+    rate: Annotated[PositiveHertz, Field(description="rate of /clock, and of reading commands")] = 120.0
 
     @property
     def code(self) -> str:
@@ -149,7 +149,7 @@ class RosCommands(CommandSource):
         return "ros1"
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """See CommandSource.problems. Nothing is launched, and nothing needs ROS to be here."""
+        """See CommandSource.problems. This launches nothing and works without ROS."""
         from sim_action.ros.ros1.driving.file_problems import file_problems
 
         return ((("ros1", *path), message) for path, message in file_problems(self.ros1, workspace))
@@ -162,13 +162,13 @@ class RosCommands(CommandSource):
         return unchecked(self.ros1)
 
     def model_problems(self, scene: Scene) -> SpecProblems:
-        """See CommandSource.model_problems: topics of what the robot has not."""
+        """See CommandSource.model_problems: problems of the topics."""
         return (
             (("ros1", "topics", *path), message) for path, message in topic_problems(self.ros1.topics, scene.sensors)
         )
 
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open. Raises SourceProblem if ROS is not here, ScriptError."""
+        """See CommandSource.open. Raises SourceProblem if ROS is not installed, ScriptError."""
         from sim_action.ros.ros1.driving.launched_nodes import open_nodes
 
         return open_nodes(self, scene)

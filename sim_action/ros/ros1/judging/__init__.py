@@ -1,1 +1,1 @@
-"""From the files and the output of a launch to outcomes: one for each test."""
+"""The judgement of a launch: from its files and its output to one outcome per test."""

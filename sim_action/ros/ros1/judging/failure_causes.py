@@ -1,4 +1,4 @@
-"""Why there is no result of a test, or none that counts, as far as what a launch has left tells it."""
+"""The cause of a missing or void test result, found in everything that a launch has left."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ _NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
 
 
 def how_far(run: Run | None) -> str:
-    """What is known of the robot at the end."""
-    if run is None or run.told is None:
+    """Return how far the robot moved until the end, as text."""
+    if run is None or run.result is None:
         return "the simulation did not start" if run is None else "the simulation wrote no result"
-    told = run.told
-    if told.travelled is None:
+    result = run.result
+    if result.travelled is None:
         return "no robot was spawned"
-    silent = ", and no node had sent it a command" if told.first_command is None else ""
-    return f"the robot had moved {told.travelled:.2f} m at sim time {told.sim_time:.1f} s{silent}"
+    silent = ", and no node had sent it a command" if result.first_command is None else ""
+    return f"the robot had moved {result.travelled:.2f} m at sim time {result.sim_time:.1f} s{silent}"
 
 
 def time_out(test: TestFindings, found: Findings) -> str | None:
-    """The message of a test that was ended by a limit; None: it was not."""
-    told = test.run.told if test.run else None
-    if told is not None and told.end == "time limit":
+    """Return the message of a test that a limit ended; None if no limit ended it."""
+    result = test.run.result if test.run else None
+    if result is not None and result.end == "time limit":
         return f"did not finish within {found.sim_time_limit:g} s of sim time: {how_far(test.run)}"
     if test.launched is not None and (limit := _TIME_OUT.search(test.launched.text)):
         return f"did not finish within its time-limit of {float(limit[1]):g} s of wall time: {how_far(test.run)}"
@@ -52,7 +52,7 @@ def time_out(test: TestFindings, found: Findings) -> str | None:
 
 
 def cause_of(test: TestFindings, found: Findings, where: Location | None) -> Failure:
-    """Why there is no verdict on a test, or on a whole launch; `where`: its place in the launch file."""
+    """Return the reason why a test or a whole launch has no verdict; `where`: its place in the launch file."""
     return next(_causes(test, found, where))
 
 
@@ -68,10 +68,10 @@ def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iter
     if test.launched is not None:
         yield from _of_launch(test.launched.text, where)
     run = test.run
-    if run is not None and run.told is not None and run.told.failure is not None:
-        yield run.told.failure
+    if run is not None and run.result is not None and run.result.failure is not None:
+        yield run.result.failure
     yield from _of_file(found, where)
-    if run is not None and run.told is None:
+    if run is not None and run.result is None:
         yield from _of_simulation(found, where)
     yield from _of_processes(test, found, where)
     far = how_far(run)
@@ -79,7 +79,7 @@ def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iter
 
 
 def _of_launch(text: str, where: Location | None) -> Iterator[Failure]:
-    """What rostest finds out before it starts anything."""
+    """Yield failures that rostest finds before it starts anything."""
     if found := _NO_NODE.search(text):
         package, node = found.groups()
         message = (
@@ -108,19 +108,19 @@ def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
 def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]:
     for death in deaths(found.text):
         if death.node == _SIMULATION:
-            yield _failure("crash", "simulation ended", _told(death, found), where, found)
+            yield _failure("crash", "simulation ended", _described(death, found), where, found)
 
 
 def _of_processes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
     for death in required_deaths(found.text):
-        message = f"{_told(death, found)}; it is required"
+        message = f"{_described(death, found)}; it is required"
         yield _failure("script", "a required node died", message, where, found)
     for death in deaths(found.text):
         if death.node == test.name:
-            yield _failure("script", "the test died", _told(death, found), where, found)
+            yield _failure("script", "the test died", _described(death, found), where, found)
 
 
-def _told(death: Death, found: Findings) -> str:
+def _described(death: Death, found: Findings) -> str:
     exception = last_exception(found.text, death.program)
     return f"{death}: {exception}" if exception else str(death)
 

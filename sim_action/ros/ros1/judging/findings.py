@@ -1,4 +1,4 @@
-"""Everything that a launch has left behind, as judges look at it: results by test, runs of the simulation, output."""
+"""The findings of a launch: test results, runs of the simulation, and output."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from sim_action.ros.ros1.judging.rostest_files import Case, Suite, TestTag, read
 from sim_action.ros.ros1.launch.launch_process import Ending
 
 RESULTS: Final = "results"
-"""Of the folder of the call, where rostest and its tests write."""
+"""Folder of the results of rostest and its tests, in the folder of the call."""
 
 LOGS: Final = "log"
-"""Of the same, where nodes write theirs."""
+"""Folder of the logs of nodes, in the folder of the call."""
 
 _MOST_OUTPUT: Final = 110_000_000
 
@@ -27,24 +27,24 @@ class Run:
     """One start of the simulation's node.
 
     Attributes:
-        folder: that it wrote into.
-        told: what it said of the run; None: it died before.
+        folder: the folder of its files.
+        result: its result; None: it ended before it wrote one.
     """
 
     folder: Path
-    told: SimulationResult | None
+    result: SimulationResult | None
 
 
 @dataclass(frozen=True, slots=True)
 class TestFindings:
-    """What there is of one test.
+    """The findings of one test.
 
     Attributes:
-        tag: of the launch file itself; None: it is of an included one.
-        methods: as the test tells of them; None: it tells nothing.
-        launched: what rostest says of it; None: nothing.
-        run: the last simulation that it had.
-        callbacks: that raised meanwhile.
+        tag: its tag in the launch file; None: the tag is in an included file.
+        methods: the results of its methods; None: it wrote none.
+        launched: the result that rostest reports; None: none.
+        run: its last simulation.
+        callbacks: callbacks that raised during the test.
     """
 
     name: str
@@ -57,12 +57,12 @@ class TestFindings:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What there is of a launch.
+    """The findings of a launch.
 
     Attributes:
-        text: all that was printed, without colours.
+        text: the whole output, without colours.
         sim_time_limit: s of a simulation.
-        callbacks: that raised, of all tests.
+        callbacks: callbacks that raised during any test.
     """
 
     ending: Ending
@@ -76,12 +76,12 @@ class Findings:
 
 @dataclass(frozen=True, slots=True)
 class LaunchFolders:
-    """Where a launch was.
+    """The folders of a launch.
 
     Attributes:
-        folder: of the call.
-        share: where its processes saw packages.
-        workspace: that the user's packages are in.
+        folder: the folder of the call.
+        share: the folder in which its processes see packages.
+        workspace: the folder of the user's packages.
     """
 
     folder: Path
@@ -89,17 +89,17 @@ class LaunchFolders:
     workspace: Path
 
     def callbacks(self, run: Run | None) -> tuple[CallbackError, ...]:
-        """Those of a simulation, or of all."""
+        """Return the callbacks that raised during a run; None: during all runs."""
         logs = self.folder / LOGS
         return callback_errors(logs, _process(run), self.workspace) if logs.is_dir() else ()
 
 
-def find(places: LaunchFolders, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
-    """Reads what is in the folder of a call; the place of packages is left out of what was printed."""
+def collect_findings(places: LaunchFolders, tags: Sequence[TestTag], ending: Ending, exit_code: int | None) -> Findings:
+    """Read the folder of a call. The output is kept without the path of the packages."""
     folder = places.folder
     results = folder / RESULTS
-    told = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
-    launched = {case.name.removeprefix("test"): case for suite in told for case in suite.cases}
+    reported = [suite for path in sorted(results.rglob("rostest-*.xml")) if (suite := read_suite(path))]
+    launched = {case.name.removeprefix("test"): case for suite in reported for case in suite.cases}
     written = {path.stem.removeprefix("rosunit-"): path for path in sorted(results.rglob("rosunit-*.xml"))}
     runs = [Run(run, SimulationResult.read(run)) for run in run_folders(folder)]
     names = list(dict.fromkeys((*launched, *written))) or [tag.name for tag in tags]
@@ -117,7 +117,7 @@ def find(places: LaunchFolders, tags: Sequence[TestTag], ending: Ending, exit_co
     )
     output = read_at_most(folder / "output.txt", _MOST_OUTPUT) or b""
     request = SimulationRequest.model_validate_json((folder / REQUEST_FILE).read_bytes())
-    text = "\n".join((*(suite.output for suite in told), output.decode(errors="replace")))
+    text = "\n".join((*(suite.output for suite in reported), output.decode(errors="replace")))
     text = plain(text).replace(f"{places.share}/", "")
     limit = request.sim_time_limit or 0.0
     return Findings(ending, exit_code, tests, tuple(runs), text, limit, places.callbacks(None))
@@ -131,7 +131,7 @@ def _process(run: Run | None) -> str | None:
 
 
 def _runs_of(names: Sequence[str], written: dict[str, Path], runs: Sequence[Run]) -> dict[str, Run]:
-    """A test that has written anything has done so while its simulation was the last one; the others come in order."""
+    """Return test name -> its run. A test writes results during its own run; tests without results follow in order."""
     found = {name: run for name, path in written.items() for run in runs if _began(run) <= path.stat().st_mtime}
     left = (run for run in runs if run not in found.values())
     return {**dict(_paired([name for name in names if name not in found], left)), **found}

@@ -1,4 +1,4 @@
-"""From what a launch has left to outcomes: one for each test, with an expectation for each of its methods."""
+"""Outcomes of a launch: one for each test, with an expectation for each of its methods."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _MEASURED: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest"
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """What outcomes of a call have in common; `file`: the launch file, as reports call it."""
+    """The data that all outcomes of a call share; `file`: the launch file, as reports show it."""
 
     request: LaunchRequest
     file: str
     wall_time: float
 
     def outcomes(self, found: Findings) -> list[tuple[Outcome, Run | None]]:
-        """Of each test, with its run; of a launch, or a file without a test, of what became of the whole."""
+        """Return the outcome and the run of each test, or of the whole launch if there is no test."""
         if self.request.program == "rostest" and found.tests:
             return [(self._test(test, found), test.run) for test in found.tests]
         run = found.runs[-1] if found.runs else None
@@ -73,9 +73,9 @@ class Judge:
         return _expected(case.name, "rostest", place, verdict)
 
     def _launch(self, whole: TestFindings, found: Findings) -> Outcome:
-        """Passed: it ran to its limit, or until all nodes had ended, and none of them by an error."""
+        """Return the outcome of roslaunch: passed if it ran to its limit, or all nodes ended without an error."""
         where, run = Location(self.file), whole.run
-        is_simulated = run is not None and run.told is not None and run.told.travelled is not None
+        is_simulated = run is not None and run.result is not None and run.result.travelled is not None
         if not is_simulated or _has_failed(run) or found.ending != "over":
             failures = (cause_of(whole, found, where),)
             return self._outcome(whole, {"status": "error", "failures": failures, "output": output_tail(found.text)})
@@ -96,8 +96,8 @@ class Judge:
         return self._outcome(whole, {"status": "error", "failures": (failure,)})
 
     def _outcome(self, test: TestFindings, about: dict[str, Any]) -> Outcome:
-        told = test.run.told if test.run else None
-        measured = {key: getattr(told, key) for key in _MEASURED} if told else {}
+        result = test.run.result if test.run else None
+        measured = {key: getattr(result, key) for key in _MEASURED} if result else {}
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
         return Outcome(
             name=f"{self.request.package}/{test.name}",
@@ -105,14 +105,14 @@ class Judge:
             seed=self.request.seed,
             wall_time=self.wall_time,
             call=self.request.words,
-            provenance=_provenance(told.engine) if told else None,
+            provenance=_provenance(result.engine) if result else None,
             **measured,
             **about,
         )
 
 
 def _with_callbacks(said: str, test: TestFindings) -> str:
-    """A failure, and what has raised meanwhile, which may be why."""
+    """Return a failure message with the callbacks that raised, which may be the reason."""
     return "; ".join((said, *map(str, test.callbacks[:_FEW])))
 
 
@@ -126,11 +126,11 @@ def _provenance(engine: str | None) -> Provenance | None:
 
 
 def _has_failed(run: Run | None) -> bool:
-    return run is not None and (run.told is None or run.told.end == "failed")
+    return run is not None and (run.result is None or run.result.end == "failed")
 
 
 def _sim_time(run: Run | None) -> float | None:
-    return run.told.sim_time if run and run.told else None
+    return run.result.sim_time if run and run.result else None
 
 
 def _expected(name: str, assertion: str, where: Location, verdict: Verdict) -> ExpectationOutcome:

@@ -1,4 +1,8 @@
-"""What a launch has printed, searched for the reasons of its end in the words of roslaunch and rostest."""
+"""The output of a launch: ends of nodes, errors of roslaunch, tracebacks, and callbacks that raised.
+
+rospy logs the exceptions of callbacks and goes on. A log is `ROS_LOG_DIR/RUN/NODE-NUMBER.log`, with one folder RUN for
+each launch.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ _LAST: Final = 4_000
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """A node that has ended on its own; `exit_code` negative: the number of a signal; `program`: empty if not known."""
+    """The end of a node; `exit_code` is negative for a signal, `program` is empty if it is unknown."""
 
     node: str
     exit_code: int
@@ -47,39 +51,39 @@ class Death:
 
 
 def plain(text: str) -> str:
-    """Without colours, titles of windows, and places of logs."""
+    """Return output without colours, window titles and log paths."""
     return _LOGS.sub("", _COLOURS.sub("", text).replace("\r", ""))
 
 
 def required_deaths(text: str) -> Iterator[Death]:
-    """Of nodes that nothing goes on without."""
+    """Yield the ends of required nodes."""
     return (Death(name, int(code or 0), program) for name, code, program in _REQUIRED.findall(text))
 
 
 def deaths(text: str) -> Iterator[Death]:
-    """Of nodes that did not end well."""
+    """Yield the ends of nodes that failed."""
     return (Death(name, int(code), program) for name, code, program in _DEAD.findall(text) if code)
 
 
 def missing_package(text: str) -> str | None:
-    """What a launch file has looked for and not found."""
+    """Return the package that a launch file needs and roslaunch did not find."""
     found = _NO_PACKAGE.search(text)
     return found[1] if found else None
 
 
 def refused(text: str) -> str | None:
-    """Why a launch file cannot be launched."""
+    """Return the reason why roslaunch refused a launch file."""
     return next((found[1].strip() for pattern in _REFUSED if (found := pattern.search(text))), None)
 
 
 def xacro_error(text: str) -> str | None:
-    """What our xacro has said of a file."""
+    """Return the error message of our xacro program."""
     found = _XACRO.search(text)
     return found[1] if found else None
 
 
 def last_exception(text: str, program: str) -> str | None:
-    """The exception that a program of Python ended with: the one that follows the last mention of its file."""
+    """Return the last exception of a Python program: the one after the last mention of its file."""
     name = PurePath(program).name
     place = text.rfind(f'/{name}", line ') if name else -1
     found = _EXCEPTION.search(text, place) if place >= 0 else None
@@ -87,12 +91,12 @@ def last_exception(text: str, program: str) -> str | None:
 
 
 def output_tail(text: str) -> str:
-    """The end of what was printed."""
+    """Return the end of the output."""
     return text.strip("\n")[-_LAST:]
 
 
 def signal_name(number: int) -> str:
-    """Such as SIGKILL."""
+    """Return the name of a signal, such as SIGKILL."""
     return Signals(number).name if number in set(Signals) else f"signal {number}"
 
 
@@ -104,7 +108,7 @@ _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(
 
 
 def traceback_location(text: str, workspace: Path) -> Location | None:
-    """The innermost place that is below the workspace."""
+    """Return the innermost place of a traceback that is in the workspace."""
     root = workspace.resolve()
     for file, line, _ in reversed(_FRAME.findall(text)):
         try:
@@ -117,7 +121,7 @@ def traceback_location(text: str, workspace: Path) -> Location | None:
 
 
 def exception_line(kind: str, text: str) -> str:
-    """What was wrong: the exception and its message; of one without any, the line that raised it."""
+    """Return the exception and its message, or the line that raised it if there is no message."""
     said, _, _ = text.partition("\n")
     if not said.strip() or said.startswith("  File "):
         lines = [line for _, _, line in _FRAME.findall(text) if line]
@@ -126,7 +130,7 @@ def exception_line(kind: str, text: str) -> str:
 
 
 def shown_path(path: Path) -> str:
-    """As seen from the current folder, if it is below."""
+    """Return a path relative to the current folder, if it is inside."""
     here = Path.cwd().resolve()
     return file_name(path.relative_to(here) if path.is_relative_to(here) else path)
 
@@ -144,7 +148,7 @@ _SIMULATION: Final = "gazebo"
 
 @dataclass(frozen=True, slots=True)
 class CallbackError:
-    """One that raised, the same each time.
+    """A callback that raised, and how many times it raised the same exception.
 
     Attributes:
         exception: as Python prints it.
@@ -163,7 +167,13 @@ class CallbackError:
 
 
 def callback_errors(logs: Path, process: str | None, workspace: Path) -> tuple[CallbackError, ...]:
-    """Those of the launch whose simulation was a process, the most frequent of each node first."""
+    """Return the failed callbacks, the most frequent first.
+
+    Args:
+        logs: the folder of logs.
+        process: id of the simulation of the launch; None: all launches.
+        workspace: the folder of the user's code.
+    """
     counts = Counter(
         (_NUMBER.sub("", log.stem), exception.strip(), traceback_location(trace, workspace))
         for log in _logs(logs, process)

@@ -1,6 +1,7 @@
-"""What rostest and its tests have found, from their XML: a stranger's, cut short, or with what XML forbids in it.
+"""The files of rostest: the `<test>` tags of a launch file, and the XML files of results.
 
 A test writes `rosunit-NAME.xml` with its methods, rostest `rostest-FILE.xml` with its tests (rosunit's xmlrunner.py).
+The files may be cut short or hold characters that XML forbids.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ class Case:
     """One method of a test, or one test of a file.
 
     Attributes:
-        problem: the tag that says that it did not pass, "failure" or "error"; None: it passed.
-        type: of the exception.
-        text: what it said, then the way to it.
+        problem: the tag of a failed case, "failure" or "error"; None: it passed.
+        type: type of the exception.
+        text: the message, then the traceback.
     """
 
     name: str
@@ -43,14 +44,14 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """What one file tells; `output`: what was printed meanwhile."""
+    """The content of one result file; `output`: the output of its tests."""
 
     cases: tuple[Case, ...]
     output: str = ""
 
 
 def read_suite(path: Path) -> Suite | None:
-    """What there is of a file; None: it holds nothing, or nothing that can be understood."""
+    """Read a result file; None if it is empty or cannot be understood."""
     try:
         data = read_at_most(path, _MAX_RESULT_BYTES)
     except OSError:
@@ -91,7 +92,7 @@ def _problems(element: ET.Element) -> Iterator[ET.Element]:
 
 
 def _plain(text: str) -> str:
-    """Without the CDATA marks that rosunit writes as text."""
+    """Return text without the CDATA marks that rosunit writes as text."""
     found = _CDATA.match(text)
     return (found[1] if found else text).strip("\n")
 
@@ -100,12 +101,12 @@ _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 _SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
 
 TIME_LIMIT: Final = 60.0
-"""s that rostest gives a test that states none (wiki.ros.org/roslaunch/XML/test)."""
+"""s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)."""
 
 
 @dataclass(frozen=True, slots=True)
 class TestTag:
-    """One `<test>`: its line, and its name, package, type and time limit in s as far as they are written out."""
+    """A `<test>` tag: line, name, package, type, and time limit in s. `$(...)` is not replaced."""
 
     line: int
     name: str
@@ -115,13 +116,13 @@ class TestTag:
     retry: int
 
     def is_called(self, name: str) -> bool:
-        """Whether the name of a test can be this one's, once its `$(...)` are replaced."""
+        """Return True if a test name can result from this tag, once its `$(...)` are replaced."""
         parts = map(re.escape, _SUBSTITUTION.split(self.name))
         return re.fullmatch(".*".join(parts), name) is not None
 
 
 def test_tags(path: Path) -> tuple[TestTag, ...]:
-    """Those of a file itself, in their order; as many as there are before what is no XML."""
+    """Return the `<test>` tags of a file itself, in their order; in broken XML, those before the error."""
     found: list[TestTag] = []
     parser = xml.parsers.expat.ParserCreate()
 

@@ -1,4 +1,4 @@
-"""A running roslaunch or rostest, and everything that descends from it: watched, told to leave, and ended."""
+"""A running roslaunch or rostest with all its descendants: started, watched, interrupted and ended."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _POLL: Final = 0.002
 
 
 class Launch:
-    """One launcher below a keeper (`isolation.keeper`).
+    """One launcher below a keeper (`runner.isolation.keeper`).
 
     Attributes:
-        output: the file of all that its processes print.
-        folder: of the call; its name in their environment is the mark of all of them.
+        output: file of the output of all processes.
+        folder: folder of the call. The environment of every process names it, which marks them.
     """
 
     def __init__(self, process: subprocess.Popen[bytes], folder: Path, output: Path) -> None:
@@ -48,9 +48,9 @@ class Launch:
         *,
         is_heard: bool = False,
     ) -> Self:
-        """Starts a command line that sees the overlay, with some variables more. Raises OSError.
+        """Start a command line that sees the overlay, with additional variables. Raises OSError.
 
-        `is_heard`: whether what is printed is read from `printed`, rather than kept in the file.
+        `is_heard`: True if the output is read from `printed` instead of written to the file.
         """
         output = folder / "output.txt"
         # The keeper is of this Python, what it starts is of the distribution's.
@@ -70,34 +70,34 @@ class Launch:
 
     @property
     def printed(self) -> IO[bytes]:
-        """What its processes print, if it was started to be heard."""
+        """The output of all processes, if `is_heard` was set."""
         assert self._process.stdout
         return self._process.stdout
 
     @property
     def keeper(self) -> int:
-        """The process that all others descend from."""
+        """The id of the process that all others descend from."""
         return self._process.pid
 
     def poll(self) -> int | None:
-        """The exit code, or the negative number of a signal, once it is over."""
+        """Return the exit code once the launch has ended, negative for a signal; else None."""
         return self._process.poll()
 
     def tests(self) -> Iterator[int]:
-        """The processes of tests that rostest has started."""
+        """Yield the ids of the test processes of rostest."""
         return (pid for pid in descendants(self._process.pid) if test_result_path(pid) is not None)
 
     def has_unnoticed(self) -> bool:
-        """Whether a process has ended, and whoever has started it does not know yet."""
+        """Return True if a process has ended and its parent has not noticed yet."""
         return any(map(_has_ended, descendants(self._process.pid)))
 
     def interrupt(self) -> None:
-        """Asks the launcher to end its nodes and leave."""
+        """Ask the launcher to end its nodes and leave."""
         for pid in children(self._process.pid):
             _send(pid, signal.SIGINT)
 
     def close(self) -> None:
-        """Ends whatever is left, and forgets it."""
+        """Kill all remaining processes, and wait for them."""
         if self._process.poll() is None:
             _send(self._process.pid, signal.SIGTERM)
             _send(self._process.pid, signal.SIGCONT)
@@ -144,7 +144,7 @@ _MOST_OUTPUT: Final = 100_000_000
 
 
 class Watch:
-    """One launch, until it is over; `deadline`: of `time.monotonic`."""
+    """Waits for the end of one launch; `deadline`: in `time.monotonic`."""
 
     def __init__(self, launch: Launch, deadline: float, *, has_tests: bool) -> None:
         self._launch, self._deadline, self._has_tests = launch, deadline, has_tests
@@ -155,7 +155,7 @@ class Watch:
         self._last_look: float | None = None
 
     def wait(self, interruption: Interruption) -> Ending:
-        """Returns when the launcher has gone, or has to be ended."""
+        """Wait until the launcher has ended, or has to be killed."""
         while self._launch.poll() is None:
             select.select([interruption.awakened], [], [], _LOOK)
             if interruption.happened:
@@ -180,7 +180,7 @@ class Watch:
             self._launch.interrupt()
 
     def _look_at_runs(self) -> None:
-        """Nothing comes of a test once its simulation is over, but for a moment to say what it has found."""
+        """Interrupt tests whose simulation has ended early, and give them a moment to write their results."""
         for run in run_folders(self._launch.folder)[-1:]:
             if run not in self._ended_runs and _is_over_early(run, self._launch):
                 self._ended_runs.add(run)
@@ -202,7 +202,7 @@ class Watch:
 
 
 def _is_over_early(run: Path, launch: Launch) -> bool:
-    """Whether a simulation has come to its limit, could not go on, or has died."""
+    """Return True if a simulation reached its limit, failed or died."""
     told = SimulationResult.read(run)
     if told is not None:
         return told.end in ("time limit", "failed")

@@ -1,15 +1,15 @@
-"""What ROS's own processes do as soon as there is something to do, and not some time of the wall clock later.
+"""Patches of ROS that replace polling by the wall clock: processes of a launch act as soon as they can.
 
-Sim time goes on while all of them sleep, as far as the machine is quick: what a node sees then is not the same every
-time. Three things are replaced, and nothing else of ROS:
+Sim time goes on while all processes sleep. A process that polls by the wall clock then acts at another sim time in
+every run. Three parts of ROS are replaced:
 
-- `rospy.wait_for_message` looks every 10 ms of wall time whether a message has come. Here it wakes with the message.
-- The master tells those who listen to a topic of somebody new who publishes it, by threads that look every 100 ms of
-  wall time whether there is somebody to be told. Here they wake with what is to be told.
-- TCP may hold a small message back until the one before it was acknowledged, up to 40 ms of wall time (RFC 896, RFC
-  1122 in 4.2.3.2), unless who listens wants no delay. Here everybody wants none.
+- `rospy.wait_for_message` polls every 10 ms of wall time for a message. The patch wakes up with the message.
+- The master notifies subscribers of a new publisher by threads that poll every 100 ms of wall time. The patch wakes
+  them up with each notification.
+- TCP may hold a small message back until the one before it is acknowledged, up to 40 ms of wall time (RFC 896, RFC
+  1122 in 4.2.3.2), unless the subscriber asks for no delay. The patch asks for no delay everywhere.
 
-Python reads this as `sitecustomize` when it starts, in every process of a launch: it knows nothing of this package.
+Python imports this file as `sitecustomize` at start, in every process of a launch. It imports nothing of this package.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _LOOK = 0.1  # s of wall time: how soon it is seen that the node has to leave
 
 
 def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
-    """The next message of a topic, as rospy's own gives it. Raises ROSException, ROSInterruptException."""
+    """Return the next message of a topic, as rospy does. Raises ROSException, ROSInterruptException."""
     import rospy
 
     come, messages = threading.Event(), []
@@ -55,7 +55,7 @@ def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
 
 
 def _awaiting(pool: type[Any]) -> type[Any]:
-    """The master's pool of threads, which wait until there is a task that one of them may take."""
+    """Return the master's thread pool with threads that wait for a task they may take."""
 
     class Pool(pool):  # type: ignore[misc]  # ROS has no types
         def __init__(self, threads: int) -> None:
@@ -106,7 +106,7 @@ _REPLACED = {
 
 
 class _Finder(importlib.abc.MetaPathFinder):
-    """Finds ROS's modules where they are, and puts into them what is replaced once they are read."""
+    """Finds the modules of ROS, and patches them after they are loaded."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -126,7 +126,7 @@ class _Finder(importlib.abc.MetaPathFinder):
 
 
 def _read_next() -> None:
-    """The `sitecustomize` that this one stands before, if there is one."""
+    """Run the `sitecustomize` that this one hides, if there is one."""
     here = os.path.dirname(__file__)  # noqa: PTH120 - to import pathlib takes 10 ms of each start
     spec = PathFinder.find_spec("sitecustomize", [path for path in sys.path if path != here])
     if spec is not None and spec.loader is not None:

@@ -1,6 +1,6 @@
-"""The overlay's `xacro`: evaluates a file as robot models of scenarios are, and prints the URDF.
+"""The overlay's program `xacro`: expands a file in the same way as the robot models of scenarios, and prints URDF.
 
-What launch files say to xacro is understood: `xacro [--inorder] [-o FILE] FILE [NAME:=VALUE ...]`.
+It accepts the command line that launch files use: `xacro [--inorder] [-o FILE] FILE [NAME:=VALUE ...]`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _FALLBACKS: Final = Path(__file__).parent / "packages"
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Returns the exit code; what is wrong is told on standard error, in a line that begins with `xacro:`."""
+    """Expand a file, and return the exit code. An error is one line on standard error that begins with `xacro:`."""
     asked, others = _parser().parse_known_args(words)
     given = dict(word.split(":=", 1) for word in others if ":=" in word)
     path = Path(asked.file)
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _expanded(path: Path, arguments: Mapping[str, str]) -> Expansion:
-    """Raises XacroError, ModelError."""
+    """Expand a file without arguments that it does not declare. Raises XacroError, ModelError."""
     if not path.is_file():
         raise ModelError(_missing(path))
     folder = path.resolve().parent

@@ -1,1 +1,1 @@
-"""The node `gazebo`, which is the simulation: the only modules here that import rospy and message packages."""
+"""The node `gazebo`, which is the simulation. Only these modules import rospy and message packages."""

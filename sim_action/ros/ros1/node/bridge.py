@@ -1,4 +1,4 @@
-"""The bridge between the loop of a simulation and the nodes of ROS: at each tick it tells them, and takes commands."""
+"""The bridge between the simulation loop and the nodes: publishes at each tick, and takes commands."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Pace:
         self._began: float | None = None
 
     def keep(self, seconds: float) -> None:
-        """Waits until wall time has come as far as sim time has."""
+        """Sleep until wall time has reached the sim time, scaled by the factor."""
         if self._factor is None:
             return
         began = self._began = self._began or time.monotonic() - seconds / self._factor
@@ -40,7 +40,7 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What lasts as long as the node does, through all changes of the world."""
+    """The parts that live as long as the node does, through all changes of the world."""
 
     current: CurrentState
     traffic: Traffic
@@ -53,7 +53,7 @@ class Session:
 
 
 class Bridge:
-    """One robot among nodes, until the world changes or the nodes are gone."""
+    """One robot among nodes, until the world changes or the nodes have ended."""
 
     def __init__(
         self, session: Session, robot: str, frame: ModelFrame, devices: Iterable[Device], commands: RobotCommands
@@ -65,9 +65,9 @@ class Bridge:
         self.over: SourceOver | None = None
 
     def tick(self, seen: Observation) -> Answer:
-        """Tells nodes of a moment, waits until they have dealt with it, and returns what they say to it.
+        """Publish a moment, wait until the nodes have handled it, and return their commands.
 
-        Raises SourceOver if there are none any more, BeginAnew if they want another world.
+        Raises SourceOver if no node is left, WorldChanged if a node changes the world.
         """
         try:
             return self._answer(seen)
@@ -93,7 +93,7 @@ class Bridge:
         return session.efforts.added_to(self.commands.answer(seconds, seen), seconds, self.commands.wheels)
 
     def _hold(self) -> None:
-        """The clock does not start before everybody is there: the engine is, which takes as long as nodes do."""
+        """Hold the clock until all nodes are up. The engine has started before, which takes as long."""
         session = self._session
         if session.current.started is not None:
             return
@@ -105,9 +105,9 @@ class Bridge:
         session.current.started = time.monotonic()
 
     def _tell(self, seconds: float, tick: int, seen: Observation) -> bool:
-        """Returns whether somebody listens."""
+        """Publish a moment, and return True if a node subscribes."""
         topics, current = self._session.topics, self._session.current
-        heard = [device.tell(tick, seconds, seen) for device in self._devices]
+        heard = [device.publish_if_due(tick, seconds, seen) for device in self._devices]
         links_are_heard = bool(current.link_states) and topics.publish_links(current.link_states)
         return any([*heard, topics.publish_models(current.model_states), links_are_heard])
 

@@ -1,4 +1,4 @@
-"""Services of Gazebo's ROS interface (gazebo_ros_api_plugin), by which nodes look at the world and change it."""
+"""The services of gazebo_ros_api_plugin that spawn, delete, set and push models, and the state of a model."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from sim_action.world import Disturbance, World
 
 
 class ModelServices:
-    """Offers them, for as long as the node lives."""
+    """The services on models and on the world, open as long as the node lives."""
 
     def __init__(self, current: CurrentState, changes: ChangeQueue, paused: Event, efforts: JointEfforts) -> None:
         self._current, self._changes, self._paused, self._efforts = current, changes, paused, efforts
@@ -178,7 +178,7 @@ class ModelServices:
         return {"sim_time": current.time, "model_names": list(current.world_models.names), "success": True}
 
     def _in_world(self, pose: Pose, frame: str) -> Pose:
-        """Raises ValueError for a frame that there is not."""
+        """Return a pose in the world frame. Raises ValueError for an unknown frame."""
         try:
             return pose if frame in WORLD_FRAMES else geometry.compose(frame_of(self._current, frame), pose)
         except LookupError:
@@ -190,7 +190,7 @@ class ModelServices:
 
 
 def is_robot(description: str) -> bool:
-    """Whether it has joints or plugins: what has neither is a body of the world."""
+    """Return True for a model with joints or plugins; any other model is a body of the world."""
     try:
         root = ET.fromstring(description)  # noqa: S314 - of what is simulated
     except ET.ParseError:
@@ -202,7 +202,7 @@ _FOR_EVER: Final = 1e5
 
 
 class ForceServices:
-    """Offers them, for as long as the node lives."""
+    """The services that apply wrenches and joint efforts for a time, open as long as the node lives."""
 
     def __init__(self, current: CurrentState, changes: ChangeQueue, efforts: JointEfforts) -> None:
         self._current, self._changes, self._efforts = current, changes, efforts

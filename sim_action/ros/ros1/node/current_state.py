@@ -1,4 +1,4 @@
-"""The moment that a simulation has come to, for services that are asked about it in threads of their own."""
+"""The current state of the simulation, for services in threads of their own; frames of models and links."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ _DIFFERENCE_S: Final = 1e-6
 
 @dataclass
 class CurrentState:
-    """What is known of it; changed by the loop alone, while all nodes wait.
+    """The current state. Only the loop changes it, while all nodes wait.
 
     Attributes:
+        world_models: the models that are simulated.
         time: s of sim time.
-        began: s of sim time at which what is simulated began.
-        started: s of wall time at which the clock started; None: it is held.
-        models: name of a model, without the ground -> pose and twist, world frame.
-        links: the same of links, each as `model::link`; none if nobody wants to know.
-        model: of the robot, once there is one.
+        began: s of sim time at the start of the current episode.
+        started: s of wall time at the start of the clock; None: not started yet.
+        model_states: name of a model, without the ground -> pose and twist, world frame.
+        link_states: `model::link` -> pose and twist, world frame; empty if no node subscribes to them.
+        model: model of the robot, once there is one.
         base: pose and twist of its base link, world frame.
-        joints: of the robot, by their names.
+        joints: states of its joints, by name.
     """
 
     world_models: WorldModels
@@ -46,7 +47,7 @@ class CurrentState:
     joints: dict[str, JointState] = field(default_factory=dict)
 
     def models_now(self) -> WorldModels:
-        """The population, where everything is now."""
+        """Return the models where they are now."""
         positions = {name: joint.position for name, joint in self.joints.items()}
         moved = self.world_models.moved({name: pose for name, (pose, _) in self.model_states.items()}, positions)
         return moved.after(self.time - self.began)
@@ -54,25 +55,25 @@ class CurrentState:
 
 @dataclass(frozen=True, slots=True)
 class ModelFrame:
-    """The frame of a robot's model, which Gazebo tells of; `base`: where the base link is in it."""
+    """The frame of a robot's model, which Gazebo reports; `base`: pose of the base link in it."""
 
     base: Pose
 
     def pose(self, base: Pose) -> Pose:
-        """Of the model, from that of its base link."""
+        """Return the pose of the model, from the pose of its base link."""
         return geometry.compose(base, geometry.inverse(self.base))
 
     def twist(self, base: Pose, twist: Twist) -> Twist:
-        """Of the model's origin, from that of the base link's; world frame."""
+        """Return the twist of the model's origin, from the twist of its base link; world frame."""
         return twist_at(twist, _between(base, self.pose(base)))
 
     def base_pose(self, pose: Pose) -> Pose:
-        """Of the base link, from that of the model."""
+        """Return the pose of the base link, from the pose of the model."""
         return geometry.compose(pose, self.base)
 
 
 def twist_at(twist: Twist, way_xyz: Vector3) -> Twist:
-    """Of another point of the same rigid body, which is `way_xyz` m from the one whose twist is known; world frame."""
+    """Return the twist of another point of a rigid body, `way_xyz` m from the first point; world frame."""
     x, y, z = geometry.cross(twist.angular_xyz, way_xyz)
     linear = twist.linear_xyz
     return Twist((linear[0] + x, linear[1] + y, linear[2] + z), twist.angular_xyz)
@@ -81,7 +82,7 @@ def twist_at(twist: Twist, way_xyz: Vector3) -> Twist:
 def link_state(
     model: RobotModel, base: tuple[Pose, Twist], joints: Mapping[str, JointState], link: str
 ) -> tuple[Pose, Twist]:
-    """Pose and twist of a link, world frame; `base`: those of the base link. KeyError if there is no such link."""
+    """Return pose and twist of a link, world frame; `base`: pose and twist of the base link. Raises KeyError."""
     pose, twist = base
     here = link_poses(model, {name: joint.position for name, joint in joints.items()})[link]
     ahead = {name: joint.position + _DIFFERENCE_S * joint.velocity for name, joint in joints.items()}

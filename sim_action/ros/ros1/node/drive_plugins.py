@@ -1,4 +1,4 @@
-"""Plugins that drive: twists on a topic turn the wheels, and odometry says where that has led."""
+"""Drive plugins: move the base by twists from a topic, and publish odometry."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from sim_action.state.observation import Observation
 
 
 def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """gazebo_ros_diff_drive, gazebo_ros_skid_steer_drive. Odometry is the truth, as theirs is unless they are told."""
-    subscription = wiring.subscription(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    """Open gazebo_ros_diff_drive or gazebo_ros_skid_steer_drive. Odometry is the true motion."""
+    subscription = wiring.subscribe(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
     wiring.add_mover(lambda _seconds, _seen: subscription.value)
     yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
 
 
 def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
-    """Odometry of a base, and its frame; `child`, `rate`: what holds if the plugin does not say."""
+    """Return the publisher of odometry and of its frame; `child`, `rate`: defaults of the plugin."""
     own = plugin.own
     odometry = wiring.publisher(plugin.topic("odometryTopic", default="odom"), Odometry)
     frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
@@ -48,14 +48,14 @@ def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) 
 
 
 def open_planar_move(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """gazebo_ros_planar_move; a command holds until the next one, unless `cmdTimeout` says for how long."""
-    subscription = wiring.subscription(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    """Open gazebo_ros_planar_move. A command holds until the next one, or for `cmdTimeout` s if it is set."""
+    subscription = wiring.subscribe(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
     wiring.add_mover(CommandWithTimeout(subscription, plugin.own.number("cmdTimeout", default=-1.0)))
     yield odometry_device(plugin, wiring, child="base_footprint", rate=20.0)
 
 
 class CommandWithTimeout:
-    """A twist that is told, for some seconds of sim time from when it came; `timeout` negative: for ever."""
+    """The last twist, for `timeout` s of sim time after it came; negative: forever."""
 
     def __init__(self, subscription: Subscription, timeout: float) -> None:
         self._subscription, self._timeout = subscription, timeout

@@ -1,4 +1,4 @@
-"""One simulation of the population as it is, from its spawning, or a change, to the next change or the end."""
+"""Episodes: simulations of the spawned models, each from a spawn or a change to the next change or the end."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _LONGEST: Final = 6_600.0
 
 
 class NodeCommands(CommandSource):
-    """What nodes say; no key of a scenario leads here."""
+    """The commands of nodes as a command source. No key of a scenario leads here."""
 
     _bridge: Bridge = PrivateAttr()
 
     @classmethod
     def through(cls, bridge: Bridge) -> NodeCommands:
-        """Those that a bridge takes."""
+        """Return the commands that a bridge takes."""
         source = cls(rate=float(TICKS))
         source._bridge = bridge
         return source
@@ -54,10 +54,10 @@ class NodeCommands(CommandSource):
 
 @dataclass(eq=False)
 class Episode:
-    """A scenario, made of what nodes have spawned.
+    """A scenario made of spawned models.
 
     Attributes:
-        footage: what there is of it, also when it was cut short.
+        footage: the recorded part, also if the episode was cut short.
     """
 
     scenario: Scenario
@@ -66,12 +66,12 @@ class Episode:
     bridge: Bridge
 
     def run(self) -> SimulationRun:
-        """Raises RunError."""
+        """Run the simulation. Raises RunError."""
         return simulate(self.scenario, self.scene, lambda _: None, self.footage)
 
 
 class EpisodeFactory:
-    """Where robots are opened: their plugins' topics stay open as long as the robot is the same."""
+    """Makes episodes. The topics of the robot's plugins stay open as long as the robot is the same."""
 
     def __init__(self, session: Session, request: SimulationRequest, folder: Path) -> None:
         self._session, self._request, self._folder = session, request, folder
@@ -80,7 +80,7 @@ class EpisodeFactory:
         self.notes: list[str] = []
 
     def episode(self, *, left: float | None) -> Episode:
-        """Of the population as it is; `left`: s of sim time that it may take. Raises ModelError."""
+        """Return an episode of the current models; `left`: s of sim time that it may take. Raises ModelError."""
         models = self._session.current.world_models
         assert models.robot is not None
         spawned = models.robot
@@ -118,7 +118,7 @@ class EpisodeFactory:
         return is_clock_held or session.topics.has_link_subscribers or any(device.reads_links for device in devices)
 
     def _described(self, robot: SpawnedRobot) -> DrivenRobot:
-        """By its description alone."""
+        """Return the robot, with only its description."""
         if robot.file is not None:
             return DrivenRobot(model=robot.file)
         (self._folder / _DESCRIPTION).write_text(robot.description, encoding="utf-8")
@@ -155,7 +155,7 @@ class EpisodeFactory:
 
 
 def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:
-    """As a scenario has it. Robots are spawned at a height of 0, or dropped from one: here they stand."""
+    """Return the robot as in a scenario. A robot that is spawned at a height of 0 or less is placed on the ground."""
     stands = robot.pose.position_xyz[2] <= 0
     pose = to_placement(frame.base_pose(robot.pose)).model_copy(update={"z": None} if stands else {})
     drive = PlanarMove.recognise(model)

@@ -1,4 +1,4 @@
-"""What is kept of a node's simulation, through all the episodes that it has had."""
+"""The record of all episodes of a node: digest, distance, notes, trace and replay."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class EpisodeRecord:
-    """Grows by episodes; there to be told also when the last of them has failed."""
+    """Grows with each episode, and is complete also when the last one fails."""
 
     def __init__(self) -> None:
         self.first_command: float | None = None
@@ -31,30 +31,30 @@ class EpisodeRecord:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What runs had to say, each thing once."""
+        """The notes of all runs, each once."""
         return tuple(dict.fromkeys(self._notes))
 
     @property
     def digest(self) -> str | None:
-        """Of all that the robot did; that of the run, if there was but one."""
+        """The digest of all runs; with one run, its digest."""
         if len(self._digests) < 2:
             return self._digests[0] if self._digests else None
         return hashlib.sha256("".join(self._digests).encode()).hexdigest()
 
     @property
     def travelled(self) -> float | None:
-        """How far on the ground the robot has come from where it was first, in m."""
+        """The distance on the ground between the first and the last place of the robot, in m."""
         trace = self._last.footage.trace() if self._last is not None else None
         if trace is None or self._first is None:
             return None
         return float(trace.planar_distance_to(*self._first[:2])[-1])
 
     def begin(self, episode: Episode) -> None:
-        """An episode is about to be run."""
+        """Note that an episode is about to run."""
         self._last = episode
 
     def end(self, episode: Episode, run: SimulationRun | None) -> None:
-        """It was; `run`: None if it has failed."""
+        """Add an episode; `run`: None if it failed."""
         if self.first_command is None:
             self.first_command = episode.bridge.first_command
         if self._first is None and episode.footage.start is not None:
@@ -66,7 +66,7 @@ class EpisodeRecord:
             self._digests += [run.digest] if run.sim_time > 0 else []
 
     def store(self, folder: Path) -> None:
-        """What there is to be seen: of the last episode, if there were several."""
+        """Write trace and replay of the last episode."""
         if self._last is None:
             return
         trace, film = self._last.footage.trace(), self._last.footage.film()

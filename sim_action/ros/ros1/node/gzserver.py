@@ -1,4 +1,4 @@
-"""The node `gazebo`: waits for a robot, and simulates it among the other nodes until they are done."""
+"""The node `gazebo`: waits for a robot, and simulates it until the launch ends."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _LOOK: Final = 0.01
 
 
 def serve(folder: Path, request: SimulationRequest) -> None:
-    """Runs the node until the launch is over; writes what became of the simulation when that is known."""
+    """Run the node until the launch ends; write the result as soon as it is known."""
     become_node(NAME.strip("/"))
     _Server(folder, request).run().write(folder)
     # Whoever is left may still ask; what tells it to leave is roslaunch.
@@ -69,7 +69,7 @@ class _Server:
         self._stage = EpisodeFactory(self._session, request, folder)
 
     def run(self) -> SimulationResult:
-        """To its end, whatever that is."""
+        """Run to the end, and return the result."""
         end: End = "failed"
         failure: Failure | None = None
         try:
@@ -89,7 +89,7 @@ class _Server:
         return self._told(end, failure)
 
     def _populated(self) -> WorldModels:
-        """As the launch file's world has it; one that is Gazebo's own, and not here, is empty. Raises BadWorld."""
+        """Return the models of the world file; an empty world if Gazebo's own file is missing. Raises BadWorld."""
         named = Path(str(rospy.get_param("/gazebo/world_name", _world_argument())))
         if not named.is_absolute() or not named.exists():
             if named.name != "empty.world":
@@ -104,7 +104,7 @@ class _Server:
         return WorldModels(read.world, SpawnedRobot(robot.name, robot.description, robot.pose, file=file))
 
     def _simulate(self) -> End:
-        """Raises RunError; SourceOver if everybody leaves before there is a robot."""
+        """Simulate to the end. Raises RunError; SourceOver if all nodes leave before a robot is spawned."""
         self._await_robot()
         while True:
             episode = self._stage.episode(left=self._left())
@@ -113,11 +113,13 @@ class _Server:
             if not isinstance(over, WorldChanged):
                 return _end_of(over)
             if self._current.time > self._current.began:
-                self._notes.append(f"{over} at {self._current.time:g} s of sim time: everything that moved continued from rest")
+                self._notes.append(
+                    f"{over} at {self._current.time:g} s of sim time: everything that moved continued from rest"
+                )
             self._make_changes()
 
     def _run(self, episode: Episode) -> None:
-        """Raises RunError."""
+        """Run one episode. Raises RunError."""
         self._record.begin(episode)
         run: SimulationRun | None = None
         try:
@@ -126,12 +128,12 @@ class _Server:
             self._record.end(episode, run)
 
     def _left(self) -> float | None:
-        """How much sim time there is, in s."""
+        """Return the remaining sim time, in s."""
         limit = self._request.sim_time_limit
         return None if limit is None else max(limit - self._current.time, 1 / self._request.physics_rate)
 
     def _await_robot(self) -> None:
-        """Raises SourceOver if none comes before everybody leaves."""
+        """Wait for a robot. Raises SourceOver if all nodes leave before."""
         while self._current.world_models.robot is None:
             if rospy.is_shutdown():
                 raise SourceOver("the nodes ended before a robot was spawned")
@@ -139,7 +141,7 @@ class _Server:
             time.sleep(_LOOK)
 
     def _make_changes(self) -> None:
-        """Makes what was asked for, of the world as it is now."""
+        """Apply the pending changes to the current models."""
         self._current.world_models, restarts = self._changes.apply(self._current.models_now())
         if restarts:
             self._current.time = 0.0
@@ -166,7 +168,7 @@ class _Server:
 
 
 def _world_argument() -> str:
-    """The world that a launch file names to Gazebo itself, and not to `empty_world.launch`."""
+    """Return the world file that a launch file passes to gzserver itself instead of `empty_world.launch`."""
     return next((word for word in rospy.myargv()[1:] if word.endswith(".world")), "worlds/empty.world")
 
 
@@ -189,7 +191,11 @@ _left: Final = threading.Event()
 
 
 def become_node(name: str) -> None:
-    """Makes this process a node that leaves when it is told to, with all its threads; before any other is started."""
+    """Make this process a node that leaves on a signal. Call it before any thread starts.
+
+    A thread waits for the signals. rospy's own handler would run between two steps of the main thread, and wait for
+    locks that this thread may hold: a node that publishes all the time would never end.
+    """
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     rospy.init_node(name, disable_signals=True)
     # Called after those of rospy itself: the master knows by then that this node has gone.
@@ -198,7 +204,7 @@ def become_node(name: str) -> None:
 
 
 def await_shutdown() -> None:
-    """Returns once the node has left; rospy.spin() would look for that every half a second."""
+    """Wait until the node has left; rospy.spin() would poll for that every half a second."""
     _left.wait()
 
 

@@ -1,4 +1,4 @@
-"""Where everything is: the links of the robot and the bodies around it, read from the engine at every tick."""
+"""Sensors of the node itself: states of links and bodies, and sensors that measure only for subscribers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class WorldStates:
 
 
 class WorldStatesSensor(Sensor):
-    """Reads them. No key of a scenario leads here."""
+    """Reads the states of links and bodies. No key of a scenario leads here."""
 
     key: ClassVar[str] = "states"
 
@@ -45,7 +45,7 @@ class WorldStatesSensor(Sensor):
 
     @classmethod
     def wanted(cls, wants_links: Callable[[], bool]) -> WorldStatesSensor:
-        """Links are read at moments at which somebody wants to know of them: that takes as long as all the rest."""
+        """Return a sensor that reads links only when they are wanted: it takes as long as all the rest."""
         sensor = cls()
         sensor._wants_links = wants_links
         return sensor
@@ -72,12 +72,12 @@ class WorldStatesSensor(Sensor):
 
 
 def states_sensor(rate: float, wants_links: Callable[[], bool]) -> MountedSensor:
-    """The one that `states_in` finds the reading of."""
+    """Return the mounted sensor that `states_in` reads."""
     return MountedSensor(WorldStatesSensor.wanted(wants_links), _NAME, None, Pose(), rate, trace=False)
 
 
 def states_in(seen: Observation) -> WorldStates:
-    """The latest reading."""
+    """Return the latest reading."""
     reading = seen.sensors[_NAME]
     assert isinstance(reading, WorldStates)
     return reading
@@ -85,7 +85,7 @@ def states_in(seen: Observation) -> WorldStates:
 
 @dataclass(frozen=True, slots=True)
 class NotMeasured:
-    """In place of a reading that nobody has asked for; `time`: s of sim time."""
+    """A placeholder for a reading that no node wants; `time`: s of sim time."""
 
     time: float
 
@@ -95,7 +95,7 @@ class NotMeasured:
 
 
 class OnDemandSensor(Sensor):
-    """Another sensor, and silence when nobody listens. No key of a scenario leads here."""
+    """Another sensor, which measures only when it is wanted. No key of a scenario leads here."""
 
     key: ClassVar[str] = "heard"
 
@@ -104,13 +104,13 @@ class OnDemandSensor(Sensor):
 
     @classmethod
     def of(cls, inner: Sensor, is_wanted: Callable[[], bool]) -> OnDemandSensor:
-        """`is_heard`: whether it is to be read; asked at each of its ticks."""
+        """Return the sensor; `is_wanted`: asked at each of its ticks."""
         sensor = cls()
         sensor._inner, sensor._is_wanted = inner, is_wanted
         return sensor
 
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open. The first reading after a silence is left out: it may be of all that was since the last."""
+        """See Sensor.open. The first reading after a pause is dropped: it may cover the whole pause."""
         measure = self._inner.open(mount)
         is_fresh = True
 

@@ -1,4 +1,4 @@
-"""From types of ours to messages of ROS, and back."""
+"""Conversions between our types and messages of ROS."""
 
 from __future__ import annotations
 
@@ -14,47 +14,47 @@ _BILLION = 1_000_000_000
 
 
 def time_of(seconds: float) -> Time:
-    """A sim time; rounded to 1 ns, so that 0.57 s is not 0.569999999."""
+    """Return a sim time as ROS time, rounded to 1 ns: 0.57 s is not 0.569999999."""
     whole, rest = divmod(round(seconds * _BILLION), _BILLION)
     return Time(whole, rest)
 
 
 def header(seconds: float, frame: str) -> Header:
-    """Of what was measured at a sim time."""
+    """Return the header of a measurement at a sim time."""
     return Header(stamp=time_of(seconds), frame_id=frame)
 
 
 def pose_message(pose: geometry.Pose) -> Pose:
-    """A pose."""
+    """Return a pose as message."""
     return Pose(Point(*pose.position_xyz), Quaternion(*pose.orientation_xyzw))
 
 
 def twist_message(twist: geometry.Twist) -> Twist:
-    """A twist."""
+    """Return a twist as message."""
     return Twist(Vector3(*twist.linear_xyz), Vector3(*twist.angular_xyz))
 
 
 def pose_of(message: Pose) -> geometry.Pose:
-    """A pose; one whose rotation was left at zeros is not turned."""
+    """Return the pose of a message; an all-zero rotation counts as none."""
     at, turned = message.position, message.orientation
     rotation = (turned.x, turned.y, turned.z, turned.w)
     return geometry.Pose((at.x, at.y, at.z), rotation if any(rotation) else geometry.IDENTITY)
 
 
 def twist_of(message: Twist) -> geometry.Twist:
-    """A twist."""
+    """Return the twist of a message."""
     linear, angular = message.linear, message.angular
     return geometry.Twist((linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z))
 
 
 def in_frame_of(pose: geometry.Pose, twist: geometry.Twist) -> geometry.Twist:
-    """A twist in the world frame, as it is seen in the frame of a pose (nav_msgs/Odometry's child frame)."""
+    """Return a twist in the world frame, in the frame of a pose (nav_msgs/Odometry's child frame)."""
     back = geometry.conjugate(pose.orientation_xyzw)
     return geometry.Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
 
 
 def scan_message(reading: LidarScan, head: Header, period: float) -> LaserScan:
-    """A scan; `period`: s from one to the next."""
+    """Return a scan as message; `period`: s between two scans."""
     return LaserScan(
         header=head,
         angle_min=reading.angle_min,
@@ -68,7 +68,7 @@ def scan_message(reading: LidarScan, head: Header, period: float) -> LaserScan:
 
 
 def imu_message(reading: ImuReading, head: Header) -> Imu:
-    """How a sensor turns and accelerates."""
+    """Return a reading of an IMU as message."""
     return Imu(
         header=head,
         orientation=Quaternion(*reading.orientation_xyzw),
@@ -78,7 +78,7 @@ def imu_message(reading: ImuReading, head: Header) -> Imu:
 
 
 def image_message(reading: CameraImage, head: Header) -> Image:
-    """A picture in colours, without its depths."""
+    """Return the colours of a camera image as message."""
     height, width, colours = reading.rgb.shape
     data = reading.rgb.tobytes()
     return Image(header=head, height=height, width=width, encoding="rgb8", step=width * colours, data=data)

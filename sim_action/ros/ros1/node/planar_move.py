@@ -1,4 +1,4 @@
-"""A base that goes over the ground as it is told, whatever it stands on, as Gazebo's planar_move moves one."""
+"""The drive of Gazebo's planar_move: pushes a base over the ground at the commanded velocity."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _ARM: Final = 1.0  # m
 
 
 class PlanarMove(Drive):
-    """Pushed to its velocity at once, with links that slide. No key of a scenario leads here."""
+    """Pushes the base to its velocity at once, with sliding links. No key of a scenario leads here."""
 
     key: ClassVar[str] = "planar_move"
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """By its plugin."""
+        """Return the drive if the model has the plugin."""
         return cls() if any(plugin.name == PLUGIN for plugin in model.plugins) else None
 
     def problems(self, model: RobotModel) -> SpecProblems:
-        """None: it asks nothing of a model."""
+        """Return no problems: any model fits."""
         return iter(())
 
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> PlanarMotion:
@@ -53,13 +53,13 @@ class PlanarMove(Drive):
         return Mobility()
 
     def prepared(self, scene: Scene) -> Scene:
-        """With links that slide: what is pushed at its centre of mass would tip over them. See Drive.prepared."""
+        """See Drive.prepared. Links get no friction: a base that is pushed at its centre of mass would tip over."""
         links = tuple(replace(link, surface=replace(link.surface, friction=0.0)) for link in scene.model.links)
         return replace(super().prepared(scene), model=replace(scene.model, links=links))
 
 
 class PlanarMotion:
-    """The live half; `point_xyz`: m, base frame, where it is pushed, by `force` N at the most."""
+    """The motion of the drive; `point_xyz`: m, base frame, where up to `force` N push."""
 
     joints: Final[frozenset[str]] = frozenset()
     released: Final = JointTargets(base=NO_PUSH)

@@ -1,4 +1,4 @@
-"""Devices: what a plugin of Gazebo does for a robot, done here. One file a plugin, or a few that are alike."""
+"""The devices that replace Gazebo plugins: their topics, and the commands that they receive."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from sim_action.state.command import Answer, commands_of
 from sim_action.state.observation import Observation
 
 TICKS: Final = 100
-"""In a second of sim time: so often the clock is told and commands are taken. On slower ones rospy.Rate(10) errs."""
+"""Ticks per second of sim time: publications of the clock, and reads of commands. rospy.Rate(10) errs at fewer."""
 
 Mover = Callable[[float, Observation], Answer]
-"""From a sim time in s and what the robot is like to what it is to do."""
+"""Function from a sim time in s and an observation to commands."""
 
 
 @dataclass(slots=True)
 class RobotCommands:
-    """What nodes have told the robot, and what comes of it.
+    """The commands of nodes to the robot.
 
     Attributes:
-        ears: one for each topic on which they tell it.
-        movers: what each of them makes of it.
+        subscriptions: one for each command topic.
+        movers: functions that turn the last messages into commands.
         wheels: joints that a twist turns.
     """
 
@@ -41,38 +41,38 @@ class RobotCommands:
 
     @property
     def topics(self) -> frozenset[str]:
-        """By which the robot is driven."""
+        """The topics that drive the robot."""
         return frozenset(subscription.topic for subscription in self.subscriptions)
 
     @property
     def is_commanded(self) -> bool:
-        """Whether a node has said anything that stands."""
+        """True if a node has sent a command that still holds."""
         return any(subscription.value is not None for subscription in self.subscriptions)
 
     def begin(self) -> None:
-        """Forgets what was said before the clock started: whether it was heard depends on who came up first."""
+        """Drop commands from before the start of the clock: their arrival depends on which node came up first."""
         for subscription in self.subscriptions:
             subscription.begin()
 
     def answer(self, seconds: float, seen: Observation) -> Answer:
-        """What the robot is to do, at a sim time in s."""
+        """Return the commands at a sim time in s."""
         answers = (mover(seconds, seen) for mover in self.movers)
         return tuple(command for answer in answers for command in commands_of(answer))
 
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """What plugins are opened with.
+    """The input of a plugin when it is opened.
 
     Attributes:
-        model: of the robot that they are of.
-        description: of the same, as it was spawned.
-        frame: of the same, which plugins of drives tell of.
-        told: where what nodes say to the robot goes to.
+        model: model of the robot.
+        description: description of the robot, as it was spawned.
+        frame: frame of the robot's model, for odometry.
+        commands: receives the subscriptions and movers of the plugin.
         traffic: counts messages.
-        is_held: whether the clock is: who will listen is not known before it starts.
-        warn: takes what people are to know.
-        closing: what is to be done when the robot is gone.
+        is_clock_held: returns True before the clock starts; the subscribers are not known then.
+        warn: takes notes for the user.
+        closing: closes the topics when the robot is deleted.
     """
 
     model: RobotModel
@@ -85,40 +85,40 @@ class Wiring:
     closing: ExitStack
 
     def publisher(self, topic: str, kind: type[Any]) -> Publisher:
-        """A topic for what a plugin tells."""
+        """Return a publisher of a topic."""
         return Publisher(topic, kind, self.traffic)
 
-    def subscription(self, topic: str, kind: type[Any], read: Callable[[Any], Any]) -> Subscription:
-        """A topic for what a plugin is told; `read`: makes of a message what is kept of it."""
+    def subscribe(self, topic: str, kind: type[Any], read: Callable[[Any], Any]) -> Subscription:
+        """Subscribe to a command topic; `read`: turns a message into the value that is kept."""
         subscription = Subscription(topic, kind, read, self.traffic)
         self.commands.subscriptions = (*self.commands.subscriptions, subscription)
         self.closing.callback(subscription.close)
         return subscription
 
-    def forget(self, subscription: Subscription) -> None:
-        """It listens no more."""
+    def unsubscribe(self, subscription: Subscription) -> None:
+        """Close a subscription."""
         self.commands.subscriptions = tuple(each for each in self.commands.subscriptions if each is not subscription)
         subscription.close()
 
     def add_mover(self, mover: Mover) -> None:
-        """From now on it is asked at every tick."""
+        """Call a mover at every tick from now on."""
         self.commands.movers = (*self.commands.movers, mover)
 
     def on_demand(self, sensor: Sensor, publisher: Publisher) -> Sensor:
-        """A sensor that is read for those who listen to a topic."""
+        """Return a sensor that measures only for the subscribers of a publisher."""
         return OnDemandSensor.of(sensor, lambda: publisher.has_subscribers or self.is_clock_held())
 
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """The live half of a plugin, or of a part of it.
+    """A plugin, or a part of it, that publishes.
 
     Attributes:
-        period: ticks from one call of `publish` to the next.
-        senders: its topics.
-        publish: tells nodes what there is to tell of a moment, at a sim time in s; called if a node listens.
-        sensor: what it reads; its reading is in the observation.
-        reads_links: whether it asks `world_states` about them.
+        period: ticks between two calls of `publish`.
+        publishers: its topics.
+        publish: publishes a moment, at a sim time in s; called if a node subscribes.
+        sensor: its sensor; the observation has the readings.
+        reads_links: True if it reads the states of links.
     """
 
     period: int
@@ -127,8 +127,8 @@ class Device:
     sensor: MountedSensor | None = None
     reads_links: bool = False
 
-    def tell(self, tick: int, seconds: float, seen: Observation) -> bool:
-        """Publishes, if it is time to; returns whether somebody listens."""
+    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> bool:
+        """Publish if it is due; return True if a node subscribes."""
         if tick % self.period or not any(publisher.has_subscribers for publisher in self.publishers):
             return False
         self.publish(seconds, seen)
@@ -136,12 +136,12 @@ class Device:
 
 
 class Opener(Protocol):
-    """What the table's entries are."""
+    """The type of functions that open a plugin."""
 
     def __call__(self, plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-        """Opens a plugin's topics."""
+        """Open the topics of a plugin."""
 
 
 def period_of(rate: float) -> int:
-    """Ticks from one message to the next, for a rate in Hz; 0 asks for as many as there can be."""
+    """Return the ticks between two messages, for a rate in Hz; a rate of 0 means every tick."""
     return max(1, round(TICKS / rate)) if rate > 0 else 1

@@ -1,4 +1,4 @@
-"""Services of Gazebo's ROS interface that look at links, joints and models, and at how physics are computed."""
+"""The services of gazebo_ros_api_plugin that read links, joints, models and physics."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from sim_action.core.messages import did_you_mean
 from sim_action.robot.robot_model import JointType, Link, RobotModel
 from sim_action.ros.ros1.node.current_state import CurrentState, link_state
 from sim_action.ros.ros1.node.messages import pose_message, twist_message
+from sim_action.ros.ros1.node.world_models import unknown_model_message
 
 WORLD_FRAMES: Final = frozenset({"", "world", "map", "/map", "ground_plane"})
 
@@ -39,7 +40,7 @@ _LINK: Final = "link"
 
 
 class QueryServices:
-    """Offers them, for as long as the node lives; `rate`: of physics steps, in Hz."""
+    """The query services, open as long as the node lives; `rate`: physics steps per second, in Hz."""
 
     def __init__(self, current: CurrentState, paused: Event, rate: float) -> None:
         self._current, self._paused, self._rate = current, paused, rate
@@ -53,7 +54,7 @@ class QueryServices:
             rospy.Service(f"/gazebo/{name}", kind, answer)
 
     def _link_state(self, asked: Any) -> dict[str, Any]:
-        """Raises LookupError."""
+        """Return the state of a link. Raises LookupError."""
         pose, twist = state_of(self._current, asked.link_name)
         frame = asked.reference_frame
         if frame not in WORLD_FRAMES:
@@ -65,7 +66,7 @@ class QueryServices:
         return {"link_state": state}
 
     def _link(self, name: str) -> dict[str, Any]:
-        """Raises LookupError."""
+        """Return the properties of a link. Raises LookupError."""
         model, short = robot_model(self._current), name.rpartition("::")[2]
         link = model.links_by_name.get(short)
         if link is None:
@@ -75,7 +76,7 @@ class QueryServices:
         return {"com": com, "gravity_mode": True, "mass": link.mass or 0.0, **moments}
 
     def _joint(self, name: str) -> dict[str, Any]:
-        """Raises LookupError."""
+        """Return the properties of a joint. Raises LookupError."""
         joint = robot_joint(robot_model(self._current), name)
         found = robot_model(self._current).joints_by_name[joint]
         state = self._current.joints.get(joint)
@@ -83,7 +84,7 @@ class QueryServices:
         return {"type": _TYPES[found.type], "damping": [], **moving}
 
     def _model(self, name: str) -> dict[str, Any]:
-        """Raises LookupError."""
+        """Return the properties of a model. Raises LookupError."""
         models, model = self._current.world_models, self._current.model
         if models.robot is not None and models.robot.name == name and model is not None:
             geoms = [f"{link.name}_collision" for link in model.links if link.collisions]
@@ -112,14 +113,14 @@ class QueryServices:
 
 
 def robot_model(current: CurrentState) -> RobotModel:
-    """Of the one robot. Raises LookupError."""
+    """Return the model of the robot. Raises LookupError."""
     if current.model is None or current.world_models.robot is None:
         raise LookupError("there is no robot")
     return current.model
 
 
 def robot_joint(model: RobotModel, name: str) -> str:
-    """A joint's name, without that of its model. Raises LookupError."""
+    """Return a joint's name, without the name of its model. Raises LookupError."""
     short = name.rpartition("::")[2]
     if short not in model.joints_by_name:
         raise LookupError(f"the robot has no joint '{short}'{did_you_mean(short, model.joints_by_name)}")
@@ -127,7 +128,7 @@ def robot_joint(model: RobotModel, name: str) -> str:
 
 
 def state_of(current: CurrentState, name: str) -> tuple[Pose, Twist]:
-    """Of a link that is called `model::link`, or by its own name, if it is the robot's. Raises LookupError."""
+    """Return the state of `model::link`, or of a link of the robot by its own name. Raises LookupError."""
     model, separator, link = name.rpartition("::")
     robot = current.world_models.robot
     if separator and (robot is None or model != robot.name) and model in current.model_states:
@@ -139,12 +140,12 @@ def state_of(current: CurrentState, name: str) -> tuple[Pose, Twist]:
 
 
 def frame_of(current: CurrentState, name: str) -> Pose:
-    """Of a model, or of a link, in the world. Raises LookupError."""
+    """Return the pose of a model or of a link in the world. Raises LookupError."""
     return current.model_states[name][0] if name in current.model_states else state_of(current, name)[0]
 
 
 def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:
-    """How the axes of inertia are turned in the link, and moments about them, as the model's URDF has them."""
+    """Return the rotation of the inertia axes in the link, and the moments about them, from the model's URDF."""
     root = ET.fromstring(model.urdf) if model.urdf else ET.Element("robot")  # noqa: S314 - written by ourselves
     inertial = next((each.find("inertial") for each in root.iter("link") if each.get("name") == link.name), None)
     stated = inertial.find("inertia") if inertial is not None else None
@@ -155,7 +156,7 @@ def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[s
 
 
 def _tried(what: Any, asked: Any) -> dict[str, Any]:
-    """An answer, or why there is none."""
+    """Return the answer of a service, or the reason of its failure."""
     try:
         return {**what(asked), "success": True}
     except LookupError as error:

@@ -1,4 +1,4 @@
-"""A robot of a scenario among nodes: at each tick it tells them what there is to know, and takes what they command."""
+"""The robot of a scenario as a node: at each tick it publishes its state and takes commands."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ from sim_action.state.readings import OdometryReading
 from sim_action.world.scene import Fitting
 
 NAME: Final = "/gazebo"
-"""As what it stands in for is called."""
+"""The node name that Gazebo has."""
 
 _TWIST: Final = "geometry_msgs/Twist"
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """What is told of, and how.
+    """The data of the robot that the node needs.
 
     Attributes:
-        rate: ticks in a second of sim time.
-        topics: what they are of -> topic.
+        rate: ticks per second of sim time.
+        topics: key of a topic -> its name.
     """
 
     model: RobotModel
@@ -64,10 +64,10 @@ class RobotSpec:
 
 
 class RobotNode:
-    """The live half of a source whose commands are given by nodes."""
+    """The controller of a scenario that nodes drive."""
 
     def __init__(self, nodes: LaunchedNodes, robot: RobotSpec, start_within: float) -> None:
-        """Becomes a node of theirs. Raises ScriptError."""
+        """Become one of the nodes. Raises ScriptError."""
         self._nodes, self._robot = nodes, robot
         rospy.init_node(NAME.strip("/"), disable_signals=True)
         self._master = Master(os.environ["ROS_MASTER_URI"], NAME)
@@ -85,9 +85,9 @@ class RobotNode:
         self.sensors = (states_sensor(robot.rate, lambda: not self._has_begun or self._states.has_link_subscribers),)
 
     def tick(self, seen: Observation) -> Answer:
-        """Tells nodes of a moment, waits until they have dealt with it, and returns what they say to it.
+        """Publish a moment, wait until the nodes have handled it, and return the last command.
 
-        Raises ScriptError if one of them has ended as it should not.
+        Raises ScriptError if a node has failed.
         """
         try:
             if not self._has_begun:
@@ -106,13 +106,13 @@ class RobotNode:
         return twist
 
     def close(self) -> None:
-        """Ends the nodes, and notes what there is to say of them."""
+        """End the nodes, and collect notes."""
         why = () if self._is_driven else self._why_not_driven()
         self._nodes.close()
         self.notes += [*self._nodes.notes, *self._lockstep.notes, *why]
 
     def _begin(self) -> None:
-        """The clock does not start before everybody is there."""
+        """Hold the clock until all nodes are up."""
         self._lockstep.begin(lambda: frozenset({self._subscription.topic}), lambda: False)
         # Whether something was heard depends on who came up first.
         self._subscription.begin()
@@ -120,9 +120,9 @@ class RobotNode:
         self._has_begun = True
 
     def _look_after_leavers(self) -> None:
-        """A node that is about to end hangs up, and then takes its time by the wall's clock: sim time waits for it.
+        """Hold sim time while a node ends: it disconnects first and then ends by the wall clock.
 
-        Raises ScriptError if one has ended as it should not.
+        Raises ScriptError if a node has failed.
         """
         subscriber_count, deaths = self._states.subscriber_count, self._nodes.deaths
         # Which of the two is known first of one that has ended is not said.
@@ -132,9 +132,9 @@ class RobotNode:
             self._listeners, self._deaths = subscriber_count, self._nodes.deaths
 
     def _tell(self, seen: Observation) -> bool:
-        """Returns whether somebody listens."""
+        """Publish a moment, and return True if a node subscribes."""
         name, states = self._robot.model.name, states_in(seen)
-        heard = [topic.tell(round(seen.time * self._robot.rate), seen) for topic in self._others]
+        heard = [topic.publish_if_due(round(seen.time * self._robot.rate), seen) for topic in self._others]
         heard.append(self._states.publish_models({**states.bodies, name: (seen.pose, seen.twist)}))
         if states.links:
             bodies = {f"{body}::link": state for body, state in states.bodies.items()}
@@ -143,7 +143,7 @@ class RobotNode:
         return any(heard)
 
     def _why_not_driven(self) -> tuple[str, ...]:
-        """What to say of a robot that nobody has told anything; topics on which nodes talk of twists may be meant."""
+        """Return the note on a robot that no node drove, with other topics of type Twist."""
         topic = self._subscription.topic
         try:
             twists = self._master.published(_TWIST)
@@ -161,16 +161,16 @@ _ODOMETRY_FRAME: Final = "odom"
 
 
 class TopicPublisher(Protocol):
-    """Something that nodes can hear of."""
+    """A source of messages on a topic."""
 
-    def tell(self, tick: int, seen: Observation) -> bool:
-        """Says what is new at a tick; returns whether somebody listens."""
+    def publish_if_due(self, tick: int, seen: Observation) -> bool:
+        """Publish if something is new at a tick; return True if a node subscribes."""
 
 
 def open_publishers(
     model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float, traffic: Traffic
 ) -> list[TopicPublisher]:
-    """All topics of a robot; `topics`: what they are of -> topic; `rate`: ticks in a second."""
+    """Return the publishers of a robot; `topics`: key -> topic; `rate`: ticks per second."""
     period = max(1, round(rate / _STATES_RATE))
     found: list[TopicPublisher] = [_Joints(Publisher(topics[JOINTS], JointState, traffic), model, period)]
     if ODOMETRY in topics:
@@ -186,21 +186,21 @@ def _sensors(
         if sensor.kind == "odometry":
             odometry = _Odometry(topics[sensor.name], base, traffic, publishes_tf=is_first)
             is_first = False
-            yield _Sensor(sensor.name, odometry.tell_reading)
+            yield _Sensor(sensor.name, odometry.publish_reading)
         elif sensor.kind in _MESSAGES:
             kind, made = _MESSAGES[sensor.kind]
             yield _Sensor(sensor.name, _sending(Publisher(topics[sensor.name], kind, traffic), made, sensor))
 
 
 class _Joints:
-    """Where joints are, and what their motors do."""
+    """Publishes joint states."""
 
     def __init__(self, publisher: Publisher, model: RobotModel, period: int) -> None:
         self._publisher, self._period = publisher, period
         self._names = [joint.name for joint in model.moving_joints]
 
-    def tell(self, tick: int, seen: Observation) -> bool:
-        """See Told.tell."""
+    def publish_if_due(self, tick: int, seen: Observation) -> bool:
+        """See TopicPublisher.publish_if_due."""
         if tick % self._period or not self._publisher.has_subscribers or not self._names:
             return False
         positions, velocities, efforts = zip(*(seen.joints[name] for name in self._names), strict=True)
@@ -209,15 +209,15 @@ class _Joints:
 
 
 class _Odometry:
-    """Where a base is said to be, as a message and as a frame."""
+    """Publishes odometry as a message and as a frame."""
 
     def __init__(self, topic: str, base: str, traffic: Traffic, *, publishes_tf: bool = True) -> None:
         self._base = base
         self._publisher = Publisher(topic, Odometry, traffic)
         self._frames = Publisher("/tf", TFMessage, traffic) if publishes_tf else None
 
-    def tell(self, seconds: float, pose: Pose, twist: Twist) -> bool:
-        """`twist`: in the frame of the base."""
+    def publish(self, seconds: float, pose: Pose, twist: Twist) -> bool:
+        """Publish a pose and a twist, the twist in the frame of the base."""
         publishers = [
             publisher
             for publisher in (self._publisher, self._frames)
@@ -233,33 +233,33 @@ class _Odometry:
             self._frames.send(TFMessage([TransformStamped(message.header, self._base, moved)]))
         return True
 
-    def tell_reading(self, reading: OdometryReading) -> bool:
-        """Of a sensor."""
-        return self.tell(reading.time, reading.pose, reading.twist)
+    def publish_reading(self, reading: OdometryReading) -> bool:
+        """Publish a reading of an odometry sensor."""
+        return self.publish(reading.time, reading.pose, reading.twist)
 
 
 class _Truth:
-    """Odometry that never errs."""
+    """Publishes the true motion as odometry."""
 
     def __init__(self, odometry: _Odometry, period: int) -> None:
         self._odometry, self._period = odometry, period
 
-    def tell(self, tick: int, seen: Observation) -> bool:
-        """See Told.tell."""
+    def publish_if_due(self, tick: int, seen: Observation) -> bool:
+        """See TopicPublisher.publish_if_due."""
         if tick % self._period:
             return False
-        return self._odometry.tell(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
+        return self._odometry.publish(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
 
 
 class _Sensor:
-    """A sensor of the scenario, each of whose readings is told once."""
+    """Publishes each reading of a sensor once."""
 
     def __init__(self, name: str, send: Callable[[Any], bool]) -> None:
         self._name, self._send = name, send
         self._last: float | None = None
 
-    def tell(self, tick: int, seen: Observation) -> bool:
-        """See Told.tell."""
+    def publish_if_due(self, tick: int, seen: Observation) -> bool:
+        """See TopicPublisher.publish_if_due."""
         reading = seen.sensors[self._name]
         if reading.time == self._last:
             return False
@@ -285,4 +285,4 @@ _MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Header, Fitting], 
     "camera": (Image, lambda reading, head, _: image_message(reading, head)),
     "contact": (Bool, lambda reading, _, __: Bool(reading.touching)),
 }
-"""Kind of a sensor -> type of its messages, and what makes them."""
+"""Kind of a sensor -> message type and conversion."""

@@ -1,4 +1,4 @@
-"""Plugins of lidars that sweep a plane."""
+"""Sensor plugins: lidar, IMU, true pose of a link, and joint states."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sim_action.state.readings import ImuReading, LidarScan
 
 
 def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """gazebo_ros_laser, gazebo_ros_gpu_laser."""
+    """Open gazebo_ros_laser or gazebo_ros_gpu_laser."""
     sensor, name = plugin.sensor, f"laser {plugin.topic('topicName', default='scan')}"
     publisher = wiring.publisher(plugin.topic("topicName", default="scan"), LaserScan)
     frame = plugin.own.text("frameName", default=plugin.link)
@@ -59,7 +59,7 @@ def _pose(plugin: Plugin) -> Pose:
 
 
 def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """gazebo_ros_imu, which names its link, and gazebo_ros_imu_sensor, which is of a sensor on one."""
+    """Open gazebo_ros_imu, which names its link, or gazebo_ros_imu_sensor, which belongs to a sensor on a link."""
     topic = plugin.topic("topicName", default="imu")
     link = plugin.own.text("bodyName", default=plugin.link or wiring.model.root)
     frame = plugin.own.text("frameName", default=link)
@@ -85,7 +85,7 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
 
 
 def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """gazebo_ros_p3d."""
+    """Open gazebo_ros_p3d."""
     link, frame = plugin.own.text("bodyName", default=wiring.model.root), plugin.own.text("frameName", default="world")
     publisher = wiring.publisher(plugin.topic("topicName", default="odom"), Odometry)
 
@@ -99,7 +99,7 @@ def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
 
 
 def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """gazebo_ros_joint_state_publisher; without names, all that move."""
+    """Open gazebo_ros_joint_state_publisher; without names, it publishes all moving joints."""
     publisher = wiring.publisher(plugin.topic("topicName", default="joint_states"), JointState)
     moving = [joint.name for joint in wiring.model.moving_joints]
     names = [name for name in plugin.own.texts("jointName") if name in moving] or moving

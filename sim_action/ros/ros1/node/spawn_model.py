@@ -1,4 +1,4 @@
-"""The node `spawn_model` of gazebo_ros: asks the simulation for a model that is in a parameter or in a file."""
+"""The program `spawn_model` of gazebo_ros: asks the simulation to spawn a model from a parameter or a file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LOOK: Final = 0.02  # s of wall time
 
 
 def spawn(words: Sequence[str] | None = None) -> int:
-    """Returns the exit code."""
+    """Spawn a model, and return the exit code."""
     rospy.init_node("spawn_model", anonymous=True)
     asked, unknown = _parser().parse_known_args(rospy.myargv()[1:] if words is None else words)
     if unknown:
@@ -56,7 +56,7 @@ def _await_model(space: str, name: str) -> None:
 
 
 def _answers(space: str, asked: argparse.Namespace, description: str) -> Iterator[Any]:
-    """Of one service after the other; whoever looks at them stops at the first that failed."""
+    """Yield the answers of one service after another; the caller stops at the first failure."""
     yield _asked(space, asked, description)
     if asked.joints:
         names, values = zip(*asked.joints, strict=True)
@@ -65,7 +65,7 @@ def _answers(space: str, asked: argparse.Namespace, description: str) -> Iterato
 
 
 def _stay(space: str, model: str) -> None:
-    """Until it is told to leave; then the model goes as well."""
+    """Wait until the program is asked to leave; then delete the model."""
     delete = _service(space, "delete_model", DeleteModel)
     rospy.spin()
     # The simulation may have been told to leave at the same time.
@@ -99,13 +99,13 @@ def _is_there(service: str) -> bool:
 
 
 def _description(asked: argparse.Namespace) -> str:
-    """Raises OSError, KeyError."""
+    """Return the description. Raises OSError, KeyError."""
     text = _text(asked)
     return text.replace("package://", "model://") if asked.package_to_model else text
 
 
 def _text(asked: argparse.Namespace) -> str:
-    """Raises OSError, KeyError."""
+    """Return the text of the description. Raises OSError, KeyError."""
     if asked.param:
         return str(rospy.get_param(asked.param))
     if asked.file:
@@ -116,7 +116,7 @@ def _text(asked: argparse.Namespace) -> str:
 
 
 def _of_database(name: str) -> Path:
-    """Raises FileNotFoundError."""
+    """Return the file of a model in GAZEBO_MODEL_PATH. Raises FileNotFoundError."""
     folders = [Path(folder) for folder in os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep) if folder]
     for folder in folders:
         if (path := folder / name / "model.sdf").is_file():

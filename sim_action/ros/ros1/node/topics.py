@@ -1,4 +1,7 @@
-"""The topics on which Gazebo tells of the world, whatever plugins there are."""
+"""Publishers and subscriptions, and the topics of Gazebo itself: clock, model states and link states.
+
+A publisher returns once a message is sent, so that every subscriber is awake by then.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,11 @@ from sim_action.ros.ros1.node.current_state import States
 from sim_action.ros.ros1.node.messages import pose_message, time_of, twist_message
 
 Traffic = Counter[str]
-"""Topic -> messages that were sent on it, or heard, since the clock started."""
+"""Topic -> number of messages sent or received since the clock started."""
 
 
 class Publisher:
-    """Messages of one kind on one topic; what nobody listens to is neither sent nor counted."""
+    """Publishes one type of message on one topic; without a subscriber, nothing is sent or counted."""
 
     def __init__(self, topic: str, kind: type[Any], traffic: Traffic) -> None:
         self._topic, self._traffic = topic, traffic
@@ -29,16 +32,16 @@ class Publisher:
 
     @property
     def subscriber_count(self) -> int:
-        """How many nodes listen; one that has hung up does not, though rospy finds out only by writing to it twice."""
+        """The number of connected subscribers. rospy notices a closed connection only after two writes."""
         return sum(map(_is_there, tuple(self._publisher.impl.connections)))
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether a node listens: else a message need not be made."""
+        """True if a node subscribes; otherwise the message need not be made."""
         return bool(self._publisher.get_num_connections())
 
     def send(self, message: Any) -> None:
-        """Returns when all who listen have it."""
+        """Publish a message, and return once all subscribers have it."""
         if not self.has_subscribers:
             return
         self._traffic[self._topic] += 1
@@ -56,10 +59,10 @@ def _is_there(connection: Any) -> bool:
 
 
 def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
-    """Of messages of a kind.
+    """Return a publisher without a queue.
 
-    rospy warns of publishers that have no queue, since a node that hangs holds them up. In lock-step it does so anyway,
-    and a queue is a thread that takes each message over: twice the time.
+    rospy warns about publishers without a queue, because a node that hangs holds them up. Lock-step waits for it in any
+    case, and a queue is one more thread that takes each message over: twice the time.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)
@@ -67,12 +70,12 @@ def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
 
 
 class Subscription:
-    """Listens to a topic.
+    """A subscription to a topic, which keeps the last message.
 
     Attributes:
         topic: its name.
-        heard: what was made of the last message; None: there was none.
-        count: of messages so far.
+        value: value of the last message; None: there was none.
+        count: number of messages so far.
     """
 
     def __init__(self, topic: str, kind: type[Any], read: Callable[[Any], Any], traffic: Traffic) -> None:
@@ -84,16 +87,16 @@ class Subscription:
         self._subscriber = rospy.Subscriber(topic, kind, self._hear, queue_size=1, tcp_nodelay=True)
 
     def begin(self) -> None:
-        """Forgets what was said; what is latched is heard in any case, whenever one begins to listen."""
+        """Drop a message from before the start, unless it is latched: a latched one arrives in any case."""
         if not self._is_latched:
             self.forget()
 
     def forget(self) -> None:
-        """As if nothing had been said."""
+        """Drop the last message."""
         self.value = None
 
     def close(self) -> None:
-        """Listens no more."""
+        """Unsubscribe."""
         self._subscriber.unregister()
 
     def _hear(self, message: Any) -> None:
@@ -104,13 +107,13 @@ class Subscription:
 
 
 GROUND: Final = "ground_plane"
-"""What Gazebo calls the ground."""
+"""Gazebo's name of the ground."""
 
 _STILL: Final = Pose(), Twist()
 
 
 class GazeboTopics:
-    """Tells, if somebody listens."""
+    """Publishes the topics of Gazebo, if a node subscribes."""
 
     def __init__(self, traffic: Traffic) -> None:
         self._clock = Publisher("/clock", Clock, traffic)
@@ -119,27 +122,27 @@ class GazeboTopics:
 
     @property
     def subscriber_count(self) -> int:
-        """How many nodes are told the time."""
+        """The number of nodes that subscribe to the clock."""
         return self._clock.subscriber_count
 
     @property
     def has_link_subscribers(self) -> bool:
-        """Whether a node wants to know of links."""
+        """True if a node subscribes to link states."""
         return self._links.has_subscribers
 
     def publish_time(self, seconds: float) -> None:
-        """Publishes the clock."""
+        """Publish the clock."""
         self._clock.send(Clock(time_of(seconds)))
 
     def publish_models(self, models: States) -> bool:
-        """Publishes where models are; returns whether somebody listens."""
+        """Publish the states of models; return True if a node subscribes."""
         if not self._models.has_subscribers:
             return False
         self._models.send(ModelStates(*_columns({GROUND: _STILL, **models})))
         return True
 
     def publish_links(self, links: States) -> bool:
-        """Publishes where links are, each called after its model and itself; returns whether somebody listens."""
+        """Publish the states of links, by `model::link`; return True if a node subscribes."""
         if not self._links.has_subscribers:
             return False
         self._links.send(LinkStates(*_columns({f"{GROUND}::link": _STILL, **links})))

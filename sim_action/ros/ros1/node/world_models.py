@@ -1,4 +1,7 @@
-"""Who is in the world: the robot, and bodies that nodes have spawned, as data that a simulation can begin with."""
+"""The models of the world: the robot and spawned bodies, changes that nodes ask for, and efforts on joints.
+
+They are plain data from which a simulation can start. This module does not import rospy.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +24,13 @@ class SpawnedRobot:
     """The robot, as it was spawned.
 
     Attributes:
-        name: of its model among nodes.
+        name: name of its model among nodes.
         description: URDF or SDF.
-        pose: of its base link; a height of less than its own is raised until it stands on the ground.
-        joints: where its joints are, in rad or m; those left out are at home.
-        space: the namespace of its plugins that state none.
-        file: that the description is in, if what it names is found from there.
-        number: of its spawning: another one makes another robot of the same description.
+        pose: pose of its base link; a height that is too low is raised until the robot stands on the ground.
+        joints: joint positions in rad or m; the others are at home.
+        space: namespace of plugins that state none.
+        file: file of the description, if relative paths start from there.
+        number: number of its spawn; another spawn of the same description is another robot.
     """
 
     name: str
@@ -39,17 +42,17 @@ class SpawnedRobot:
     number: int = 0
 
     def is_same_as(self, other: SpawnedRobot) -> bool:
-        """Whether it is the same robot, wherever it is."""
+        """Return True if it is the same robot, wherever it is."""
         return self.number == other.number
 
 
 @dataclass(frozen=True, slots=True)
 class WorldModels:
-    """All that there is.
+    """All models of the world.
 
     Attributes:
-        robot: None: it is still to be spawned.
-        homes: name of a model -> where it was when it came; those left out have not moved.
+        robot: None: not spawned yet.
+        spawn_poses: name of a model -> its first pose; models that have not moved are left out.
     """
 
     world: World
@@ -58,18 +61,18 @@ class WorldModels:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all models, the ground first, as Gazebo has it."""
+        """The names of all models, the ground first, as in Gazebo."""
         bodies = tuple(body.name for body in self.world.objects)
         return ("ground_plane", *bodies, *([self.robot.name] if self.robot else []))
 
     def with_body(self, body: Body) -> Self:
-        """The same, and a body; one of its name gives way."""
+        """Return the models with a new body, which replaces a model of the same name."""
         others = self.without(body.name)
         objects = (*others.world.objects, body)
         return replace(others, world=others.world.model_copy(update={"objects": objects}))
 
     def without(self, name: str) -> Self:
-        """The same without a model."""
+        """Return the models without one."""
         spawn_poses = {model: pose for model, pose in self.spawn_poses.items() if model != name}
         if self.robot is not None and self.robot.name == name:
             return replace(self, robot=None, spawn_poses=spawn_poses)
@@ -77,7 +80,7 @@ class WorldModels:
         return replace(self, world=self.world.model_copy(update={"objects": others}), spawn_poses=spawn_poses)
 
     def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
-        """The same with some models elsewhere; `joints`: where those of the robot are."""
+        """Return the models with new poses of some; `joints`: joint positions of the robot."""
         objects = tuple(
             body.model_copy(update={"pose": to_placement(poses[body.name])}) if body.name in poses else body
             for body in self.world.objects
@@ -92,30 +95,30 @@ class WorldModels:
         return replace(self, world=world, robot=robot, spawn_poses={**spawn_poses, **self.spawn_poses})
 
     def can_move(self, name: str) -> bool:
-        """Whether a model has a mass: the robot, and some bodies."""
+        """Return True if a model has a mass: the robot, and some bodies."""
         return all(body.mass is not None for body in self.world.objects if body.name == name)
 
     def with_velocity(self, name: str, velocity_xyz: Vector3) -> Self:
-        """The same with a model that begins with a velocity in m/s, world frame."""
+        """Return the models with a start velocity of one, in m/s, world frame."""
         is_robot = self.robot is not None and self.robot.name == name
         push = Disturbance.model_validate({"at": 0.0, "velocity": velocity_xyz, **({} if is_robot else {"body": name})})
         disturbances = (*self.world.disturbances, push)
         return replace(self, world=self.world.model_copy(update={"disturbances": disturbances}))
 
     def without_wrench(self, body: str | None, link: str) -> Self:
-        """The same without what presses on a body, or, without one, on a link of the robot; "": its base link."""
+        """Return the models without the wrenches on a body; body None: on a link of the robot, "" its base link."""
         left = tuple(
             each for each in self.world.disturbances if (each.body, each.link or "") != (body, "" if body else link)
         )
         return replace(self, world=self.world.model_copy(update={"disturbances": left}))
 
     def after(self, seconds: float) -> Self:
-        """The same after a time: of what pushes, that which is left."""
+        """Return the models after a time in s, with the remaining part of each disturbance."""
         left = (_push_after(push, seconds) for push in self.world.disturbances if push.end > seconds)
         return replace(self, world=self.world.model_copy(update={"disturbances": tuple(left)}))
 
     def at_spawn_poses(self) -> Self:
-        """The same with all models where they were when they came, and nothing that pushes them."""
+        """Return the models at their first poses, without disturbances."""
         back = self.moved(self.spawn_poses, {})
         return replace(back, world=back.world.model_copy(update={"disturbances": ()}))
 
@@ -130,40 +133,40 @@ def _pose_of(placement: Placement) -> Pose:
 
 
 def to_placement(pose: Pose) -> Placement:
-    """The same as a placement."""
+    """Return a pose as placement."""
     x, y, z = pose.position_xyz
     roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
     return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)
 
 
 def refuse_unknown(name: str, models: WorldModels) -> None:
-    """Raises ValueError if there is no such model that a node could change."""
+    """Raise ValueError if there is no such model, or it is the ground."""
     if name not in models.names[1:]:
         raise ValueError(unknown_model_message(name, models))
 
 
 def unknown_model_message(name: str, models: WorldModels) -> str:
-    """What to say of a model that there is not."""
+    """Return the message for an unknown model."""
     return f"there is no model '{name}'; the models are {', '.join(models.names)}"
 
 
 Alter = Callable[[WorldModels], WorldModels]
-"""From a population to the next. Raises ValueError with what to tell whoever has asked."""
+"""Function from models to changed models. Raises ValueError with the message for the caller of the service."""
 
 _PATIENCE: Final = 30.0
 
 
 class WorldChanged(SourceOver):
-    """The world has changed: what was simulated so far is over, and goes on from where everything is."""
+    """The world changed: the episode ends, and the next one starts from the current state."""
 
 
 @dataclass
 class Change:
-    """One request, until it is answered.
+    """One requested change, until it is answered.
 
     Attributes:
-        restarts: whether sim time begins anew.
-        refused: why it was not done.
+        restarts_time: True if sim time restarts at 0.
+        refusal: the reason why it was not made.
     """
 
     alter: Alter
@@ -173,13 +176,13 @@ class Change:
 
 
 class ChangeQueue:
-    """The requests of all services; a handler of one waits in a thread of its own."""
+    """The requested changes of all services. Each service handler waits in a thread of its own."""
 
     def __init__(self) -> None:
         self._waiting = queue.SimpleQueue[Change]()
 
     def request(self, alter: Alter, *, restarts_time: bool = False) -> str | None:
-        """Waits until a change is made; returns why it was not, if it was not."""
+        """Request a change and wait for it; return the reason if it was refused."""
         change = Change(alter, restarts_time)
         self._waiting.put(change)
         if not change.done.wait(_PATIENCE):
@@ -187,11 +190,11 @@ class ChangeQueue:
         return change.refusal
 
     def has_pending(self) -> bool:
-        """Whether there is a change to be made."""
+        """Return True if a change is waiting."""
         return not self._waiting.empty()
 
     def apply(self, models: WorldModels) -> tuple[WorldModels, bool]:
-        """The population after all changes that are asked for, and whether sim time begins anew."""
+        """Return the models after all waiting changes, and True if sim time restarts."""
         restarts = False
         while not self._waiting.empty():
             change = self._waiting.get()
@@ -206,7 +209,7 @@ class ChangeQueue:
 
 @dataclass(frozen=True, slots=True)
 class JointEffort:
-    """N m (or N) on a joint, from one sim time in s to another."""
+    """N m (or N) on a joint, between two sim times in s."""
 
     joint: str
     value: float
@@ -215,29 +218,30 @@ class JointEffort:
 
 
 class JointEfforts:
-    """Those of the one robot."""
+    """The efforts that services apply to the joints of the robot; efforts on one joint add up."""
 
     def __init__(self) -> None:
         self._efforts: tuple[JointEffort, ...] = ()
         self._moved: frozenset[str] = frozenset()
 
     def apply(self, joint: str, value: float, begins: float, seconds: float) -> None:
-        """`seconds` negative: for ever."""
+        """Apply an effort; `seconds` negative: forever."""
         ends = math.inf if seconds < 0 else begins + seconds
         self._efforts = (*self._efforts, JointEffort(joint, value, begins, ends))
 
     def clear(self, joint: str) -> None:
-        """Ends all on a joint."""
+        """End all efforts on a joint."""
         self._efforts = tuple(effort for effort in self._efforts if effort.joint != joint)
 
     def clear_all(self) -> None:
-        """Of a robot that is gone."""
+        """End all efforts, when the robot is deleted."""
         self._efforts, self._moved = (), frozenset()
 
     def added_to(self, answer: Answer, seconds: float, wheels: frozenset[str]) -> Answer:
-        """With efforts in the place of what moves their joints otherwise; `wheels`: which a twist turns, and they not.
+        """Return the commands with efforts in place of other commands to their joints.
 
-        A joint whose effort has ended is let go, unless something else moves it.
+        `wheels`: joints that a twist turns; efforts on them are ignored while a twist drives the robot. A joint whose
+        effort has ended is let go, unless another command moves it.
         """
         if not self._efforts and not self._moved:
             return answer

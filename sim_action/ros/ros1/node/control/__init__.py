@@ -1,6 +1,6 @@
-"""Controllers of ros_control, as gazebo_ros_control runs them: what nodes tell joints, made joint targets at each tick.
+"""The controllers of ros_control, as gazebo_ros_control runs them: from messages to joint targets at each tick.
 
-One file a kind. What a controller needs is in parameters, in the namespace of its own name (wiki.ros.org/ros_control).
+The parameters of a controller are in the namespace of its name (wiki.ros.org/ros_control).
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from sim_action.ros.ros1.ros_control import Transmissions
 
 
 class BadController(Exception):
-    """A controller that cannot be loaded; the message is for whoever wrote its parameters."""
+    """A controller that cannot be loaded; the message is for the author of its parameters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """Those of a controller; `space`: the name that they are below, which its topics are below as well."""
+    """The parameters of a controller; `space`: its namespace, which its topics have as well."""
 
     space: str
 
     def get(self, *names: str, default: Any = None) -> Any:
-        """What the first of these says that is there."""
+        """Return the value of the first of these parameters that exists."""
         for name in names:
             if (value := rospy.get_param(f"{self.space}/{name}", None)) is not None:
                 return value
         return default
 
     def number(self, name: str, default: float | None = None) -> float:
-        """Raises BadController for what is none, or is not there and has to be."""
+        """Return a parameter as a number. Raises BadController if it is none, or is missing without a default."""
         value = self.get(name, default=default)
         try:
             return float(value)
@@ -43,7 +43,7 @@ class Parameters:
             raise BadController(f"{self.space}/{name} is {value!r}: expected a number") from None
 
     def names(self, name: str) -> tuple[str, ...]:
-        """One name, or a list of them. Raises BadController."""
+        """Return a parameter with one name or a list of names. Raises BadController."""
         value = self.get(name)
         found = (value,) if isinstance(value, str) else value
         if not isinstance(found, list | tuple) or not found or not all(isinstance(each, str) for each in found):
@@ -53,11 +53,11 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """What controllers are opened with.
+    """The input of a controller when it is opened.
 
     Attributes:
-        space: of the robot, "" or one that begins with a slash.
-        transmissions: which joints have which interfaces.
+        space: namespace of the robot, "" or a name that begins with a slash.
+        transmissions: the interfaces of joints.
     """
 
     parameters: Parameters
@@ -66,11 +66,11 @@ class Opening:
     transmissions: Transmissions
 
     def topic(self, name: str) -> str:
-        """One of the controller's own."""
+        """Return the full name of a topic of the controller."""
         return f"{self.parameters.space}/{name}"
 
     def fitting(self, name: str, reading: Reading) -> tuple[str, ...]:
-        """The joints that a parameter names. Raises BadController if one cannot be told this."""
+        """Return the joints that a parameter names. Raises BadController if one lacks the interface."""
         joints = self.parameters.names(name)
         for joint in joints:
             why = self.wiring.model.why_not_driven(joint) or self.transmissions.why_not(joint, reading)
@@ -80,20 +80,20 @@ class Opening:
 
 
 def _nothing() -> None:
-    """What there is to be done for a controller that remembers nothing."""
+    """Do nothing, for a controller without state."""
 
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """One that is loaded.
+    """A loaded controller.
 
     Attributes:
-        interface: of the hardware, as ros_control calls it.
-        joints: that it alone may move while it runs.
-        mover: asked at every tick while it runs.
-        device: tells nodes something while it runs.
-        ears: on which it is told.
-        begin: called before it runs, also when it has run before.
+        interface: its hardware interface, as ros_control names it.
+        joints: the joints that it alone may move while it runs.
+        mover: called at every tick while it runs.
+        device: publishes while it runs.
+        subscriptions: its command topics.
+        begin: called before each start.
     """
 
     interface: str
@@ -105,7 +105,7 @@ class Controller:
 
 
 class Opener(Protocol):
-    """What the table's entries are."""
+    """The type of functions that open a controller."""
 
     def __call__(self, opening: Opening) -> Controller:
-        """Opens a controller's topics. Raises BadController."""
+        """Open the topics of a controller. Raises BadController."""

@@ -1,4 +1,4 @@
-"""The controller that turns the wheels of a robot with two sides for a twist (wiki.ros.org/diff_drive_controller)."""
+"""The diff drive controller: turns the wheels of two sides by a twist (wiki.ros.org/diff_drive_controller)."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ _TIMEOUT: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Of a speed in m/s or rad/s, and of its change in a second; from the least to the most."""
+    """Limits of a speed in m/s or rad/s, and of its change per second, each as (lowest, highest)."""
 
     speed: tuple[float, float]
     change: tuple[float, float]
 
     @classmethod
     def of(cls, parameters: Parameters, name: str) -> Limit:
-        """As parameters below a name have it; what they say counts if they also say that it does."""
+        """Return the limits in parameters below a name; each applies only if `has_..._limits` is set."""
         return cls(_range(parameters, name, "velocity"), _range(parameters, name, "acceleration"))
 
     def next(self, wanted: float, value: float) -> float:
-        """The speed after a tick."""
+        """Return the speed after one tick."""
         (least, most), (slower, faster) = self.speed, self.change
         aim = max(least, min(most, wanted))
         return value + max(slower / TICKS, min(faster / TICKS, aim - value))
@@ -51,9 +51,9 @@ def _range(parameters: Parameters, name: str, kind: str) -> tuple[float, float]:
 
 
 def open_diff_drive(opening: Opening) -> Controller:
-    """diff_drive_controller/DiffDriveController; odometry is the truth, from where it began to run."""
+    """Open diff_drive_controller/DiffDriveController. Odometry is the true motion since the controller started."""
     left, right = opening.fitting("left_wheel", "velocity"), opening.fitting("right_wheel", "velocity")
-    subscription = opening.wiring.subscription(
+    subscription = opening.wiring.subscribe(
         opening.topic("cmd_vel"), Twist, lambda told: (told.linear.x, told.angular.z)
     )
     drive = DiffDriveWheels(opening, left, right, subscription)
@@ -63,16 +63,16 @@ def open_diff_drive(opening: Opening) -> Controller:
 
 
 class DiffDriveWheels:
-    """The live half: how fast the base goes and turns, by the limits of both.
+    """The mover of a diff drive: speed and turn rate of the base, within their limits.
 
     Attributes:
-        start: where the robot was when it began to run; None: it has not yet.
+        start: pose of the robot when the controller started; None: not started yet.
     """
 
     def __init__(
         self, opening: Opening, left: tuple[str, ...], right: tuple[str, ...], subscription: Subscription
     ) -> None:
-        """Raises BadController."""
+        """Read the parameters. Raises BadController."""
         parameters = opening.parameters
         self.start: Pose | None = None
         self._subscription, self._left, self._right = subscription, left, right
@@ -83,7 +83,7 @@ class DiffDriveWheels:
         self._speed = self._turn = 0.0
 
     def begin(self) -> None:
-        """Stands still until it is told something."""
+        """Stand still until the next command."""
         self._subscription.forget()
         self.start = None
         self._speed = self._turn = 0.0
@@ -108,13 +108,18 @@ class DiffDriveWheels:
 
 
 def _measures(opening: Opening, left: str, right: str) -> tuple[float, float, float]:
-    """Half the separation and the radii of both sides in m: of parameters, else of the model. Raises BadController."""
+    """Return half the wheel separation and both wheel radii in m, by parameters, else by the model.
+
+    Raises BadController.
+    """
     parameters, model = opening.parameters, opening.wiring.model
     first, second = wheel(model, left), wheel(model, right)
     separation = parameters.number("wheel_separation", math.dist(first.position_xyz, second.position_xyz))
     radii = [parameters.get("wheel_radius", default=found.radius) for found in (first, second)]
     if not separation or not all(radii):
-        raise BadController(f"{parameters.space} needs wheel_separation and wheel_radius: the model does not define them")
+        raise BadController(
+            f"{parameters.space} needs wheel_separation and wheel_radius: the model does not define them"
+        )
     factor = parameters.number("wheel_separation_multiplier", 1.0)
     sides = ("left_wheel_radius_multiplier", "right_wheel_radius_multiplier")
     common = parameters.number("wheel_radius_multiplier", 1.0)

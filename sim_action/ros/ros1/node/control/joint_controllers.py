@@ -1,4 +1,4 @@
-"""Controllers that hand on what they are told: positions, velocities and efforts, of a joint or of several."""
+"""Joint controllers: forward commands of position, velocity and effort, and publish joint states."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
 SERVO_NOTE: Final = "its gains are not used: a servo of the engine, with the effort limit of the model, replaces them"
-"""What to know of controllers that make efforts, or velocities, of what they are told."""
+"""The note for controllers that would turn commands into efforts or velocities by gains."""
 
 
 def _one(opening: Opening, told: Reading, interface: Reading) -> Controller:
     joints = opening.fitting("joint", interface)[:1]
-    subscription = opening.wiring.subscription(opening.topic("command"), Float64, lambda message: (message.data,))
+    subscription = opening.wiring.subscribe(opening.topic("command"), Float64, lambda message: (message.data,))
     return _controller(opening, joints, told, interface, subscription)
 
 
 def _group(opening: Opening, told: Reading, interface: Reading) -> Controller:
     joints = opening.fitting("joints", interface)
-    subscription = opening.wiring.subscription(
+    subscription = opening.wiring.subscribe(
         opening.topic("command"), Float64MultiArray, lambda message: tuple(message.data)
     )
     return _controller(opening, joints, told, interface, subscription)
@@ -60,7 +60,7 @@ def _controller(
 
 
 class ForwardController:
-    """Tells joints what it is told; before that, to stay where they are, or to do nothing."""
+    """Passes the last command on to joints. Before the first command, they hold still or are left free."""
 
     def __init__(
         self, joints: list[Joint], told: Reading, subscription: Subscription, warn: Callable[[str], None]
@@ -69,7 +69,7 @@ class ForwardController:
         self._resting: Mapping[str, float] | None = None
 
     def begin(self) -> None:
-        """What was said while it did not run is not for it."""
+        """Ignore commands from before the start."""
         self._subscription.forget()
         self._resting = None
 
@@ -86,7 +86,8 @@ class ForwardController:
             return None
         if len(values) != len(self._joints):
             self._warn(
-                f"{self._subscription.topic}: a command of {len(values)} numbers for {len(self._joints)} joints is ignored"
+                f"{self._subscription.topic}: a command of {len(values)} numbers is ignored: there are {len(self._joints)} "
+                "joints"
             )
             return None
         pairs = zip(self._joints, values, strict=True)
@@ -94,7 +95,7 @@ class ForwardController:
 
 
 def targets(told: Reading, values: Mapping[str, float]) -> JointTargets:
-    """Joint name -> value, as targets."""
+    """Return joint targets of one kind."""
     return JointTargets(
         position=values if told == "position" else {},
         velocity=values if told == "velocity" else {},
@@ -103,7 +104,7 @@ def targets(told: Reading, values: Mapping[str, float]) -> JointTargets:
 
 
 def within_limits(joint: Joint, told: Reading, value: float) -> float:
-    """What a joint can do of it, as gazebo_ros_control cuts it off."""
+    """Return a command cut off at the limits of the joint, as gazebo_ros_control does."""
     if told == "position":
         lower = value if joint.lower is None else joint.lower
         upper = value if joint.upper is None else joint.upper
@@ -113,7 +114,7 @@ def within_limits(joint: Joint, told: Reading, value: float) -> float:
 
 
 def open_joint_states(opening: Opening) -> Controller:
-    """joint_state_controller/JointStateController: of joints with a transmission, in the order of their names."""
+    """Open joint_state_controller/JointStateController, for joints with a transmission, sorted by name."""
     moving = {joint.name for joint in opening.wiring.model.moving_joints}
     names = sorted(moving.intersection(opening.transmissions.interfaces)) or sorted(moving)
     publisher = opening.wiring.publisher(f"{opening.space}/joint_states", JointState)

@@ -1,4 +1,4 @@
-"""The controller manager of a robot: services by which nodes load controllers, start and stop them."""
+"""The controller manager of a robot: services that load, start and stop controllers."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class Loaded:
 
     @property
     def runs(self) -> bool:
-        """Whether it is asked at every tick."""
+        """True if the controller is called at every tick."""
         return self.state == "running"
 
 
 @dataclass(slots=True)
 class ControllerManager:
-    """Those of one robot; `space`: its namespace, "" or one that begins with a slash."""
+    """The controllers of one robot; `space`: its namespace, "" or a name that begins with a slash."""
 
     space: str
     wiring: Wiring
@@ -54,7 +54,7 @@ class ControllerManager:
     _loaded: dict[str, Loaded] = field(default_factory=dict)
 
     def offer(self) -> None:
-        """Until the robot is gone."""
+        """Open the services, until the robot is deleted."""
         for name, kind, answer in (
             ("list_controllers", ListControllers, self._list),
             ("list_controller_types", ListControllerTypes, self._list_types),
@@ -66,14 +66,14 @@ class ControllerManager:
             service = rospy.Service(f"{self.space}/controller_manager/{name}", kind, answer)
             self.wiring.closing.callback(service.shutdown)
 
-    def tell(self, tick: int, seconds: float, seen: Observation) -> bool:
-        """See Device.tell: of all controllers that run."""
+    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> bool:
+        """Publish for all running controllers; see Device.publish_if_due."""
         devices = [loaded.controller.device for loaded in self._running() if loaded.controller.device is not None]
-        heard = [device.tell(tick, seconds, seen) for device in devices]
+        heard = [device.publish_if_due(tick, seconds, seen) for device in devices]
         return any(heard)
 
     def move(self, seconds: float, seen: Observation) -> JointTargets | None:
-        """See Mover: of all controllers that run."""
+        """Return the targets of all running controllers; see Mover."""
         targets: JointTargets | None = None
         for loaded in self._running():
             answer = loaded.controller.mover(seconds, seen) if loaded.controller.mover else None
@@ -97,7 +97,7 @@ class ControllerManager:
         self.wiring.warn(message)
 
     def _load(self, name: str) -> None:
-        """Raises BadController."""
+        """Load a controller. Raises BadController."""
         if name in self._loaded:
             raise BadController(f"a controller named '{name}' is already loaded")
         parameters = Parameters(f"{self.space}/{name}")
@@ -116,12 +116,12 @@ class ControllerManager:
         self._loaded[name] = Loaded(str(kind), Controller("unknown"))
 
     def _unload(self, name: str) -> None:
-        """Raises BadController."""
+        """Unload a controller. Raises BadController."""
         self._refuse_unknown(name)
         if self._loaded[name].runs:
             raise BadController(f"the controller '{name}' is running: stop it before it is unloaded")
         for subscription in self._loaded.pop(name).controller.subscriptions:
-            self.wiring.forget(subscription)
+            self.wiring.unsubscribe(subscription)
 
     def _switch(self, asked: Any) -> tuple[bool]:
         try:
@@ -138,7 +138,7 @@ class ControllerManager:
         return (True,)
 
     def _switched(self, started: Iterable[str], stopped: Iterable[str], *, strictly: bool) -> dict[str, Loaded]:
-        """All controllers as they would be. Raises BadController."""
+        """Return all controllers as they will be after a switch. Raises BadController."""
         wanted = dict(self._loaded)
         for names, state, runs in ((stopped, "stopped", True), (started, "running", False)):
             for name in names:
@@ -176,7 +176,7 @@ def _claims(controller: Controller) -> HardwareInterfaceResources:
 
 
 def _refuse_conflicts(wanted: dict[str, Loaded]) -> None:
-    """Raises BadController if two that would run move the same joint."""
+    """Raise BadController if two running controllers would move the same joint."""
     owners: dict[str, str] = {}
     for name, joint in _claimed(wanted):
         owner = owners.setdefault(joint, name)
@@ -190,26 +190,26 @@ def _claimed(wanted: dict[str, Loaded]) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class Managed(Device):
-    """Whatever controllers tell."""
+    """The publishers of a controller manager, as a device."""
 
-    teller: Callable[[int, float, Observation], bool] = lambda _tick, _seconds, _seen: False
+    publish_managed: Callable[[int, float, Observation], bool] = lambda _tick, _seconds, _seen: False
 
-    def tell(self, tick: int, seconds: float, seen: Observation) -> bool:
-        """See Device.tell."""
-        return self.teller(tick, seconds, seen)
+    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> bool:
+        """See Device.publish_if_due."""
+        return self.publish_managed(tick, seconds, seen)
 
 
 def open_control(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-    """gazebo_ros_control. Its namespace is the robot's, as spawn_model says it."""
+    """Open gazebo_ros_control, in the namespace of the spawn request."""
     space = plugin.space
     manager = ControllerManager(space, wiring, transmissions_of(_description(plugin, wiring.description)))
     wiring.add_mover(manager.move)
     manager.offer()
-    yield Managed(1, (), lambda _seconds, _seen: None, teller=manager.tell)
+    yield Managed(1, (), lambda _seconds, _seen: None, publish_managed=manager.publish_if_due)
 
 
 def _description(plugin: Plugin, spawned: Element) -> Element:
-    """Of a robot in SDF, transmissions are in a parameter, which is in URDF."""
+    """Return the description with the transmissions; for a robot in SDF, it is the URDF of a parameter."""
     if spawned.tag == "robot":
         return spawned
     name = plugin.own.text("robotParam", default="robot_description")

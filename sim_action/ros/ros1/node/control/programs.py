@@ -25,28 +25,28 @@ _STRICT: Final = SwitchControllerRequest.STRICT
 
 
 class _Manager:
-    """The services of one, from a namespace as rospy resolves it."""
+    """The services of one controller manager, in a namespace as rospy resolves it."""
 
     def __init__(self, space: str, timeout: float) -> None:
         self._space = f"{space.rstrip('/')}/controller_manager" if space else "controller_manager"
         self._timeout = timeout
 
     def ask(self, name: str, kind: type[Any], *arguments: Any) -> Any:
-        """Raises rospy.ROSException, rospy.ServiceException."""
+        """Call a service. Raises rospy.ROSException, rospy.ServiceException."""
         service = f"{self._space}/{name}"
         rospy.wait_for_service(service, self._timeout)
         return rospy.ServiceProxy(service, kind)(*arguments)
 
     def load(self, names: Sequence[str]) -> list[str]:
-        """Those that it could."""
+        """Load controllers, and return the names of those that were loaded."""
         return [name for name in names if _told(self.ask("load_controller", LoadController, name).ok, "loaded", name)]
 
     def unload(self, names: Sequence[str]) -> bool:
-        """Whether it could."""
+        """Unload controllers; return True if all were unloaded."""
         return all(self.ask("unload_controller", UnloadController, name).ok for name in names)
 
     def switch(self, started: Sequence[str], stopped: Sequence[str]) -> bool:
-        """Whether it could."""
+        """Start and stop controllers; return True on success."""
         return bool(self.ask("switch_controller", SwitchController, started, stopped, _STRICT, False, 0.0).ok)
 
 
@@ -56,9 +56,9 @@ def _told(done: bool, what: str, name: str) -> bool:
 
 
 def spawner() -> int:
-    """Loads controllers and starts them; once it is told to leave, stops and unloads them. Returns the exit code.
+    """Load and start controllers, then stop and unload them when asked to leave. Return the exit code.
 
-    It becomes a node when controllers run: the clock waits for processes that are none yet.
+    It becomes a node after the controllers run: the clock waits for processes that are not nodes yet.
     """
     asked = _spawner_parser().parse_args(rospy.myargv()[1:])
     manager = _Manager(asked.namespace, _TIMEOUT if asked.timeout is None else asked.timeout)
@@ -76,7 +76,7 @@ def spawner() -> int:
 
 
 def _leave(manager: _Manager, started: Sequence[str], loaded: Sequence[str]) -> None:
-    """As far as the simulation is still there: it is told to leave at the same time."""
+    """Stop and unload controllers, if the simulation still answers: it is asked to leave at the same time."""
     signal.alarm(2)
     with suppress(rospy.ROSException, rospy.ServiceException, OSError):
         manager.switch([], started)
@@ -84,7 +84,7 @@ def _leave(manager: _Manager, started: Sequence[str], loaded: Sequence[str]) -> 
 
 
 def unspawner() -> int:
-    """Stops controllers for as long as it lives. Returns the exit code."""
+    """Stop controllers as long as the program runs. Return the exit code."""
     parser = argparse.ArgumentParser("unspawner", allow_abbrev=False)
     parser.add_argument("controllers", nargs="+")
     asked = parser.parse_args(rospy.myargv()[1:])
@@ -100,7 +100,7 @@ def unspawner() -> int:
 
 
 def controller_manager() -> int:
-    """Does one thing, and leaves. Returns the exit code."""
+    """Do one action. Return the exit code."""
     parser = argparse.ArgumentParser("controller_manager", allow_abbrev=False)
     parser.add_argument("action", choices=("list", "list-types", *_ACTIONS))
     parser.add_argument("names", nargs="*")
@@ -153,4 +153,4 @@ PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
     "unspawner": unspawner,
     "controller_manager": controller_manager,
 }
-"""Name of a program -> what is run; returns the exit code."""
+"""Program name -> function that runs it and returns the exit code."""

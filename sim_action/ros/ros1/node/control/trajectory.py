@@ -1,4 +1,4 @@
-"""Controllers that lead joints along trajectories, told on a topic (wiki.ros.org/joint_trajectory_controller)."""
+"""Trajectory controllers: move joints along trajectories from a topic (wiki.ros.org/joint_trajectory_controller)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sim_action.state.observation import Observation
 
 def _controller(opening: Opening, interface: Reading) -> Controller:
     joints = opening.fitting("joints", interface)
-    subscription = opening.wiring.subscription(opening.topic("command"), JointTrajectory, lambda message: message)
+    subscription = opening.wiring.subscribe(opening.topic("command"), JointTrajectory, lambda message: message)
     if interface != "position":
         opening.wiring.warn(f"the controller '{opening.parameters.space}': {SERVO_NOTE}")
     follower = TrajectoryFollower(opening, joints, subscription)
@@ -33,7 +33,7 @@ open_on_effort: Final = partial(_controller, interface="effort")
 
 
 class TrajectoryFollower:
-    """Goes after the last trajectory; before there is one, and after its end, joints are held."""
+    """Follows the last trajectory. Before the first one and after its end, the joints hold still."""
 
     def __init__(self, opening: Opening, joints: tuple[str, ...], subscription: Subscription) -> None:
         self._joints: Mapping[str, Joint] = {name: opening.wiring.model.joints_by_name[name] for name in joints}
@@ -41,7 +41,7 @@ class TrajectoryFollower:
         self._curves: dict[str, JointCurve] = {}
 
     def begin(self) -> None:
-        """What was said while it did not run is not for it."""
+        """Ignore trajectories from before the start."""
         self._subscription.forget()
         self._count, self._curves = self._subscription.count, {}
 
@@ -63,7 +63,7 @@ class TrajectoryFollower:
         )
 
     def _take(self, told: Any, seconds: float) -> None:
-        """One without points ends the present one."""
+        """Start a new trajectory; one without points ends the current one."""
         if not told.points:
             self._curves = {
                 name: JointCurve((Waypoint(seconds, curve.at(seconds)[0]),)) for name, curve in self._curves.items()
