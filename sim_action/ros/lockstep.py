@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.core.errors import SourceOver
-from sim_action.ros.processes import ChildProcesses, descendants, is_result_written, process_name, test_result_path
+from sim_action.ros.processes import ChildProcesses, descendants, is_result_written, process_name, rostest_result_path
 from sim_action.ros.quiescence import WatchedProcesses
 
 # In s of wall time: how long nodes may compute between two ticks, and how long processes may take to become nodes.
@@ -160,7 +160,7 @@ class Lockstep:
     def _note_tests(self, siblings: frozenset[int]) -> None:
         if self._tests and self._tests.keys().isdisjoint(siblings):
             raise TestFinished("the test has finished")
-        self._tests = {pid: path for pid in siblings if (path := test_result_path(pid))}
+        self._tests = {pid: path for pid in siblings if (path := rostest_result_path(pid))}
 
     def _give_up(self) -> None:
         for pid in self._late():

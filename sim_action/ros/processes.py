@@ -63,7 +63,7 @@ def descendants(pid: int) -> frozenset[int]:
     return frozenset(found)
 
 
-def test_result_path(pid: int) -> Path | None:
+def rostest_result_path(pid: int) -> Path | None:
     """Return the path of the result file of a test process of rostest; None for other processes."""
     with suppress(OSError):
         for word in (_PROC / str(pid) / "cmdline").read_bytes().split(b"\0"):

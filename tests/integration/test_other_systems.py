@@ -45,7 +45,7 @@ ELSEWHERE: Final = tuple(
     for name in ("command_supervisor", "linux_child", "process_control", "supervisor")
 )
 # The command that needs it is refused there, and before any of it is imported.
-ROS_1: Final = "sim_action.ros.ros1"
+ROS: Final = "sim_action.ros."
 
 IMPORT_ALL: Final = """
 import importlib, pkgutil, sys, sim_action
@@ -85,7 +85,7 @@ def start(folder: Path, variables: Mapping[str, str], *options: str) -> subproce
 @every_system
 def test_every_module_but_those_of_linux_is_imported(tmp_path: Path, system: System) -> None:
     ran = subprocess.run(
-        [sys.executable, "-c", IMPORT_ALL, ROS_1, *ELSEWHERE],
+        [sys.executable, "-c", IMPORT_ALL, ROS, *ELSEWHERE],
         env=variables_of(system, tmp_path),
         capture_output=True,
         text=True,

@@ -15,14 +15,10 @@ from sim_action.ros.processes import (
     descendants,
     is_result_written,
     process_name,
-    test_result_path,
+    rostest_result_path,
 )
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc")
-
-# rostest's functions are called tests, and are none of ours.
-result_of = test_result_path
-test_result_path = None  # type: ignore[assignment] # so that pytest does not collect it
 
 # A parent that starts a child from a thread when it is told to, and another from its main thread.
 PARENT = """\
@@ -68,11 +64,11 @@ def test_where_a_test_writes_what_it_found() -> None:
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as it:
         assert it.stdout is not None
         it.stdout.readline()
-        assert result_of(it.pid) == Path("/tmp/a b.xml")
-        assert result_of(os.getpid()) is None
+        assert rostest_result_path(it.pid) == Path("/tmp/a b.xml")
+        assert rostest_result_path(os.getpid()) is None
         assert process_name(it.pid) == f"{Path(sys.executable).name} -c"
         it.communicate(b"\n")
-    assert result_of(it.pid) is None
+    assert rostest_result_path(it.pid) is None
     assert process_name(it.pid) == f"process {it.pid}"
 
 

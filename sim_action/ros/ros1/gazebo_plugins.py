@@ -26,7 +26,7 @@ class Tags:
     element: Element | None
 
     def text(self, *names: str, default: str = "") -> str:
-        """Return the text of the first of these tags that has one. Paths such as `scan/horizontal/samples` are allowed."""
+        """Return the text of the first of these tags that has one; a path such as `scan/horizontal` is allowed."""
         for name in names:
             found = self.element.find(name) if self.element is not None else None
             if found is not None and (found.text or "").strip():

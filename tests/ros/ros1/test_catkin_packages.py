@@ -97,7 +97,7 @@ def test_a_workspace_that_is_named_is_seen_from_the_scenario(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("named", "message"), [("../..", "outside"), ("nowhere", "does not exist"), ("a", "no folder")]
+    ("named", "message"), [("../..", "outside"), ("nowhere", "does not exist"), ("a", "not a folder")]
 )
 def test_what_is_no_folder_of_the_repository_is_refused(named: str, message: str, tmp_path: Path) -> None:
     workspace = around(tmp_path / "repository", "simulation")

@@ -79,9 +79,9 @@ def test_each_joint_has_its_own_from_where_it_is() -> None:
     ("points", "message"),
     [
         ([(4.0, [1.0], [])], "in the past"),
-        ([(6.0, [1.0], []), (6.0, [2.0], [])], "rising time"),
-        ([(6.0, [1.0, 2.0], [])], "has 1 positions"),
-        ([(6.0, [1.0], [1.0, 2.0])], "has 1 positions"),
+        ([(6.0, [1.0], []), (6.0, [2.0], [])], "do not increase"),
+        ([(6.0, [1.0, 2.0], [])], "needs 1 positions"),
+        ([(6.0, [1.0], [1.0, 2.0])], "needs 1 positions"),
     ],
 )
 def test_what_cannot_be(points: list[tuple[float, list[float], list[float]]], message: str) -> None:

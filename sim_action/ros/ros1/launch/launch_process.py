@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Final, Literal, Self
 
 from sim_action.core.process import Interruption
-from sim_action.ros.processes import children, descendants, test_result_path
+from sim_action.ros.processes import children, descendants, rostest_result_path
 from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, SimulationResult, run_folders
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT, Overlay
 from sim_action.runner.isolation.process_control import processes
@@ -85,7 +85,7 @@ class Launch:
 
     def tests(self) -> Iterator[int]:
         """Yield the ids of the test processes of rostest."""
-        return (pid for pid in descendants(self._process.pid) if test_result_path(pid) is not None)
+        return (pid for pid in descendants(self._process.pid) if rostest_result_path(pid) is not None)
 
     def has_unnoticed(self) -> bool:
         """Return True if a process has ended and its parent has not noticed yet."""

@@ -61,7 +61,7 @@ def test_an_error_has_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_a_model_that_is_not_here_is_told_with_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(_FALLBACKS / "turtlebot3_description/urdf/turtlebot3_waffle.urdf.xacro")]) == 2
-    assert "turtlebot3_description into the workspace" in capsys.readouterr().err
+    assert "turtlebot3_description to the workspace" in capsys.readouterr().err
 
 
 def test_it_imports_nothing_of_scenarios() -> None:

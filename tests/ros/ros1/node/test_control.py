@@ -28,7 +28,7 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     assert "the plugin smoke_machine of the robot is not supported" in notes
     assert "'grip' has the type position_controllers/GripperActionController, which is not supported" in notes
     assert "joint 'spin' has hardware_interface/VelocityJointInterface, but the controller needs" in notes
-    assert "'/m/disc_speed': a servo of the engine" in notes
+    assert "'/m/disc_speed': its gains are not used; a servo of the engine" in notes
     assert "planar move (kinematic)" in notes
 
 

@@ -18,7 +18,7 @@ from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
-SERVO_NOTE: Final = "its gains are not used: a servo of the engine, with the effort limit of the model, replaces them"
+SERVO_NOTE: Final = "its gains are not used; a servo of the engine, with the effort limit of the model, replaces them"
 """The note for controllers that would turn commands into efforts or velocities by gains."""
 
 
@@ -85,10 +85,8 @@ class ForwardController:
         if values is None:
             return None
         if len(values) != len(self._joints):
-            self._warn(
-                f"{self._subscription.topic}: a command of {len(values)} numbers is ignored: there are {len(self._joints)} "
-                "joints"
-            )
+            ignored = f"a command of {len(values)} numbers for {len(self._joints)} joints is ignored"
+            self._warn(f"{self._subscription.topic}: {ignored}")
             return None
         pairs = zip(self._joints, values, strict=True)
         return {joint.name: within_limits(joint, self._told, value) for joint, value in pairs}
