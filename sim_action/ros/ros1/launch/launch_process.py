@@ -20,13 +20,13 @@ from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, SimulationRe
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT, Overlay
 from sim_action.runner.isolation.process_control import processes
 
-# In s: how long the keeper may take to end all.
+# In s: how long the supervisor may take to end all.
 _ENDING: Final = 5.0
 _POLL: Final = 0.002
 
 
 class Launch:
-    """One launcher below a keeper (`runner.isolation.keeper`).
+    """One launcher below a supervisor (`runner.isolation.command_supervisor`).
 
     Attributes:
         output: file of the output of all processes.
@@ -53,12 +53,12 @@ class Launch:
         `is_heard`: True if the output is read from `printed` instead of written to the file.
         """
         output = folder / "output.txt"
-        # The keeper is of this Python, what it starts is of the distribution's.
-        keeper = [sys.executable, "-P", "-m", "sim_action.runner.isolation.command_supervisor"]
+        # The supervisor is of this Python, what it starts is of the distribution's.
+        supervisor = [sys.executable, "-P", "-m", "sim_action.runner.isolation.command_supervisor"]
         variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": PACKAGE_ROOT}
         with output.open("wb") as file:
             process = subprocess.Popen(  # noqa: S603 - what the user asks for
-                [*keeper, "env", f"PYTHONPATH={overlay.python_path}", *words],
+                [*supervisor, "env", f"PYTHONPATH={overlay.python_path}", *words],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE if is_heard else file,
                 stderr=subprocess.STDOUT,
@@ -75,7 +75,7 @@ class Launch:
         return self._process.stdout
 
     @property
-    def keeper(self) -> int:
+    def supervisor(self) -> int:
         """The id of the process that all others descend from."""
         return self._process.pid
 
@@ -106,7 +106,7 @@ class Launch:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
-        # If it was the keeper that was killed, nobody else has ended them.
+        # If it was the supervisor that was killed, nobody else has ended them.
         while left := list(self._marked()):
             for pid in left:
                 _send(pid, signal.SIGKILL)
@@ -208,5 +208,5 @@ def _is_over_early(run: Path, launch: Launch) -> bool:
         return told.end in ("time limit", "failed")
     process = run / PROCESS_FILE
     with suppress(OSError, ValueError):
-        return int(process.read_text()) not in descendants(launch.keeper)
+        return int(process.read_text()) not in descendants(launch.supervisor)
     return False
