@@ -48,10 +48,10 @@ def _raw(loaded: LoadedScenario) -> float:
     """A loop by hand: a step, and the state of the base and of all joints that move."""
     import pybullet
 
-    from sim_action.engines.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet.engine import PyBulletEngine
 
     physics, scene = loaded.scenario.physics, build_scene(loaded)
-    backend = PyBulletBackend(scene)
+    backend = PyBulletEngine(scene)
     settling = round(physics.settle * physics.rate)
     drive = loaded.scenario.robot.drive
     brake = drive.open(scene.model, physics.rate).targets(Twist(), 1) if drive else []

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sim_action.engines import BACKENDS
+from sim_action.engines import ENGINES
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
@@ -68,7 +68,7 @@ def _by_hand(engine: str) -> Callable[[], float]:
     scene, loop = build_scene(_load(engine, "")), {"pybullet": _pybullet, "mujoco": _mujoco}[engine]
 
     def call() -> float:
-        backend = BACKENDS.load(engine)(scene)
+        backend = ENGINES.load(engine)(scene)
         backend.advance(0, [WHEELS])
         started = time.perf_counter()
         loop(backend)

@@ -17,7 +17,7 @@ from docs.generators import actions, command_line, lists, scenario
 from sim_action.app import catalogue
 from sim_action.app.schema import results_schema, scenario_schema, schema_text
 from sim_action.scenario.model import ExpectationOptions
-from sim_action.sensors.mounting import Mounting
+from sim_action.sensors import Mounting
 from sim_action.world import Disturbance, PathPoint
 
 ROOT = Path(__file__).resolve().parent.parent

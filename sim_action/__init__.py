@@ -1,4 +1,4 @@
-"""YAML text -> Scenario -> Simulation(Backend, Commands, Monitors) -> Trace + Verdicts -> Outcome -> Reports.
+"""YAML text -> Scenario -> Simulation(Engine, Commands, Monitors) -> Trace + Verdicts -> Outcome -> Reports.
 
 The names exported here are what code of the user's needs: a controller is given a `RobotDescription` and an
 `Observation`, and may return a `Twist` or `JointTargets`; an assertion is given a `Trace` and returns a `Verdict`. They

@@ -24,7 +24,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import EngineError, ModelError
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
-from sim_action.engines.pybullet import PyBulletBackend
+from sim_action.engines.pybullet.engine import PyBulletEngine
 from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import Joint, Link, RobotModel
@@ -79,7 +79,7 @@ def _in_engine(model: RobotModel, path: Path) -> Iterator[str]:
     robot = Robot(model=str(path), base="fixed" if len(model.name) % 2 else None)
     scene = Scene(robot, model, World(), Physics(), Workspace(folder, folder))
     try:
-        backend = PyBulletBackend(scene, Channels(contacts=True))
+        backend = PyBulletEngine(scene, Channels(contacts=True))
     except EngineError as error:
         yield f"the engine refuses it: {error}"
         return
@@ -92,7 +92,7 @@ def _in_engine(model: RobotModel, path: Path) -> Iterator[str]:
         backend.close()
 
 
-def _run(scene: Scene, backend: PyBulletBackend) -> Iterator[str]:
+def _run(scene: Scene, backend: PyBulletEngine) -> Iterator[str]:
     watchdog = Watchdog.of(scene, backend.observe(0, contacts=True))
     backend.advance(0, [None] * _STEPS)
     trace, unstable = watchdog.watch(backend.collect())

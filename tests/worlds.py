@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim_action.world.imports import read_surroundings
 from sim_action.world.scene import Scene
+from sim_action.world.shape_files import read_surroundings
 
 
 def pgm(pixels: ArrayLike, white: int = 255) -> bytes:

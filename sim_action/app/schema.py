@@ -17,8 +17,7 @@ from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
 from sim_action.results.results_json import Results
 from sim_action.scenario.model import ExpectationOptions, Scenario
-from sim_action.sensors import SENSORS
-from sim_action.sensors.mounting import Mounting
+from sim_action.sensors import SENSORS, Mounting
 
 Schema = dict[str, Any]
 

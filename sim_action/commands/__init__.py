@@ -17,7 +17,7 @@ from sim_action.state.command import Answer, JointTargets
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.sensors.mounting import MountedSensor
+    from sim_action.sensors import MountedSensor
     from sim_action.state.observation import Observation
 
 

@@ -14,7 +14,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
-from sim_action.world.gravity import GRAVITY
+from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

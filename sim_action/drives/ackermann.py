@@ -59,7 +59,7 @@ from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
-from sim_action.world.gravity import GRAVITY
+from sim_action.world.physics import GRAVITY
 
 # In m: steered wheels that are no further from the fixed axle steer nothing.
 _LEAST_WHEELBASE: Final = 1e-3

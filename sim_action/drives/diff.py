@@ -44,7 +44,7 @@ from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
-from sim_action.world.gravity import GRAVITY
+from sim_action.world.physics import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
 

@@ -32,7 +32,7 @@ from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
-from sim_action.world.gravity import GRAVITY
+from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
 # Of the weight that is on them, what rollers at 45 deg hold with a friction of 1.

@@ -28,7 +28,7 @@ UNLIMITED_EFFORT: Final = 1e6
 """N m or N: what a motor may use whose model states no limit. Ten times what turns the wheels of a mining truck."""
 
 
-class Backend(EngineQueries, Protocol):
+class Engine(EngineQueries, Protocol):
     """One engine with one scene in it.
 
     Until told otherwise, a joint between limits is held where it began, as its servo would; a continuous joint rolls.
@@ -61,21 +61,21 @@ class Backend(EngineQueries, Protocol):
         """Frees the engine."""
 
 
-class BackendFactory(Protocol):
+class EngineFactory(Protocol):
     """What the table's entries are."""
 
-    def __call__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> Backend:
+    def __call__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> Engine:
         """Loads a scene; `channels`: what traces hold beside the robot's state. Raises EngineError."""
 
     def warm_up(self) -> None:
         """Makes ready what any scene needs, once for all processes that are forked from this one."""
 
 
-BACKENDS: Final = Table[BackendFactory](
+ENGINES: Final = Table[EngineFactory](
     "engine",
     {
-        "pybullet": "sim_action.engines.pybullet:PyBulletBackend",
-        "mujoco": "sim_action.engines.mujoco:MuJoCoBackend",
+        "pybullet": "sim_action.engines.pybullet.engine:PyBulletEngine",
+        "mujoco": "sim_action.engines.mujoco.engine:MuJoCoEngine",
     },
 )
 """The name of an engine is that of its package."""
@@ -93,7 +93,7 @@ PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
 
 def installed() -> tuple[str, ...]:
     """The engines that are there, the one that `auto` means first."""
-    return tuple(engine for engine in BACKENDS if find_spec(engine) is not None)
+    return tuple(engine for engine in ENGINES if find_spec(engine) is not None)
 
 
 def chosen(wanted: str) -> str:

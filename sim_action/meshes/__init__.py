@@ -14,9 +14,9 @@ from typing import Final
 
 from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Vector3
-from sim_action.meshes.clean import CleanMesh, clean_name, known_mesh, written_mesh
 from sim_action.meshes.collada import read_collada
-from sim_action.meshes.hulls import MeshFacts, facts_of
+from sim_action.meshes.collision_hulls import MeshFacts, facts_of
+from sim_action.meshes.hull_file import CleanMesh, clean_name, known_mesh, written_mesh
 from sim_action.meshes.mesh import MAX_BYTES, MAX_TRIANGLES, Mesh, MeshError
 from sim_action.meshes.obj import read_obj
 from sim_action.meshes.stl import read_stl

@@ -6,12 +6,13 @@ their files say is up. Each surface that the scene shows is a part of its own, w
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+from xml.etree.ElementTree import Element
 
-from sim_action.meshes.collada_document import Document
-from sim_action.meshes.collada_geometry import read_geometry
-from sim_action.meshes.collada_scene import shown_geometries
-from sim_action.meshes.collada_xml import parse
+from sim_action.meshes.collada_document import Document, parse
 from sim_action.meshes.mesh import (
     Mesh,
     MeshError,
@@ -23,10 +24,12 @@ from sim_action.meshes.mesh import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from xml.etree.ElementTree import Element
 
     import numpy as np
     from numpy.typing import NDArray
+
+    Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
+    """The points (P, 3) and the triangles (T, 3), which are rows of the points."""
 
 
 def read_collada(data: bytes) -> Mesh:
@@ -57,3 +60,221 @@ def _assembled(document: Document, shown: Iterable[tuple[Element, NDArray[np.flo
             # Not by a product of matrices: its last digit is not the same on every machine.
             points.append((found[:, None, :] * placed[:3, :3]).sum(axis=2) + placed[:3, 3])
     return mesh_of(np.concatenate(points), parts)
+
+
+_MAX_NODE_DEPTH: Final = 100
+_MAX_NODES: Final = 20_000
+
+
+def shown_geometries(document: Document) -> Iterator[tuple[Element, NDArray[np.float64]]]:
+    """Each <geometry> that is shown, and the matrix (4, 4) that puts it into the mesh's frame, in m.
+
+    Of a file without a scene, that is each that it holds. Raises MeshError.
+    """
+    import numpy as np
+
+    unit = document.root.find("asset/unit")
+    meter = 1.0 if unit is None else document.positive(unit, "meter")
+    in_metres = np.diag([meter, meter, meter, 1.0])
+    scene = _scene(document)
+    if scene is None:
+        yield from ((geometry, in_metres) for geometry in document.root.iterfind("library_geometries/geometry"))
+    else:
+        yield from _Walk(document).below(scene, in_metres, 0)
+
+
+def _scene(document: Document) -> Element | None:
+    instance = document.root.find("scene/instance_visual_scene")
+    if instance is not None:
+        return document.named(instance, "url", "visual_scene")
+    return document.root.find("library_visual_scenes/visual_scene")
+
+
+class _Walk:
+    """One way through the nodes of a scene; a node that is used twice is seen twice."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._seen = 0
+
+    def below(
+        self, parent: Element, placed: NDArray[np.float64], depth: int
+    ) -> Iterator[tuple[Element, NDArray[np.float64]]]:
+        for child in parent:
+            if child.tag == "node":
+                yield from self._node(child, placed, depth)
+            elif child.tag == "instance_node":
+                yield from self._node(self._document.named(child, "url", "node"), placed, depth)
+            elif child.tag == "instance_geometry":
+                yield self._document.named(child, "url", "geometry"), placed
+            elif child.tag == "instance_controller":
+                message = "a skin that a skeleton moves has no shape of its own; export the surface alone"
+                raise self._document.error(child, message)
+
+    def _node(
+        self, node: Element, placed: NDArray[np.float64], depth: int
+    ) -> Iterator[tuple[Element, NDArray[np.float64]]]:
+        self._seen += 1
+        if depth == _MAX_NODE_DEPTH:
+            raise self._document.error(node, f"more than {_MAX_NODE_DEPTH} nodes inside each other")
+        if self._seen > _MAX_NODES:
+            raise self._document.error(node, f"the scene shows more than {_MAX_NODES:,} nodes", "too-large-mesh")
+        yield from self.below(node, _transformed(self._document, node, placed), depth + 1)
+
+
+def _transformed(document: Document, node: Element, placed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The transformations of a node, in the order of the file: the last acts on the points first."""
+    import numpy as np
+
+    for element in node:
+        if element.tag in _TRANSFORMATIONS:
+            count, matrix = _TRANSFORMATIONS[element.tag]
+            numbers = document.numbers(element)
+            if len(numbers) != count:
+                raise document.error(element, f"expected {count} numbers, found {len(numbers)}")
+            with np.errstate(over="ignore", invalid="ignore"):  # refused with the points
+                placed = placed @ matrix(numbers)
+        elif element.tag in ("lookat", "skew"):
+            raise document.error(element, "is not read; bake it into the points, or give a <matrix>")
+    return placed
+
+
+def _matrix(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    return numbers.reshape(4, 4)
+
+
+def _translate(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    import numpy as np
+
+    matrix = np.eye(4)
+    matrix[:3, 3] = numbers
+    return matrix
+
+
+def _scale(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    import numpy as np
+
+    return np.diag([*numbers, 1.0])
+
+
+def _rotate(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """About an axis by degrees (Rodrigues)."""
+    import numpy as np
+
+    x, y, z, degrees = (float(number) for number in numbers)
+    length = math.hypot(x, y, z)
+    x, y, z = (x / length, y / length, z / length) if length else (0.0, 0.0, 0.0)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    matrix = np.eye(4)
+    radians = math.radians(degrees) if math.isfinite(degrees) else math.nan
+    matrix[:3, :3] += np.sin(radians) * cross + (1 - np.cos(radians)) * (cross @ cross)
+    return matrix
+
+
+_Transformation = tuple[int, Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]]
+
+_TRANSFORMATIONS: Final[Mapping[str, _Transformation]] = MappingProxyType(
+    {"matrix": (16, _matrix), "translate": (3, _translate), "scale": (3, _scale), "rotate": (4, _rotate)}
+)
+"""Tag -> how many numbers it holds, and the matrix (4, 4) that they stand for."""
+
+
+_SURFACES: Final = ("triangles", "polylist", "polygons", "trifans", "tristrips")
+
+# Inputs of a surface, such as texture coordinates: there are a handful.
+_MAX_INPUTS: Final = 64
+
+
+def read_geometry(document: Document, geometry: Element) -> Surface:
+    """All its surfaces, as one. Raises MeshError."""
+    import numpy as np
+
+    points, triangles, above = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    for element in geometry.iterfind("mesh/*"):
+        if element.tag in _SURFACES:
+            found, rows = _surface(document, element)
+            points.append(found)
+            triangles.append(rows + above)
+            above += len(found)
+    return np.concatenate(points), np.concatenate(triangles)
+
+
+def _surface(document: Document, element: Element) -> Surface:
+    """The triangles of an element, and those points that they use."""
+    import numpy as np
+
+    named, triangles = _corners(document, element)
+    if not len(triangles):
+        return np.zeros((0, 3)), triangles
+    points = _points(document, named)
+    # Takes as long as there are corners: many surfaces may share a source of many points.
+    used, rows = np.unique(triangles, return_inverse=True)
+    if used[-1] >= len(points):
+        message = f"names point {used[-1]:,}, counted from 0, and there are {len(points):,}; export the mesh again"
+        raise document.error(element, message, "mesh-index")
+    return points[used], rows.reshape(-1, 3)
+
+
+def _points(document: Document, vertex_input: Element) -> NDArray[np.float64]:
+    """Where the points are that an input of a surface stands for."""
+    vertices = document.named(vertex_input, "source", "vertices")
+    positions = _input(document, vertices, "POSITION")
+    source = document.named(positions, "source", "source")
+    accessor = source.find("technique_common/accessor")
+    if accessor is None:
+        raise document.error(source, "there is no <technique_common> with an <accessor> in it")
+    numbers = document.numbers_once(document.named(accessor, "source", "float_array"))
+    stride = document.whole(accessor, "stride", otherwise=1)
+    if not 3 <= stride <= _MAX_INPUTS:
+        raise document.error(accessor, f"stride={stride}: a point has three coordinates")
+    numbers = numbers[document.whole(accessor, "offset", otherwise=0) :]
+    return numbers[: len(numbers) // stride * stride].reshape(-1, stride)[:, :3]
+
+
+def _corners(document: Document, element: Element) -> tuple[Element, NDArray[np.int64]]:
+    """The input that says where a surface's points are, and its triangles, rows of that input's points."""
+    import numpy as np
+
+    vertex = _input(document, element, "VERTEX")
+    width = 1 + max(document.whole(other, "offset", otherwise=0) for other in element.iterfind("input"))
+    if width > _MAX_INPUTS:
+        raise document.error(element, f"more than {_MAX_INPUTS} inputs")
+    runs = [document.rows(run) for run in element.iterfind("p")]
+    corners = np.concatenate(runs) if runs else np.zeros(0, np.int64)
+    counts = _counts(document, element, [len(run) // width for run in runs])
+    if counts.sum() * width != len(corners) or any(len(run) % width for run in runs):
+        raise document.error(element, f"its <p> do not hold {width} numbers for each corner: was the file cut off?")
+    corners = corners[document.whole(vertex, "offset", otherwise=0) :: width]
+    return vertex, _triangulated(corners, counts, is_strip=element.tag == "tristrips")
+
+
+def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np.int64]:
+    """How many corners each polygon has, or each strip or fan of triangles."""
+    import numpy as np
+
+    if element.tag == "triangles":
+        return np.full(sum(runs) // 3, 3)
+    if element.tag != "polylist":
+        return np.array(runs, np.int64)
+    stated = element.find("vcount")
+    return document.rows(stated) if stated is not None else np.zeros(0, np.int64)
+
+
+def _triangulated(corners: NDArray[np.int64], counts: NDArray[np.int64], *, is_strip: bool) -> NDArray[np.int64]:
+    """A polygon is taken for the fan of triangles about its first corner."""
+    import numpy as np
+
+    each = np.maximum(counts - 2, 0)
+    refuse_more_triangles(int(each.sum()))
+    starts = np.repeat(np.cumsum(counts) - counts, each)
+    nth = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
+    first = starts + (nth if is_strip else 0)
+    triangles: NDArray[np.int64] = corners[np.stack([first, starts + nth + 1, starts + nth + 2], axis=1)]
+    return triangles
+
+
+def _input(document: Document, element: Element, semantic: str) -> Element:
+    found = element.find(f"input[@semantic='{semantic}']")
+    if found is None:
+        raise document.error(element, f'there is no <input semantic="{semantic}"> in it')
+    return found

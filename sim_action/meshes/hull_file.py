@@ -1,16 +1,103 @@
-"""Collision meshes as `models.meshes` writes them: a hull for each object of an OBJ, its points alone of interest."""
+"""Meshes rewritten as the plainest OBJ there is, once for each content."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
-import numpy as np
+from sim_action.core.files import whole_file
+from sim_action.core.geometry import Box, Vector3
+from sim_action.meshes.collision_hulls import MeshFacts, hulls_of
+from sim_action.meshes.mesh import Mesh, MeshError
 
-from sim_action.meshes.convex_hull import FloatArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+# Of what is written here: another number, and files of before are no longer found.
+_VERSION: Final = 1
+
+_FACTS: Final = "# facts: "
+
+_LARGEST: Final = 1e6
+"""Of a coordinate, in m. Further away, the engine's floats know no millimetres, and then no ground."""
 
 
-def hull_points(path: Path) -> list[FloatArray]:
+@dataclass(frozen=True, slots=True)
+class CleanMesh:
+    """A mesh that was rewritten, and what it was before; `scale`: what one unit of it was in m."""
+
+    path: Path
+    facts: MeshFacts
+    scale: Vector3
+
+    @property
+    def box(self) -> Box:
+        """Around it, in m; a scale below 0 has mirrored it."""
+        ends = zip(self.scale, self.facts.lower_xyz, self.facts.upper_xyz, strict=True)
+        (ax, bx), (ay, by), (az, bz) = (sorted((factor * low, factor * high)) for factor, low, high in ends)
+        return (ax, ay, az), (bx, by, bz)
+
+
+def known_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
+    """The rewritten mesh, if it is there."""
+    try:
+        with path.open(encoding="ascii") as file:
+            stated = json.loads(file.readline().removeprefix(_FACTS))
+        corners = {corner: tuple(stated[corner]) for corner in ("lower_xyz", "upper_xyz")}
+        return CleanMesh(path, MeshFacts(**stated | corners), scale)
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+
+
+def written_mesh(path: Path, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
+    """Writes a mesh anew. Raises MeshError."""
+    _check(facts, scale)
+    _write(path, facts, hulls_of(mesh, scale, margin))
+    return CleanMesh(path, facts, scale)
+
+
+def clean_name(format_name: str, data: bytes, scale: Vector3, margin: float) -> str:
+    """The name of the file in which the rewritten mesh is, wherever the mesh itself was."""
+    digest = hashlib.sha256(json.dumps([_VERSION, format_name, scale, margin]).encode())
+    digest.update(data)
+    return f"{digest.hexdigest()}.obj"
+
+
+def _check(facts: MeshFacts, scale: Vector3) -> None:
+    reach = [max(abs(low), abs(high)) for low, high in zip(facts.lower_xyz, facts.upper_xyz, strict=True)]
+    if not all(0 < abs(factor) < float("inf") for factor in scale):
+        raise MeshError("bad-shape", f"is scaled by {scale}: a scale is three finite numbers other than 0")
+    if not all(abs(factor) * most <= _LARGEST for factor, most in zip(scale, reach, strict=True)):
+        raise MeshError("bad-shape", f"reaches further than {_LARGEST:g} m; URDF is in metres: is this in millimetres?")
+
+
+def _write(path: Path, facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as file:  # another process may be at the same mesh
+        file.write(f"{_FACTS}{json.dumps(asdict(facts))}\n".encode())
+        above = 0
+        for number, points in enumerate(hulls):
+            file.write(f"o hull_{number}\n{_lines(points, above)}".encode())
+            above += len(points)
+
+
+def _lines(points: NDArray[np.float64], above: int) -> str:
+    """Points, and faces that name each of them: a hull is made of what faces name."""
+    corners = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in points.tolist())
+    last = above + len(points)
+    faces = ((row, min(row + 1, last), min(row + 2, last)) for row in range(above + 1, last + 1, 3))
+    return corners + "".join(f"f {a} {b} {c}\n" for a, b, c in faces)
+
+
+def read_hull_points(path: Path) -> list[NDArray[np.float64]]:
     """The points (P, 3) in m of each hull of a file that was written here. Raises OSError."""
+    import numpy as np
+
     hulls = list[list[list[float]]]()
     for line in path.read_text(encoding="ascii").splitlines():
         kind, *values = line.split()

@@ -10,7 +10,7 @@ from typing import Final
 from urllib.parse import quote
 
 from sim_action.core.errors import Location
-from sim_action.engines import BACKENDS
+from sim_action.engines import ENGINES
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.results.outcome import Outcome
@@ -48,11 +48,11 @@ def rerun_command(outcome: Outcome, options: ReportOptions) -> str:
 
 def _named(outcome: Outcome) -> tuple[str, str]:
     """The scenario and the engine; of a run that is held against one on another engine, of both."""
-    for backend in BACKENDS:
+    for backend in ENGINES:
         if outcome.name.endswith(suffix := f" [{backend}]"):
             return outcome.name.removesuffix(suffix), ""
     engine = (outcome.engine or "").partition(" ")[0].lower()
-    return outcome.name, engine if engine in BACKENDS else ""
+    return outcome.name, engine if engine in ENGINES else ""
 
 
 def _quoted(word: str) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.core.process import Interruption
-from sim_action.engines import BACKENDS, chosen
+from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome
 from sim_action.results.stored_files import recording_path, replay_path, trace_paths
@@ -126,7 +126,7 @@ def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, rep
         build.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
     with muted():
         for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
-            BACKENDS.load(engine).warm_up()
+            ENGINES.load(engine).warm_up()
     for package in (package for name in formats if scenarios for package in EXPORTS.load(name).packages):
         import_module(package)
 

@@ -15,7 +15,7 @@ from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.scenario.model import Scenario, rate_divides
-from sim_action.sensors.mounting import MountedSensor
+from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 

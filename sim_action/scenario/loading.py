@@ -19,8 +19,8 @@ from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.parts import PartReader
 from sim_action.scenario.source import Refused, Source
-from sim_action.world.imports import ShapeLibrary, read_surroundings
 from sim_action.world.scene import Fitting, Scene
+from sim_action.world.shape_files import ShapeLibrary, read_surroundings
 
 if TYPE_CHECKING:
     from sim_action.world.parts import Part

@@ -31,7 +31,7 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.source import Source
 from sim_action.scenario.variation_values import Normal, Uniform
-from sim_action.sensors.mounting import MountedSensor
+from sim_action.sensors import MountedSensor
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene

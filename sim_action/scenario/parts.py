@@ -18,8 +18,7 @@ from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import ProblemList, SpecProblems, spec_errors
 from sim_action.drives import DRIVES, Drive
 from sim_action.scenario.model import Expectation, ExpectationOptions
-from sim_action.sensors import SENSORS
-from sim_action.sensors.mounting import MountedSensor, Mounting
+from sim_action.sensors import SENSORS, MountedSensor, Mounting
 
 if TYPE_CHECKING:
     from sim_action.assertions.combined import Combined

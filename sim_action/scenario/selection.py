@@ -16,7 +16,7 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.messages import counted, did_you_mean, escaped_line
 from sim_action.core.workspace import Permissions
-from sim_action.engines import BACKENDS
+from sim_action.engines import ENGINES
 from sim_action.scenario.files import read_file
 from sim_action.scenario.source import Refused, Source
 
@@ -104,7 +104,7 @@ def _names(scenario: Source | Refused) -> Iterator[str]:
     yield scenario.name
     if isinstance(scenario, Source) and scenario.group:
         yield scenario.group
-    for engine in BACKENDS:
+    for engine in ENGINES:
         yield f"{scenario.name} [{engine}]"
 
 

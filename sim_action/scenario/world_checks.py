@@ -13,8 +13,8 @@ from sim_action.core.messages import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.model import Scenario
 from sim_action.world import Body, Disturbance, Physics, placed
+from sim_action.world.body_path import placements
 from sim_action.world.scene import Scene
-from sim_action.world.timed_path import placements
 
 if TYPE_CHECKING:
     from sim_action.world.parts import Part

@@ -62,7 +62,7 @@ class Camera(Sensor):
         """See Sensor.open."""
         from sim_action.sensors.rendering.appearance import robot_parts, world_parts
         from sim_action.sensors.rendering.picture import Placed, draw
-        from sim_action.sensors.rendering.rays import Pinhole
+        from sim_action.sensors.rendering.pinhole import Pinhole
 
         pinhole = Pinhole(self.width, self.height, self.field_of_view, self.near, self.far)
         links, bodies = list(robot_parts(mount.scene.model)), list(world_parts(mount.scene))

@@ -13,7 +13,7 @@ from sim_action.core.errors import BadSource, ScriptError, SourceProblem
 from sim_action.core.geometry import Twist
 from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
-from sim_action.sensors.mounting import MountedSensor
+from sim_action.sensors import MountedSensor
 from sim_action.state.command import Command, JointTargets, commands_of
 from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene

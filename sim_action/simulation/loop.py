@@ -12,7 +12,7 @@ import numpy as np
 
 from sim_action.core.errors import RunError, SourceOver
 from sim_action.drives import Drive, recognise
-from sim_action.engines import BACKENDS, Backend, chosen
+from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
@@ -79,7 +79,7 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: Foot
     scene = drive.prepared(scene) if drive else scene
     channels = Channels.all_of(expected.channels for expected in scenario.expect)
     watched = channels | footage.channels(scene.world)
-    backend = BACKENDS.load(chosen(scenario.backend))(scene, watched)
+    backend = ENGINES.load(chosen(scenario.backend))(scene, watched)
     try:
         at = backend.observe(0, contacts=False).pose
         refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
@@ -111,7 +111,7 @@ class _Loop:
         scenario: Scenario,
         scene: Scene,
         drive: Drive | None,
-        backend: Backend,
+        backend: Engine,
         channels: Channels,
         *,
         footage: Footage,

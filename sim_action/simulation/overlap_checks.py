@@ -15,7 +15,7 @@ from sim_action.core import geometry, units
 from sim_action.core.errors import BadStart, RunError
 from sim_action.core.geometry import Pose
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.engines import Backend
+from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
 from sim_action.scenario.overlap_checks import DEPTH, clash_problem
 from sim_action.state.observation import Clash, Overlap
@@ -119,7 +119,7 @@ class Arrivals:
         """The first step after `step` at which something appears, or `until` if that comes first."""
         return min((arrival for arrival in self.names if step < arrival < until), default=until)
 
-    def refuse_blocked(self, step: int, rate: float, backend: Backend) -> None:
+    def refuse_blocked(self, step: int, rate: float, backend: Engine) -> None:
         """Raises RunError if what has appeared at this step is inside the robot, or inside what else moves."""
         arrived = self.names.get(step, ())
         if not arrived:

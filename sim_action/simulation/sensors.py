@@ -6,10 +6,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from sim_action.drives import recognise
-from sim_action.engines import Backend
+from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
-from sim_action.sensors import Measure, Mount, Sight
-from sim_action.sensors.mounting import MountedSensor
+from sim_action.sensors import Measure, Mount, MountedSensor, Sight
 from sim_action.state.observation import ByName, Observation
 from sim_action.state.readings import Reading
 from sim_action.state.sensor_inputs import WheelMotion
@@ -40,7 +39,7 @@ class Sensing:
         self,
         scenario: Scenario,
         scene: Scene,
-        backend: Backend,
+        backend: Engine,
         *,
         heard: bool,
         judged: Collection[str] = (),

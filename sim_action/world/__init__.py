@@ -13,13 +13,11 @@ from pydantic import Field
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
 from sim_action.world.body import Body, placed
+from sim_action.world.body_path import PathPoint
 from sim_action.world.disturbance import Disturbance
-from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
-from sim_action.world.gravity import GRAVITY, Gravity
 from sim_action.world.ground import GROUND, Ground, Patch
-from sim_action.world.physics import FASTEST, FASTEST_PHYSICS, Physics
-from sim_action.world.shapes import Cylinder, Ramp, Sphere, Stairs
-from sim_action.world.timed_path import PathPoint
+from sim_action.world.physics import FASTEST, FASTEST_PHYSICS, GRAVITY, Gravity, Physics
+from sim_action.world.shapes import Cylinder, Heightfield, MeshFile, OccupancyMap, Ramp, Sphere, Stairs
 
 __all__ = [
     "FASTEST",

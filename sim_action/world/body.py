@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel, Name, Placement, PositiveKilograms, PositiveSeconds
 from sim_action.core.geometry import Pose
-from sim_action.world.files import Heightfield, MeshFile, OccupancyMap
+from sim_action.world.body_path import PathPoint, placements
 from sim_action.world.ground import Friction
-from sim_action.world.shapes import Cylinder, Ramp, Size, Sphere, Stairs
-from sim_action.world.timed_path import PathPoint, placements, refuse_impossible_path
+from sim_action.world.shapes import Cylinder, Heightfield, MeshFile, OccupancyMap, Ramp, Size, Sphere, Stairs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map")
 
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh")
+
+# In m and rad: what is no farther apart is the same place.
+_SAME: Final = 1e-6
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -76,7 +79,7 @@ class Body(FrozenModel):
 
     @model_validator(mode="after")
     def _moves_as_it_can(self) -> Self:
-        refuse_impossible_path(self)
+        _refuse_impossible_path(self)
         return self
 
     @model_validator(mode="after")
@@ -119,3 +122,31 @@ def placed(body: Body, parts: Sequence[Part]) -> Pose:
     at = body.beginning
     z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z
     return Pose((at.x, at.y, z), at.orientation_xyzw)
+
+
+def _refuse_impossible_path(body: Body) -> None:
+    """Raises ValueError if what a body says of its motion does not fit together."""
+    if body.loop and not body.path:
+        raise ValueError("'loop' goes with a 'path'")
+    if not body.path:
+        return
+    if body.mass is not None:
+        raise ValueError("a body on a 'path' goes its way whatever it weighs and whatever it meets; leave 'mass' out")
+    if body.appears is not None:
+        raise ValueError("a body on a 'path' is there from the start; leave out 'appears', or 'path'")
+    if len(body.path) < 2:
+        raise ValueError("a path has two points at the least; where a body stays, 'pose' says where")
+    if body.loop and _differ(placements(body.pose, body.path)):
+        raise ValueError(
+            "a path with 'loop: true' ends where it begins; let its last point be at the pose of its first, with its z"
+        )
+
+
+def _differ(places: Sequence[Placement]) -> bool:
+    """Whether the last is not at the first; turned by whole turns, it is."""
+    first, last = places[0], places[-1]
+    if (first.z is None) != (last.z is None):
+        return True
+    ways = [last.x - first.x, last.y - first.y, (last.z or 0.0) - (first.z or 0.0)]
+    turns = [last.roll - first.roll, last.pitch - first.pitch, last.yaw - first.yaw]
+    return any(abs(way) > _SAME for way in (*ways, *(math.remainder(turn, 2 * math.pi) for turn in turns)))

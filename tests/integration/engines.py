@@ -1,4 +1,4 @@
-"""What tests need of an engine that the Backend protocol does not offer: to set a robot in motion at once."""
+"""What tests need of an engine that the Engine protocol does not offer: to set a robot in motion at once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
 from sim_action.core.workspace import Workspace
-from sim_action.engines import BACKENDS, Backend
+from sim_action.engines import ENGINES, Engine
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
 from sim_action.state.command import JointTargets
@@ -22,7 +22,7 @@ from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
-on_every_engine = pytest.mark.parametrize("engine", list(BACKENDS))
+on_every_engine = pytest.mark.parametrize("engine", list(ENGINES))
 
 
 def at(z: float | None = None, **pose: float) -> Robot:
@@ -41,22 +41,22 @@ def scene_of(
 @contextmanager
 def running(
     engine: str, scene: Scene, *, contacts: bool = False, clearances: Iterable[ClearanceWatch] = ()
-) -> Iterator[Backend]:
+) -> Iterator[Engine]:
     pytest.importorskip(engine, reason=f"{engine} is not installed")
-    backend = BACKENDS.load(engine)(scene, Channels(contacts, frozenset(clearances)))
+    backend = ENGINES.load(engine)(scene, Channels(contacts, frozenset(clearances)))
     try:
         yield backend
     finally:
         backend.close()
 
 
-def advance(backend: Backend, first_step: int, steps: int, *targets: JointTargets) -> Trace:
+def advance(backend: Engine, first_step: int, steps: int, *targets: JointTargets) -> Trace:
     """Steps on, with these targets at the first steps."""
     backend.advance(first_step, [*targets, *[None] * (steps - len(targets))])
     return backend.collect()
 
 
-def push(backend: Backend, linear: Vector3 = geometry.ZERO, angular: Vector3 = geometry.ZERO) -> None:
+def push(backend: Engine, linear: Vector3 = geometry.ZERO, angular: Vector3 = geometry.ZERO) -> None:
     """Gives the base link's origin a velocity, world frame."""
     (_push_bullet if backend.version.startswith("pybullet") else _push_mujoco)(backend, linear, angular)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.robots import ROBOTS, WORKSPACE
-from sim_action.engines import BACKENDS
+from sim_action.engines import ENGINES
 from sim_action.robot.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
@@ -156,7 +156,7 @@ def swept(seconds: float, joints: tuple[str, ...]) -> list[JointTargets]:
 @pytest.mark.parametrize("model", ARMS)
 def test_arms_follow_the_same_trajectory(model: str) -> None:
     traces: list[Trace] = []
-    for engine in BACKENDS:
+    for engine in ENGINES:
         arm = scene(model)
         joints = tuple(joint.name for joint in arm.model.moving_joints)
         with running(engine, arm) as backend:

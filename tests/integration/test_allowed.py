@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.workspace import Workspace
-from sim_action.engines import BACKENDS, Backend, chosen, installed
+from sim_action.engines import ENGINES, Engine, chosen, installed
 from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
@@ -22,12 +22,12 @@ LIMIT = '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n'
 SECOND = 240
 
 
-def backend(folder: Path, text: str, engine: str | None = None) -> Backend:
+def backend(folder: Path, text: str, engine: str | None = None) -> Engine:
     path = folder / "robot.urdf"
     path.write_text(text, encoding="utf-8")
     robot = Robot(model="robot.urdf", base="fixed", allow=ALLOWABLE)
     model = read_urdf(path, allow=ALLOWABLE)
-    return BACKENDS.load(engine or chosen("auto"))(
+    return ENGINES.load(engine or chosen("auto"))(
         Scene(robot, model, World(), Physics(), Workspace(folder, folder)), Channels(contacts=True)
     )
 

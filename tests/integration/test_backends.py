@@ -617,7 +617,7 @@ def test_any_rate_simulates(engine: str, rate: float, tmp_path: Path) -> None:
 _CORPUS = r"""
 import json, sys
 from pathlib import Path
-from sim_action.engines import BACKENDS
+from sim_action.engines import ENGINES
 from sim_action.state.trace_channels import Channels
 from sim_action.state.command import JointTargets
 from sim_action.core.errors import EngineError, ModelError
@@ -628,7 +628,7 @@ for bad in BAD_MODELS:
     print("\nMODEL", bad.name, flush=True)
     try:
         scene = scene_of(Path(sys.argv[2]), bad.text, at(), allow=ALLOWABLE)
-        backend = BACKENDS.load(sys.argv[1])(scene, Channels(contacts=True))
+        backend = ENGINES.load(sys.argv[1])(scene, Channels(contacts=True))
     except (ModelError, EngineError) as error:
         print("\nREFUSED", type(error).__name__, flush=True)
         continue

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.engines import Backend, installed
+from sim_action.engines import Engine, installed
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import build_scene
 from sim_action.sensors import Mount
@@ -49,7 +49,7 @@ def box(**pose: float) -> Body:
     return Body(name="box", box=(1.0, 1.0, 1.0), pose=Placement(**pose), color=RED)
 
 
-def picture(backend: Backend, scene: Scene, pose: Pose | None = None, camera: Camera = CAMERA) -> CameraImage:
+def picture(backend: Engine, scene: Scene, pose: Pose | None = None, camera: Camera = CAMERA) -> CameraImage:
     mount = Mount(scene, "head", pose or Pose(), 10.0, scene.generator("x"))
     found = camera.open(mount)(sight_of(backend.observe(0, contacts=False), backend))
     assert isinstance(found, CameraImage)

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.core.errors import RefusedModel
 from sim_action.core.workspace import Workspace
-from sim_action.engines import BACKENDS
+from sim_action.engines import ENGINES
 from sim_action.robot.audit.kinematic_tree import MOST_JOINTS, MOST_MOVING_JOINTS
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
@@ -53,7 +53,7 @@ def after(folder: Path, urdf: str, base: str, steps: int) -> list[Observation]:
     model = read_urdf(path)
     names = [joint.name for joint in model.moving_joints]
     robot = Robot.model_validate({"model": "comb.urdf", "base": base, "joints": {n: start(n) for n in names}})
-    backend = BACKENDS.load("pybullet")(
+    backend = ENGINES.load("pybullet")(
         Scene(robot, model, World(), Physics(), Workspace(folder, folder)), Channels(contacts=True)
     )
     try:

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from sim_action.engines import BACKENDS
+from sim_action.engines import ENGINES
 from sim_action.state.trace_storage import load_trace
 from tests.integration.conftest import sim_action
 
-ENGINES = tuple(BACKENDS)
-for _engine in ENGINES:
+ENGINE_NAMES = tuple(ENGINES)
+for _engine in ENGINE_NAMES:
     pytest.importorskip(_engine, reason=f"it takes two engines, and {_engine} is not installed")
 
 NAMES = ["drives [pybullet]", "drives [mujoco]"]
@@ -36,7 +36,7 @@ def test_all_engines_run_it_under_names_of_their_own_and_are_compared(tmp_path: 
     code, outcomes = run(tmp_path, "", "--backend", "all")
     assert code == 0
     assert [outcome["name"] for outcome in outcomes] == NAMES
-    assert [outcome["engine"].split()[0] for outcome in outcomes] == list(ENGINES)
+    assert [outcome["engine"].split()[0] for outcome in outcomes] == list(ENGINE_NAMES)
     assert [len(outcome["expectations"]) for outcome in outcomes] == [1, 4]
     _, _, position, yaw = outcomes[1]["expectations"]
     assert 0 < position["verdict"]["measured"] < 0.005
@@ -59,7 +59,7 @@ def test_agreement_that_holds_passes(tmp_path: Path) -> None:
     assert (code, [outcome["name"] for outcome in outcomes]) == (0, NAMES)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_one_engine_is_asked_by_file_or_flag(engine: str, tmp_path: Path) -> None:
     for text, flags in ((f"backend: {engine}", ()), ("", ("--backend", engine))):
         code, (outcome,) = run(tmp_path, text, *flags)
@@ -75,7 +75,7 @@ def test_each_engine_has_one_digest_alone_and_among_others(jobs: str, tmp_path: 
     several = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
     assert len(several) == 10
     digests = {(outcome["engine"], outcome["digest"]) for outcome in (*alone, *several)}
-    assert len(digests) == len(ENGINES)
+    assert len(digests) == len(ENGINE_NAMES)
 
 
 def test_a_robot_that_only_mujoco_reads_runs_there(tmp_path: Path) -> None:
@@ -97,6 +97,8 @@ def test_results_of_two_engines_are_merged_also_from_shards(tmp_path: Path) -> N
     merged = sim_action(tmp_path, "merge", "part-1", "part-2", "--scenarios", ".")
     assert merged.returncode == 0, merged.stdout + merged.stderr
     outcomes = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
-    assert [outcome["name"] for outcome in outcomes] == [f"{name} [{engine}]" for name in "abc" for engine in ENGINES]
+    assert [outcome["name"] for outcome in outcomes] == [
+        f"{name} [{engine}]" for name in "abc" for engine in ENGINE_NAMES
+    ]
     twice = sim_action(tmp_path, "merge", "part-1", "part-1/results.json", "part-2")
     assert twice.returncode == 0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.engines import Backend
+from sim_action.engines import Engine
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
 from sim_action.state.command import JointTargets
@@ -33,7 +33,7 @@ def joint(kind: str, inside: str, name: str = "j", child: str = "arm") -> str:
 
 
 @contextmanager
-def machine(engine: str, folder: Path, *joints: str, allow: tuple[str, ...] = (), **starts: float) -> Iterator[Backend]:
+def machine(engine: str, folder: Path, *joints: str, allow: tuple[str, ...] = (), **starts: float) -> Iterator[Engine]:
     """A robot of joints at a base that is bolted down."""
     urdf = f'<robot name="it">{part("base")}{"".join(joints)}</robot>'
     robot = Robot(model="robot.urdf", base="fixed", joints={**starts})
@@ -41,7 +41,7 @@ def machine(engine: str, folder: Path, *joints: str, allow: tuple[str, ...] = ()
         yield backend
 
 
-def run(backend: Backend, seconds: float, targets: JointTargets) -> Trace:
+def run(backend: Engine, seconds: float, targets: JointTargets) -> Trace:
     return advance(backend, 0, round(seconds * RATE), targets)
 
 

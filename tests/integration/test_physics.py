@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim_action import robot as models
-from sim_action.engines import BACKENDS, Backend, chosen
+from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 
@@ -164,11 +164,11 @@ def test_settling_lasts_as_long_as_its_limit(
 ) -> None:
     taken = []
 
-    def counted(backend: Backend, first_step: int, targets: list[object]) -> None:
+    def counted(backend: Engine, first_step: int, targets: list[object]) -> None:
         taken.append(len(targets) if first_step < 0 else 0)
         advance(backend, first_step, targets)
 
-    engine: Any = BACKENDS.load(chosen("auto"))
+    engine: Any = ENGINES.load(chosen("auto"))
     advance = engine.advance
     monkeypatch.setattr(engine, "advance", counted)
     run = settled(tmp_path, "{z: 500}", physics)

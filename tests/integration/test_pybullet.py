@@ -21,7 +21,7 @@ from sim_action.world import GRAVITY, Body, Ground, Physics, Sphere, World
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.engines.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet.engine import PyBulletEngine
 
 pytestmark = pytest.mark.pybullet
 
@@ -47,20 +47,20 @@ PENDULUM = """
 @contextmanager
 def scene(
     folder: Path, urdf: str, robot: Robot, world: World | None = None, rate: float = 240.0, *, contacts: bool = False
-) -> Iterator[PyBulletBackend]:
+) -> Iterator[PyBulletEngine]:
     path = folder / "robot.urdf"
     path.write_text(urdf)
     everything = Scene(robot, read_urdf(path), world or World(), Physics(rate=rate), Workspace(folder, folder))
-    from sim_action.engines.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet.engine import PyBulletEngine
 
-    backend = PyBulletBackend(everything, Channels(contacts=contacts))
+    backend = PyBulletEngine(everything, Channels(contacts=contacts))
     try:
         yield backend
     finally:
         backend.close()
 
 
-def advance(backend: PyBulletBackend, first_step: int, steps: int, targets: list[JointTargets] | None = None) -> Trace:
+def advance(backend: PyBulletEngine, first_step: int, steps: int, targets: list[JointTargets] | None = None) -> Trace:
     given: list[JointTargets | None] = [*(targets or [])]
     backend.advance(first_step, given + [None] * (steps - len(given)))
     return backend.collect()
@@ -176,7 +176,7 @@ def test_a_bolted_base_touches_what_moves_and_not_what_is_fixed(tmp_path: Path) 
 
 
 def test_a_connection_that_was_made_ahead_is_like_any_other_and_is_used_once(tmp_path: Path) -> None:
-    from sim_action.engines.pybullet import PyBulletBackend
+    from sim_action.engines.pybullet.engine import PyBulletEngine
 
     def fall() -> tuple[int, list[list[float]]]:
         world = World(objects=(Body(name="stone", sphere=Sphere(radius=0.1), mass=1, pose=Placement(x=0.15)),))
@@ -184,10 +184,10 @@ def test_a_connection_that_was_made_ahead_is_like_any_other_and_is_used_once(tmp
             backend.advance(0, [None] * 240)
             return backend._client, backend.collect().state.tolist()
 
-    PyBulletBackend.warm_up()
-    PyBulletBackend.warm_up()
+    PyBulletEngine.warm_up()
+    PyBulletEngine.warm_up()
     with scene(tmp_path, BALL, Robot(model="robot.urdf")) as ahead:
         later, fallen = fall()
         assert later != ahead._client
-    PyBulletBackend.warm_up()
+    PyBulletEngine.warm_up()
     assert fall() == (ahead._client, fallen)

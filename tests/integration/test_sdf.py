@@ -17,7 +17,7 @@ from bench.robots import DATA
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.engines import BACKENDS, Backend, chosen
+from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
@@ -137,10 +137,10 @@ def test_what_is_wrong_in_an_included_file_is_told_by_validate(tmp_path: Path) -
 
 
 @contextmanager
-def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[Backend]:
+def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[Engine]:
     written(folder / "robot.sdf", text)
     workspace = Workspace(folder, folder)
-    backend = BACKENDS.load(chosen("auto"))(
+    backend = ENGINES.load(chosen("auto"))(
         Scene(robot, load_model(robot, workspace), World(), Physics(rate=rate), workspace)
     )
     try:

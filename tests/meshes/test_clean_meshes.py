@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import MeshError, clean_mesh, read_mesh
-from sim_action.meshes.hulls import MAX_HULL_POINTS
+from sim_action.meshes.collision_hulls import MAX_HULL_POINTS
 from tests.mesh_files import (
     CORNERS,
     GOOD,

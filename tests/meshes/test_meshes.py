@@ -12,7 +12,7 @@ import pytest
 from sim_action import meshes
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import MeshFacts, read_mesh
-from sim_action.meshes.hulls import MAX_HULLS
+from sim_action.meshes.collision_hulls import MAX_HULLS
 from tests.mesh_files import (
     CORNERS,
     GOOD,

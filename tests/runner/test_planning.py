@@ -13,7 +13,7 @@ from packaging.requirements import Requirement
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.workspace import Permissions
-from sim_action.engines import BACKENDS, chosen, installed
+from sim_action.engines import ENGINES, chosen, installed
 from sim_action.runner.planning import Planned, PlanRequest, planned, runs_of, source_of
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario
@@ -28,7 +28,7 @@ expect: [upright]
 {more}
 time_limit: 1 s
 """
-ENGINES = tuple(BACKENDS)
+ENGINE_NAMES = tuple(ENGINES)
 
 
 @pytest.fixture
@@ -48,12 +48,12 @@ def engines(folder: Path, more: str = "", backend: str | None = None) -> list[tu
 
 
 def test_a_scenario_may_name_every_engine_there_is() -> None:
-    assert get_args(Scenario.model_fields["backend"].annotation) == ("auto", *ENGINES)
+    assert get_args(Scenario.model_fields["backend"].annotation) == ("auto", *ENGINE_NAMES)
 
 
 @pytest.mark.pybullet
 def test_auto_is_the_first_that_is_installed(tmp_path: Path) -> None:
-    assert installed() == ENGINES
+    assert installed() == ENGINE_NAMES
     assert engines(tmp_path) == [("stands", "pybullet")]
 
 
@@ -63,9 +63,9 @@ def test_auto_is_another_where_the_first_is_missing(tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.pybullet
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINE_NAMES)
 def test_what_the_file_says_counts_and_what_was_typed_counts_more(engine: str, tmp_path: Path) -> None:
-    (other,) = set(ENGINES) - {engine}
+    (other,) = set(ENGINE_NAMES) - {engine}
     assert engines(tmp_path, f"backend: {engine}") == [("stands", engine)]
     assert engines(tmp_path, f"backend: {engine}", other) == [("stands", other)]
     assert engines(tmp_path, "agreement: {yaw: 1 deg}", engine) == [("stands", engine)]

@@ -13,8 +13,7 @@ import pytest
 from sim_action.core.geometry import Pose
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
-from sim_action.sensors import Measure, Mount, Sensor
-from sim_action.sensors.mounting import MountedSensor
+from sim_action.sensors import Measure, Mount, MountedSensor, Sensor
 from sim_action.simulation.loop import simulate, unreached_events
 from sim_action.world import World
 from tests.scenarios import LEAST, load

@@ -13,7 +13,7 @@ import pytest
 from sim_action.core.errors import BadStart, RunError
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.engines import Backend
+from sim_action.engines import Engine
 from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.overlap_checks import DEPTH
@@ -201,7 +201,7 @@ class Inside:
 
 
 def refuse(arrivals: Arrivals, step: int, engine: Inside) -> None:
-    arrivals.refuse_blocked(step, 240.0, cast(Backend, engine))
+    arrivals.refuse_blocked(step, 240.0, cast(Engine, engine))
 
 
 def test_engines_are_asked_only_when_something_appears(arrivals: Arrivals) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 
 import mujoco
 
-from sim_action.engines.mujoco.model import Compiled
+from sim_action.engines.mujoco.scene import Compiled
 from sim_action.state.observation import Clash, Contact, Overlap
 from sim_action.world import GROUND
 
@@ -57,7 +57,7 @@ class Contacts:
             yield Contact(time, self._links[link], self._bodies[body], (x, y, z), float(forces[row]))
 
     def overlaps(self) -> tuple[Overlap, ...]:
-        """See Backend.overlaps."""
+        """See Engine.overlaps."""
         deepest: dict[tuple[str, str], float] = {}
         for one, other, depth in self._present():
             link, body = (one, other) if one in self._links else (other, one)
@@ -67,7 +67,7 @@ class Contacts:
         return tuple(Overlap(link, body, depth) for (link, body), depth in deepest.items() if depth > 0)
 
     def clashes(self) -> tuple[Clash, ...]:
-        """See Backend.clashes."""
+        """See Engine.clashes."""
         deepest: dict[tuple[str, str], float] = {}
         for one, other, depth in self._present():
             if one not in self._links and other not in self._links:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.engines import UNLIMITED_EFFORT
-from sim_action.engines.mujoco.model import IMPEDANCE, STEPS_TO_CONVERGE, Compiled
+from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, Compiled
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray

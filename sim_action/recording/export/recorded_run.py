@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.units import TIME_EPSILON, first_step
-from sim_action.sensors.mounting import MountedSensor
+from sim_action.sensors import MountedSensor
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_records import CommandedTwists
 from sim_action.world import Body, placed

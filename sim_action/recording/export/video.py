@@ -18,7 +18,7 @@ from sim_action.robot.kinematics import link_poses, robot_box
 from sim_action.robot.robot_model import RobotModel
 from sim_action.sensors.rendering.appearance import Part, robot_parts, world_parts
 from sim_action.sensors.rendering.picture import Placed, draw
-from sim_action.sensors.rendering.rays import Pinhole
+from sim_action.sensors.rendering.pinhole import Pinhole
 from sim_action.world import placed
 
 GIF_RATE_HZ: Final = 10

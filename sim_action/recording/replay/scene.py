@@ -44,7 +44,7 @@ from sim_action.recording.replay.surfaces import (
 )
 from sim_action.robot.robot_model import Joint, Link, RobotModel, Visual
 from sim_action.robot.robot_model import Shape as RobotShape
-from sim_action.sensors.rendering.colours import PALETTE, ROBOT, Colour
+from sim_action.sensors.rendering import PALETTE, ROBOT, Colour
 from sim_action.world import Body, placed
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 from sim_action.world.scene import Scene

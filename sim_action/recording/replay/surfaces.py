@@ -113,7 +113,7 @@ def hull_surface(hulls: Sequence[FloatArray]) -> Triangles | None:
 
 def _one_hull(points: FloatArray, most: int) -> Triangles | None:
     from sim_action.meshes.convex_hull import hull_faces
-    from sim_action.sensors.rendering.hulls import outermost
+    from sim_action.sensors.rendering.solids import outermost
 
     middle = points.mean(axis=0)
     kept = outermost(points - middle, most)

@@ -13,7 +13,7 @@ import numpy as np
 
 from sim_action.core.files import whole_file
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
-from sim_action.meshes.hull_file import hull_points
+from sim_action.meshes.hull_file import read_hull_points
 from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
 from sim_action.robot.mesh_references import cache_folder
 from sim_action.robot.robot_model import RobotModel
@@ -53,7 +53,7 @@ class VisualMeshes:
         if (known := _stored(cached)) is not None:
             return known
         try:
-            found = hull_surface(hull_points(path))
+            found = hull_surface(read_hull_points(path))
             if found is not None:
                 found = simplified(found, self._most)
                 _store(found, cached)

@@ -11,10 +11,17 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.robot.robot_model import RobotModel, Shape
-from sim_action.sensors.rendering.colours import PALETTE, ROBOT, Colour
-from sim_action.sensors.rendering.hulls import hull_about_its_middle, read_hulls
-from sim_action.sensors.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron, Solid
-from sim_action.sensors.rendering.triangles import Triangle
+from sim_action.sensors.rendering import PALETTE, ROBOT, Colour
+from sim_action.sensors.rendering.solids import (
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Polyhedron,
+    Solid,
+    Triangle,
+    hull_about_its_middle,
+    read_hulls,
+)
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, SpherePart, grid_surface
 from sim_action.world.parts import Part as BodyPart
 from sim_action.world.scene import Scene

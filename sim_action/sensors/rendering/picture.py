@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.sensors.rendering.colours import GROUND, SKY, Colour
-from sim_action.sensors.rendering.rays import Components, FloatArray, Patch, Pinhole
+from sim_action.sensors.rendering import GROUND, SKY, Colour
+from sim_action.sensors.rendering.pinhole import Components, FloatArray, Patch, Pinhole
 from sim_action.sensors.rendering.solids import Solid
 
 SQUARE: Final = 0.5

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Self
 
 import numpy as np
 
 from sim_action.core.geometry import Vector3
-from sim_action.sensors.rendering.rays import Components, FloatArray, Rays
+from sim_action.meshes.convex_hull import along, face_normals, furthest, spread_directions
+from sim_action.meshes.hull_file import read_hull_points
+from sim_action.sensors.rendering.pinhole import Components, FloatArray, Rays
 
 Entry = tuple[FloatArray, Components]
 """The depth in m at which each ray enters, inf where it does not, and the unit vector out of the surface there."""
@@ -184,3 +188,82 @@ def _unit(vector: Components) -> Components:
     x, y, z = vector
     length = np.sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length
+
+
+@dataclass(frozen=True)
+class Triangle(Solid):
+    """A flat one; `normal_xyz`: the unit vector across it, `edges`: (3, 3) vectors in it, out of each of its sides."""
+
+    corners: FloatArray
+    normal_xyz: Vector3
+    edges: FloatArray
+
+    @classmethod
+    def about_its_middle(cls, corners: FloatArray) -> tuple[Self, Vector3]:
+        """The triangle of corners (3, 3), and where its middle is."""
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        own = corners - middle
+        normal = np.cross(own[1] - own[0], own[2] - own[0])
+        normal /= np.linalg.norm(normal)
+        edges = np.cross(np.roll(own, -1, axis=0) - own, normal)
+        (nx, ny, nz), (x, y, z) = normal.tolist(), middle.tolist()
+        return cls(own, (nx, ny, nz), edges), (x, y, z)
+
+    @property
+    def radius(self) -> float:
+        """See Solid.radius."""
+        return float(np.linalg.norm(self.corners, axis=1).max())
+
+    def enter(self, rays: Rays) -> Entry:
+        """See Solid.enter."""
+        nx, ny, nz = self.normal_xyz
+        wx, wy, wz = rays.ways
+        towards = nx * wx + ny * wy + nz * wz
+        starts = zip(self.normal_xyz, rays.start_xyz, self.corners[0].tolist(), strict=True)
+        above = sum(across * (start - corner) for across, start, corner in starts)
+        depth = -above / towards
+        x, y, z = rays.points(depth)
+        missed = ~np.isfinite(depth)
+        for corner, (ex, ey, ez) in zip(self.corners.tolist(), self.edges.tolist(), strict=True):
+            missed |= ex * (x - corner[0]) + ey * (y - corner[1]) + ez * (z - corner[2]) > 0
+        side = -np.sign(towards)
+        return np.where(missed, np.inf, depth), (nx * side, ny * side, nz * side)
+
+
+# In m: as much was taken off every hull when it was written (models.references), for engines to put around it.
+_MARGIN: Final = 0.001
+# Of a hull, those that reach furthest in as many directions: a ball of them is 4 % of its radius off at the most.
+_MOST_POINTS: Final = 64
+
+
+def read_hulls(path: Path) -> Iterator[tuple[Polyhedron, Vector3]]:
+    """The hulls of a mesh that was written here, each about its middle, and where that is. Raises OSError."""
+    return (hull_about_its_middle(points, _MARGIN) for points in read_hull_points(path))
+
+
+def hull_about_its_middle(points: FloatArray, margin: float = 0.0) -> tuple[Polyhedron, Vector3]:
+    """The hull of points (N, 3), and where its middle is: no ball around that is larger than need be."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    x, y, z = middle.tolist()
+    return hull_of(points - middle, margin), (x, y, z)
+
+
+def hull_of(points: FloatArray, margin: float = 0.0) -> Polyhedron:
+    """The hull of points (N, 3), with a margin around it; it holds all of them, however flat they lie.
+
+    Of the planes only the directions are those of faces that were found: where a plane is, all of the points say.
+    """
+    middle = points.mean(axis=0)
+    normals = np.concatenate((np.eye(3), -np.eye(3), face_normals(outermost(points - middle))))
+    _, first = np.unique(normals.round(6), axis=0, return_index=True)
+    normals = normals[np.sort(first)]
+    offsets = np.array([along(points, normal).max() for normal in normals]) + margin
+    reach = float(np.sqrt((points**2).sum(axis=1)).max()) + 2 * margin
+    return Polyhedron(normals, offsets, reach)
+
+
+def outermost(points: FloatArray, most: int = _MOST_POINTS) -> FloatArray:
+    """Of points (N, 3) about their middle, those that reach furthest; all of them, if they are few."""
+    if len(points) <= most:
+        return points
+    return furthest(points, spread_directions(most))

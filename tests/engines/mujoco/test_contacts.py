@@ -15,13 +15,13 @@ from tests.integration.engines import running
 
 def test_contacts_are_seen_however_many_there_are() -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
-    from sim_action.engines.mujoco import MuJoCoBackend
+    from sim_action.engines.mujoco.engine import MuJoCoEngine
 
     wall = Body(name="wall", box=(0.1, 1.0, 0.2), pose=Placement(x=0.2))
     tumbling = Robot(model=traces.BURGER, pose=Placement(z=0.5, roll=1.0, pitch=0.7))
     counts, found = set(), set()
     with running("mujoco", replace(traces.scene(), robot=tumbling, world=World(objects=(wall,)))) as backend:
-        assert isinstance(backend, MuJoCoBackend)
+        assert isinstance(backend, MuJoCoEngine)
         contacts, data = backend._contacts, backend._motors._data
         for step in range(480):
             backend.advance(step, [None])

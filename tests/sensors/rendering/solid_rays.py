@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim_action.core.geometry import Vector3
-from sim_action.sensors.rendering.rays import Rays
+from sim_action.sensors.rendering.pinhole import Rays
 from sim_action.sensors.rendering.solids import Solid
 
 

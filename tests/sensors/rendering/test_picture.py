@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.sensors.rendering.colours import GROUND, SKY
+from sim_action.sensors.rendering import GROUND, SKY
 from sim_action.sensors.rendering.picture import Placed, draw
-from sim_action.sensors.rendering.rays import Pinhole
+from sim_action.sensors.rendering.pinhole import Pinhole
 from sim_action.sensors.rendering.solids import Ellipsoid, Polyhedron
 
 EYE = Pose((0, 0, 1))

@@ -15,7 +15,7 @@ from sim_action.meshes.convex_hull import hull_faces
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
-from sim_action.sensors.rendering.colours import PALETTE
+from sim_action.sensors.rendering import PALETTE
 from sim_action.state.trace import FloatArray
 from sim_action.world.parts import (
     BoxPart,

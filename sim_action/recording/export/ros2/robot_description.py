@@ -11,7 +11,7 @@ from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Topic, nanoseconds
 from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
-from sim_action.sensors.rendering.colours import ROBOT
+from sim_action.sensors.rendering import ROBOT
 
 
 def robot_description(run: RecordedRun) -> Iterator[Topic]:

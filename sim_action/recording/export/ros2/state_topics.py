@@ -11,8 +11,8 @@ import numpy as np
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
+from sim_action.sensors import MountedSensor
 from sim_action.sensors.lidar import Lidar
-from sim_action.sensors.mounting import MountedSensor
 from sim_action.state.trace_records import SensorRecord
 
 _NAMES: Final = {"lidar": "scan", "imu": "imu"}

@@ -11,8 +11,7 @@ from pydantic import PrivateAttr
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
-from sim_action.sensors import Measure, Mount, Sensor, Sight
-from sim_action.sensors.mounting import MountedSensor
+from sim_action.sensors import Measure, Mount, MountedSensor, Sensor, Sight
 from sim_action.state.observation import Observation
 from sim_action.state.readings import Reading
 

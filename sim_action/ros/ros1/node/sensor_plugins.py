@@ -14,9 +14,9 @@ from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.internal_sensors import states_in
 from sim_action.ros.ros1.node.messages import header, imu_message, pose_message, scan_message, twist_message
 from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, period_of
+from sim_action.sensors import MountedSensor
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
-from sim_action.sensors.mounting import MountedSensor
 from sim_action.state.observation import Observation
 from sim_action.state.readings import ImuReading, LidarScan
 

@@ -1,0 +1,232 @@
+"""Collision shapes of a robot as geoms, and how low they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from sim_action.core.geometry import Pose, Quaternion
+from sim_action.engines.mujoco.contact_pairs import Skin
+from sim_action.engines.mujoco.names import object_name
+from sim_action.meshes.hull_file import read_hull_points
+from sim_action.robot.robot_model import Surface
+from sim_action.state.trace import FloatArray
+from sim_action.world import GROUND, Body, World
+from sim_action.world.ground import ground_tiles
+from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
+
+GEOM: Final = mujoco.mjtGeom
+
+
+def wxyz(orientation: Quaternion) -> list[float]:
+    """MuJoCo's order of a quaternion."""
+    x, y, z, w = orientation
+    return [w, x, y, z]
+
+
+def add_collision(spec: Any, body: Any, name: str, shape: Element, pose: Pose) -> Iterator[str]:
+    """Adds a shape of URDF to a body; yields the names of its geoms, several if it is a mesh of several hulls."""
+    if shape.tag != "mesh":
+        yield add_geom(body, name, pose, **_primitive(shape))
+        return
+    for number, mesh in enumerate(_meshes(spec, shape.attrib["filename"])):
+        yield add_geom(body, f"{name}.{number}", pose, type=GEOM.mjGEOM_MESH, meshname=mesh)
+
+
+def add_geom(body: Any, name: str, pose: Pose, **properties: Any) -> str:
+    """Adds a geom that weighs nothing and touches what it is paired with alone."""
+    passive = {"contype": 0, "conaffinity": 0, "mass": 0.0}
+    place = {"pos": list(pose.position_xyz), "quat": wxyz(pose.orientation_xyzw)}
+    body.add_geom(name=name, **passive | place | properties)
+    return name
+
+
+def lowest_geom(model: Any, data: Any, geoms: Sequence[int]) -> float | None:
+    """The z in m of the lowest point of geoms, world frame; None if there are none."""
+    return min((_lowest(model, data, geom) for geom in geoms), default=None)
+
+
+def _primitive(shape: Element) -> dict[str, Any]:
+    radius, half_length = (float(shape.get(name, 0)) for name in ("radius", "length"))
+    half_length /= 2
+    sizes: dict[str, tuple[Any, list[float]]] = {
+        "box": (GEOM.mjGEOM_BOX, [float(size) / 2 for size in shape.get("size", "0 0 0").split()]),
+        "sphere": (GEOM.mjGEOM_SPHERE, [radius, 0, 0]),
+        "cylinder": (GEOM.mjGEOM_CYLINDER, [radius, half_length, 0]),
+        "capsule": (GEOM.mjGEOM_CAPSULE, [radius, half_length, 0]),
+    }
+    kind, size = sizes[shape.tag]
+    return {"type": kind, "size": size}
+
+
+def _meshes(spec: Any, filename: str) -> list[str]:
+    """The names of a file's hulls, which are added once."""
+    known = [mesh.name for mesh in spec.meshes if mesh.name.rpartition("#")[0] == filename]
+    if known:
+        return known
+    names = []
+    for number, points in enumerate(read_hulls(Path(filename))):
+        names.append(f"{filename}#{number}")
+        # What links weigh is stated; "shell" spares the compiler the volume of what is thin.
+        shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        spec.add_mesh(name=names[-1], uservert=points.ravel().tolist(), inertia=shell)
+    return names
+
+
+def _lowest(model: Any, data: Any, geom: int) -> float:
+    z, down = float(data.geom_xpos[geom, 2]), np.abs(data.geom_xmat[geom][6:9])
+    a, b, c = model.geom_size[geom]
+    kind = model.geom_type[geom]
+    if kind == GEOM.mjGEOM_MESH:
+        return z + float((_points(model, geom) * data.geom_xmat[geom][6:9]).sum(axis=1).min())
+    if kind == GEOM.mjGEOM_BOX:
+        return z - float(down[0] * a + down[1] * b + down[2] * c)
+    if kind == GEOM.mjGEOM_ELLIPSOID:
+        return z - float(np.sqrt(((down * (a, b, c)) ** 2).sum()))
+    if kind == GEOM.mjGEOM_CYLINDER:
+        return z - float(down[2] * b + a * np.hypot(down[0], down[1]))
+    # A capsule is a ball that was drawn along its axis; a sphere was not.
+    return z - float(a + (down[2] * b if kind == GEOM.mjGEOM_CAPSULE else 0.0))
+
+
+def _points(model: Any, geom: int) -> FloatArray:
+    mesh = model.geom_dataid[geom]
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    points: FloatArray = model.mesh_vert[first : first + count].astype(np.float64)
+    return points
+
+
+# In m, as models.references draws them in, and the share of its thickness that models.meshes.hulls leaves of a hull.
+_DRAWN_IN: Final = 0.001
+_LEAST_SHARE: Final = 0.1
+# Below this share of its extent, a hull has no volume that Qhull could find.
+_FLAT: Final = 1e-6
+
+
+def read_hulls(path: Path) -> list[FloatArray]:
+    """The points (P, 3) in m of each hull of a mesh that was written here. Raises OSError."""
+    return [solid(grown(points)) for points in read_hull_points(path)]
+
+
+def grown(points: FloatArray) -> FloatArray:
+    """The points before they were drawn in."""
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    middle, half = (lower + upper) / 2, (upper - lower) / 2
+    thin = half <= _DRAWN_IN * _LEAST_SHARE / (1 - _LEAST_SHARE)
+    share = np.where(thin, _LEAST_SHARE, half / (half + _DRAWN_IN))
+    larger: FloatArray = middle + (points - middle) / share
+    return larger
+
+
+def solid(points: FloatArray) -> FloatArray:
+    """The points; of a hull without a volume, those of one that is as thick as PyBullet's margin makes it."""
+    centred = points - points.mean(axis=0)
+    squares, axes = np.linalg.eigh(centred.T @ centred)
+    for square, axis in zip(squares, axes.T, strict=True):
+        if square <= (_FLAT * max(np.abs(centred).max(), _DRAWN_IN)) ** 2:
+            points = np.concatenate((points - _DRAWN_IN * axis, points + _DRAWN_IN * axis))
+    return points
+
+
+MAX_TRIANGLES: Final = 4_000
+"""Of all surfaces of a body: each is looked at for each shape of the robot, at every step."""
+
+# m: how thick a heightfield is below its lowest sample, and how far apart its heights are at the least.
+_BASE: Final = 0.1
+_LEAST_RANGE: Final = 1e-9
+
+
+def add_ground(spec: Any, world: World) -> Iterator[Skin]:
+    """Adds the plane z = 0, or the tiles that take its place; returns what can touch the robot."""
+    tiles = ground_tiles(world.ground, world.patches)
+    if not tiles:
+        name = add_geom(spec.worldbody, GROUND, Pose(), type=GEOM.mjGEOM_PLANE, size=[0, 0, 1])
+        yield Skin(name, GROUND, Surface(world.ground.friction), moves=False)
+    for number, tile in enumerate(tiles):
+        for name in _add_part(spec, spec.worldbody, f"{GROUND}/{number}", tile.part, 0.0):
+            yield Skin(name, GROUND, Surface(tile.friction), moves=False)
+
+
+def add_object(spec: Any, body: Body, parts: Sequence[Part]) -> Iterator[Skin]:
+    """Adds a body at the origin; returns what can touch something. Raises ValueError for what the engine lacks."""
+    added = spec.worldbody.add_body(name=object_name(body.name))
+    if body.mass is not None:
+        added.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+    triangles = sum(len(part.triangles) for part in parts if isinstance(part, SurfacePart))
+    if triangles > MAX_TRIANGLES:
+        raise ValueError(
+            f"'{body.name}' is not convex and has {triangles:,} triangles; MuJoCo knows convex pieces alone, "
+            f"so each is one, and at most {MAX_TRIANGLES:,} are simulated: simplify it, or say backend: pybullet"
+        )
+    for number, part in enumerate(parts):
+        for name in _add_part(spec, added, f"{object_name(body.name)}/{number}", part, body.mass or 0.0):
+            yield Skin(name, body.name, Surface(body.friction), moves=body.mass is not None)
+
+
+def _add_part(spec: Any, body: Any, name: str, part: Part, mass: float) -> Iterator[str]:
+    if isinstance(part, SurfacePart):
+        for number, points in enumerate(behind(part.points_xyz, part.triangles)):
+            yield _add_hull(spec, body, f"{name}.{number}", points, 0.0)
+    elif isinstance(part, HullPart):
+        yield _add_hull(spec, body, name, np.array(part.points_xyz), mass)
+    elif isinstance(part, GridPart):
+        yield _add_grid(spec, body, name, part)
+    else:
+        pose = part.pose if isinstance(part, BoxPart) else Pose()
+        yield add_geom(body, name, pose, **_properties(part), mass=mass)
+
+
+def _properties(part: BoxPart | CylinderPart | SpherePart) -> dict[str, Any]:
+    if isinstance(part, BoxPart):
+        return {"type": GEOM.mjGEOM_BOX, "size": [size / 2 for size in part.size_xyz]}
+    if isinstance(part, CylinderPart):
+        return {"type": GEOM.mjGEOM_CYLINDER, "size": [part.radius, part.height / 2, 0]}
+    return {"type": GEOM.mjGEOM_SPHERE, "size": [part.radius, 0, 0]}
+
+
+def _add_hull(spec: Any, body: Any, name: str, points: Any, mass: float) -> str:
+    inertia = mujoco.mjtMeshInertia
+    # "shell" spares the compiler the volume of what weighs nothing.
+    kind = inertia.mjMESH_INERTIA_CONVEX if mass else inertia.mjMESH_INERTIA_SHELL
+    # The engine keeps points as 32-bit floats: about their middle, not about an origin that may be 50 m away.
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    spec.add_mesh(name=name, uservert=(points - middle).ravel().tolist(), inertia=kind)
+    x, y, z = middle.tolist()
+    return add_geom(body, name, Pose((x, y, z)), type=GEOM.mjGEOM_MESH, meshname=name, mass=mass)
+
+
+def _add_grid(spec: Any, body: Any, name: str, part: GridPart) -> str:
+    low = float(part.heights.min())
+    range_ = max(float(part.heights.max()) - low, _LEAST_RANGE)
+    rows, columns = part.heights.shape
+    width, depth = part.size_xy
+    heights = ((part.heights - low) / range_).ravel().tolist()
+    size = [width / 2, depth / 2, range_, _BASE]
+    spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=heights)
+    return add_geom(body, name, Pose((0.0, 0.0, low)), type=GEOM.mjGEOM_HFIELD, hfieldname=name)
+
+
+THICKNESS: Final = 0.005
+"""m, of a piece, where the triangle is large enough: as far as a body gets in a step that is as fast as 1.2 m/s."""
+
+
+def behind(points_xyz: FloatArray, triangles: np.ndarray) -> Iterator[FloatArray]:
+    """(6, 3) the corners of the piece behind each triangle: those of the triangle, and as many behind them."""
+    corners = points_xyz[triangles]
+    a, b, c = (corners[:, corner] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    doubled_area = np.linalg.norm(normals, axis=1)
+    normals /= doubled_area[:, None]
+    sides = np.stack([np.linalg.norm(q - p, axis=1) for p, q in ((b, c), (c, a), (a, b))], axis=1)
+    around = sides.sum(axis=1)
+    # The circle that fits in: it shrinks evenly as all sides move in.
+    radii = doubled_area / around
+    middles = (corners * sides[:, :, None]).sum(axis=1) / around[:, None]
+    depths = np.minimum(THICKNESS, radii / 2)
+    shrunk = middles[:, None] + (corners - middles[:, None]) * (1 - depths / radii)[:, None, None]
+    return iter(np.concatenate((corners, shrunk - (depths[:, None] * normals)[:, None]), axis=1))

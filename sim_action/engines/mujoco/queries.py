@@ -1,0 +1,244 @@
+"""Where the links of a robot are in MuJoCo, and how they move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.engines.mujoco.geoms import wxyz
+from sim_action.engines.mujoco.names import engine_name
+from sim_action.engines.mujoco.scene import Compiled
+from sim_action.engines.observers import Look
+from sim_action.state.trace import FloatArray
+
+
+class Links:
+    """The robot's links at present, which is worked out: after a step, the engine has but where they were before it."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._model, self._data = compiled.model, compiled.data
+
+    def pose(self, link: str) -> Pose:
+        """Of its frame, world frame."""
+        mujoco.mj_kinematics(self._model, self._data)
+        body = self._number(link)
+        px, py, pz = self._data.xpos[body].tolist()
+        qw, qx, qy, qz = self._data.xquat[body].tolist()
+        return Pose((px, py, pz), (qx, qy, qz, qw))
+
+    def twist(self, link: str) -> Twist:
+        """Of the origin of its frame, world frame."""
+        for work_out in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel):
+            work_out(self._model, self._data)
+        body, found = self._number(link), np.empty(6)
+        # An XBODY is a body's own frame, a BODY the one at its centre of mass.
+        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY, body, found, 0)
+        wx, wy, wz, vx, vy, vz = found.tolist()
+        return Twist((vx, vy, vz), (wx, wy, wz))
+
+    def _number(self, link: str) -> int:
+        """Of its body."""
+        return int(self._model.body(engine_name(link)).id)
+
+
+_IN_OUR_ORDER: Final = np.array([0, 1, 2, 4, 5, 6, 3])
+
+
+class Objects:
+    """The bodies of the world at present, as the joint positions have it: those of a step are up to date after it."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._model, self._data = compiled.model, compiled.data
+        self._numbers = {name: int(self._model.geom_bodyid[geom]) for geom, name in compiled.bodies.items()}
+
+    def number(self, name: str) -> int:
+        """The engine's, of a body."""
+        return self._numbers[name]
+
+    def at(self, name: str) -> list[float]:
+        """Its position and its unit quaternion, (7,), as the engine orders it."""
+        body = self._numbers[name]
+        if self._model.body_dofnum[body]:
+            start = self._model.jnt_qposadr[self._model.body_jntadr[body]]
+            there: list[float] = self._data.qpos[start : start + 7].tolist()
+            return there
+        return [*self._model.body_pos[body].tolist(), *self._model.body_quat[body].tolist()]
+
+    def pose(self, name: str) -> Pose:
+        """Of its middle, world frame."""
+        px, py, pz, qw, qx, qy, qz = self.at(name)
+        return Pose((px, py, pz), (qx, qy, qz, qw))
+
+    def looking_at(self, names: Sequence[str]) -> Look:
+        """See Look."""
+        model, numbers = self._model, [self._numbers[name] for name in names]
+        free = [place for place, body in enumerate(numbers) if model.body_dofnum[body]]
+        fixed = [place for place, body in enumerate(numbers) if not model.body_dofnum[body]]
+        starts = [model.jnt_qposadr[model.body_jntadr[numbers[place]]] for place in free]
+        # The engine has quaternions as w, x, y, z.
+        taken = np.add.outer(np.array(starts, dtype=np.intp), _IN_OUR_ORDER)
+        held = np.array([numbers[place] for place in fixed], dtype=np.intp)
+
+        def look() -> FloatArray:
+            row = np.empty((len(names), 7))
+            row[free] = self._data.qpos[taken]
+            if fixed:
+                row[fixed, :3], row[fixed, 3:] = model.body_pos[held], model.body_quat[held][:, _IN_OUR_ORDER[3:] - 3]
+            return row.ravel()
+
+        return look
+
+    def put(self, name: str, pose: Pose, twist: Twist) -> bool:
+        """Sets where a body is, world frame; whether it can have a velocity, which is set as well."""
+        body = self._numbers[name]
+        moves = bool(self._model.body_dofnum[body])
+        if moves:
+            start, first = self._model.jnt_qposadr[self._model.body_jntadr[body]], self._model.body_dofadr[body]
+            self._data.qpos[start : start + 7] = *pose.position_xyz, *wxyz(pose.orientation_xyzw)
+            # The engine has the angular velocity in the body's own frame, the linear one in the world's.
+            turning = geometry.rotate(geometry.conjugate(pose.orientation_xyzw), twist.angular_xyz)
+            self._data.qvel[first : first + 6] = *twist.linear_xyz, *turning
+        else:
+            self._model.body_pos[body], self._model.body_quat[body] = pose.position_xyz, wxyz(pose.orientation_xyzw)
+        return moves
+
+
+# Up to so many geoms, to sort out what is too far away would take longer than to ask.
+_FEW: Final = 8
+
+
+class Distances:
+    """Of the robot's links to bodies of the world, at present or at a step that is over."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._model, self._present, self._data = compiled.model, compiled.data, compiled.data
+        self._robot_qpos = compiled.robot_qpos
+        self._links, self._bodies = _by_name(compiled.links), _by_name(compiled.bodies)
+        # A plane has no end.
+        self._radii = [radius or math.inf for radius in self._model.geom_rbound.tolist()]
+        self._body_radii = {
+            name: np.array([self._radii[geom] for geom in geoms]) for name, geoms in self._bodies.items()
+        }
+
+    def look_at_present(self) -> None:
+        """From here on, until the next step, `near` tells of the present."""
+        self._data = self._present
+        # After a step, the engine has but where everything was before it.
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def recall(self, robot_qpos: FloatArray) -> None:
+        """From here on, `near` tells of when the robot was there, (P,), and all else where it is when first asked."""
+        self._data, qpos = self._past
+        qpos[:] = robot_qpos
+        mujoco.mj_kinematics(self._model, self._data)
+
+    @cached_property
+    def _past(self) -> tuple[Any, FloatArray]:
+        """The data of steps that are over, and a live view of where the robot is in them."""
+        past = mujoco.MjData(self._model)
+        past.qpos[:] = self._present.qpos
+        return past, past.qpos[: self._robot_qpos]
+
+    def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
+        """See foresight.Near."""
+        found = {}
+        for link in self._links if links is None else links:
+            distance = self._distance(link, body, within)
+            if distance < within:
+                found[link] = distance
+        return found
+
+    def radii(self) -> dict[str, float]:
+        """Link -> m: how far its shapes are from its frame at most."""
+        return {link: max(map(self._reach, geoms)) for link, geoms in self._links.items()}
+
+    def _distance(self, link: str, body: str, within: float) -> float:
+        least, model, data, others = within, self._model, self._data, self._bodies[body]
+        few = len(others) <= _FEW
+        for geom in self._links.get(link, ()):
+            for other in others if few else self._near_enough(geom, body, least):
+                distance = mujoco.mj_geomDistance(model, data, geom, other, least, None)
+                least = min(least, distance)
+        return least
+
+    def _near_enough(self, geom: int, body: str, within: float) -> Iterable[int]:
+        """The geoms of a body that are not plainly too far away: by the balls around them."""
+        others, places = self._bodies[body], self._data.geom_xpos
+        apart = np.sqrt(((places[others] - places[geom]) ** 2).sum(axis=1)) - self._body_radii[body]
+        return [others[index] for index in np.flatnonzero(apart < within + self._radii[geom])]
+
+    def _reach(self, geom: int) -> float:
+        return math.hypot(*self._model.geom_pos[geom].tolist()) + self._radii[geom]
+
+
+def _by_name(names: Mapping[int, str]) -> dict[str, list[int]]:
+    """Name -> its geoms."""
+    geoms: dict[str, list[int]] = {}
+    for geom, name in names.items():
+        geoms.setdefault(name, []).append(geom)
+    return geoms
+
+
+_Floats = NDArray[np.float64]
+
+# Groups of geoms: rays look for the first one alone.
+_SEEN: Final = 0
+_UNSEEN: Final = 1
+_LOOK_FOR: Final = np.array([group == _SEEN for group in range(mujoco.mjNGROUP)], dtype=np.uint8)
+
+
+class Rays:
+    """What rays meet at present; costs nothing until it is asked."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._model, self._data = compiled.model, compiled.data
+        self._own_data: Any = None
+        groups = self._model.geom_group
+        groups[groups == _SEEN] = _UNSEEN
+        groups[list(compiled.bodies)] = _SEEN
+
+    def cast(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See EngineQueries.cast_rays."""
+        data, start = self._present(), np.array(start_xyz)
+        ways = ends_xyz - start
+        shares, around = _cast(self._model, data, start, ways)
+        hidden: set[int] = set()
+        while around:
+            hidden |= around
+            self._model.geom_group[list(hidden)] = _UNSEEN
+            shares, around = _cast(self._model, data, start, ways)
+        if hidden:
+            self._model.geom_group[list(hidden)] = _SEEN
+        return shares
+
+    def _present(self) -> Any:
+        """After a step, the engine has but where bodies were before it; where they are is worked out beside the run."""
+        if self._own_data is None:
+            self._own_data = mujoco.MjData(self._model)
+        self._own_data.qpos[:] = self._data.qpos
+        mujoco.mj_kinematics(self._model, self._own_data)
+        return self._own_data
+
+
+def _cast(model: Any, data: Any, start: _Floats, ways: _Floats) -> tuple[_Floats, set[int]]:
+    """The share of its way that each ray has free; and what it begins inside of, where it meets the far side."""
+    count = len(ways)
+    shares, normals, geoms = np.empty(count), np.zeros(3 * count), np.empty(count, np.int32)
+    fixed_too, no_body, anywhere = True, -1, mujoco.mjMAXVAL
+    mujoco.mj_multiRay(
+        model, data, start, ways.ravel(), _LOOK_FOR, fixed_too, no_body, geoms, shares, normals, count, anywhere
+    )
+    # Only what a ray meets has a normal, which points out of it.
+    outward = np.einsum("ij,ij->i", normals.reshape(-1, 3), ways)
+    around = set(geoms[outward > 0].tolist()) if outward.max() > 0 else set()
+    # The engine looks further than rays reach, and says -1 where they meet nothing.
+    shares[(shares < 0) | (shares > 1)] = np.inf
+    return shares, around

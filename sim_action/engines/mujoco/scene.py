@@ -1,0 +1,142 @@
+"""A scene as a compiled MuJoCo model, with everything in its place, and what the names in it stand for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Skin, add_pairs, soften
+from sim_action.engines.mujoco.geoms import add_ground, add_object, lowest_geom, wxyz
+from sim_action.engines.mujoco.names import engine_name, object_name
+from sim_action.engines.mujoco.robot import add_native_robot, add_robot
+from sim_action.world import placed
+from sim_action.world.scene import Scene
+
+IMPEDANCE: Final = 0.9999
+"""Of motors, limits and gears: as hard as the engine takes them. They yield by 1e-4 of what would move them."""
+
+STEPS_TO_CONVERGE: Final = 2.0
+"""Time constant of the same, in steps: the shortest that the engine takes. A velocity is reached within one step."""
+
+_LEAST_INERTIA: Final = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """The engine's model and state of a scene.
+
+    Attributes:
+        fixed: whether the robot is bolted to the world.
+        base: number of the base link's body.
+        robot_qpos, robot_qvel: how many of qpos and qvel are the robot's: the first ones.
+        positions, velocities: (J,) where the moving joints are in qpos and qvel, in the order of the robot model.
+        links: geom -> name of the robot's link that it belongs to.
+        bodies: geom -> name of the body of the world that it belongs to, the ground included.
+    """
+
+    model: Any
+    data: Any
+    fixed: bool
+    base: int
+    robot_qpos: int
+    robot_qvel: int
+    positions: NDArray[np.intp]
+    velocities: NDArray[np.intp]
+    links: dict[int, str]
+    bodies: dict[int, str]
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """Compiles a scene; raises ValueError if the engine refuses it."""
+        root, rate = scene.model.root, scene.physics.rate
+        # A base of no mass is held still, as Bullet does.
+        fixed = scene.bolted or scene.model.links_by_name[root].mass == 0
+        spec = _empty(rate, scene.world.gravity_xyz)
+        robot = _add_robot(spec, scene, fixed=fixed)
+        for name, inertia in scene.rotors.items():
+            spec.joint(engine_name(name)).armature += inertia
+        world = [*add_ground(spec, scene.world)]
+        for body in scene.world.objects:
+            world += add_object(spec, body, scene.parts_of(body))
+        soft = add_pairs(spec, rate, math.hypot(*scene.world.gravity_xyz), robot, world)
+        model = spec.compile()
+        soften(model, rate, soft)
+        others = sum(body.mass is not None for body in scene.world.objects)
+        joints = [model.joint(engine_name(joint.name)).id for joint in scene.model.moving_joints]
+        compiled = cls(
+            model=model,
+            data=mujoco.MjData(model),
+            fixed=fixed,
+            base=model.body(engine_name(root)).id,
+            robot_qpos=model.nq - 7 * others,
+            robot_qvel=model.nv - 6 * others,
+            positions=model.jnt_qposadr[joints].astype(np.intp),
+            velocities=model.jnt_dofadr[joints].astype(np.intp),
+            links={model.geom(skin.geom).id: skin.part for skin in robot},
+            bodies={model.geom(skin.geom).id: skin.part for skin in world},
+        )
+        compiled._place(scene)
+        return compiled
+
+    def _place(self, scene: Scene) -> None:
+        self.data.qpos[self.positions] = list(scene.joint_positions.values())
+        at = scene.placement
+        pose = Pose((at.x, at.y, at.z or 0.0), at.orientation_xyzw)
+        position = self._put(self.base, pose, free=not self.fixed)
+        if at.z is None:
+            position[2] = -(lowest_geom(self.model, self.data, list(self.links)) or 0.0)
+        for body in scene.world.objects:
+            pose = placed(body, scene.parts_of(body))
+            self._put(self.model.body(object_name(body.name)).id, pose, free=body.mass is not None)
+        mujoco.mj_forward(self.model, self.data)
+
+    def _put(self, body: int, pose: Pose, *, free: bool) -> Any:
+        """Puts a body somewhere; returns its position, to be changed."""
+        start = self.model.jnt_qposadr[self.model.body_jntadr[body]] if free else 0
+        position = self.data.qpos[start : start + 3] if free else self.model.body_pos[body]
+        turned = self.data.qpos[start + 3 : start + 7] if free else self.model.body_quat[body]
+        position[:] = pose.position_xyz
+        turned[:] = wxyz(pose.orientation_xyzw)
+        mujoco.mj_kinematics(self.model, self.data)
+        return position
+
+
+def _empty(rate: float, gravity_xyz: Vector3) -> Any:
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.compiler.fusestatic = False
+    spec.compiler.usethread = False
+    # What the audit let go, or let through for its rounding.
+    spec.compiler.balanceinertia = True
+    spec.compiler.boundinertia = _LEAST_INERTIA
+    option = spec.option
+    option.timestep = 1 / rate
+    option.gravity = list(gravity_xyz)
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = FRICTION_RATIO
+    # It would begin anew where the watchdog has to see what happened.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    joint, equality = spec.default.joint, spec.default.equality
+    for constraint in ("limit", "friction"):
+        for name, value in _hard(rate).items():
+            setattr(joint, f"{name}_{constraint}", value)
+    for name, value in _hard(rate).items():
+        setattr(equality, name, value)
+    return spec
+
+
+def _hard(rate: float) -> dict[str, list[float]]:
+    return {"solref": [STEPS_TO_CONVERGE / rate, 1.0], "solimp": [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]}
+
+
+def _add_robot(spec: Any, scene: Scene, *, fixed: bool) -> list[Skin]:
+    if scene.model.mjcf:
+        return add_native_robot(spec, scene.model, _hard(scene.physics.rate), fixed=fixed)
+    return add_robot(spec, scene.model, fixed=fixed)

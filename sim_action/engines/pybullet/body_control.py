@@ -1,0 +1,94 @@
+"""Moving bodies and pushing a robot in PyBullet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import pybullet
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.engines.body_control import Pushed, Target, Wrench
+from sim_action.engines.pybullet.queries import link_pose
+from sim_action.engines.pybullet.scene import BASE
+
+
+class PyBulletStage:
+    """See Stage. What has no mass is not moved by what it meets, but its velocity counts where they touch."""
+
+    def __init__(
+        self, client: int, robot: int, links: Mapping[str, int], objects: Mapping[str, Sequence[tuple[int, Pose]]]
+    ) -> None:
+        """`objects`: the engine's numbers for the pieces of each body, and the pose of each piece in the body."""
+        self._client, self._robot, self._links, self._objects = client, robot, links, objects
+
+    def pose(self, body: str) -> Pose:
+        """See Stage.pose."""
+        number, piece = self._objects[body][0]
+        found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
+        return geometry.compose(found, geometry.inverse(piece))
+
+    def put(self, body: str, pose: Pose, twist: Twist) -> None:
+        """See Stage.put."""
+        for number, piece in self._objects[body]:
+            at = geometry.compose(pose, piece)
+            arm = geometry.rotate(pose.orientation_xyzw, piece.position_xyz)
+            around = geometry.cross(twist.angular_xyz, arm)
+            velocity = [speed + more for speed, more in zip(twist.linear_xyz, around, strict=True)]
+            # A pose that is set takes the velocity away.
+            pybullet.resetBasePositionAndOrientation(number, at.position_xyz, at.orientation_xyzw, self._client)
+            pybullet.resetBaseVelocity(number, velocity, twist.angular_xyz, self._client)
+
+    def press(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
+        """See Stage.press."""
+        body, link = self._number(target)
+        at = self._middle(body, link)
+        if point_xyz is not None:
+            own = self._objects[target.name][0][1] if not target.is_link else self._inertial(body, link)
+            at = geometry.compose(at, geometry.compose(geometry.inverse(own), Pose(point_xyz)))
+        world = pybullet.WORLD_FRAME
+        pybullet.applyExternalForce(body, link, force_xyz, at.position_xyz, world, self._client)
+        pybullet.applyExternalTorque(body, link, torque_xyz, world, self._client)
+
+    def release(self) -> None:
+        """See Stage.release; the engine does so after each step."""
+
+    def push(self, target: Target, velocity_xyz: Vector3) -> None:
+        """See Stage.push."""
+        body, _ = self._number(target)
+        (vx, vy, vz), turning = pybullet.getBaseVelocity(body, self._client)
+        dx, dy, dz = velocity_xyz
+        pybullet.resetBaseVelocity(body, (vx + dx, vy + dy, vz + dz), turning, self._client)
+
+    def _number(self, target: Target) -> tuple[int, int]:
+        return (self._robot, self._links[target.name]) if target.is_link else (self._objects[target.name][0][0], BASE)
+
+    def _middle(self, body: int, link: int) -> Pose:
+        """Of the inertia of a link or body, in the world."""
+        if link == BASE:
+            return Pose(*pybullet.getBasePositionAndOrientation(body, self._client))
+        return geometry.compose(link_pose(self._client, body, link), self._inertial(body, link))
+
+    def _inertial(self, body: int, link: int) -> Pose:
+        """Of the inertia of a link, in its frame."""
+        return Pose(*pybullet.getDynamicsInfo(body, link, self._client)[3:5])
+
+
+def pushed_robot(client: int, robot: int) -> Pushed:
+    """What is pushed; joints are where they are now."""
+    middle, _ = pybullet.getBasePositionAndOrientation(robot, client)
+    mass = inertia = 0.0
+    for link in range(-1, pybullet.getNumJoints(robot, client)):
+        own_mass, _, own_inertia, *_ = pybullet.getDynamicsInfo(robot, link, client)
+        place = middle if link < 0 else pybullet.getLinkState(robot, link, physicsClientId=client)[0]
+        mass += own_mass
+        inertia += own_mass * math.dist(place[:2], middle[:2]) ** 2 + min(own_inertia)
+    return Pushed(mass, inertia)
+
+
+def apply_wrench(client: int, robot: int, found: Wrench) -> None:
+    """For the next step."""
+    world = pybullet.WORLD_FRAME
+    pybullet.applyExternalForce(robot, -1, found.force_xyz, found.point_xyz, world, client)
+    pybullet.applyExternalTorque(robot, -1, found.torque_xyz, world, client)

@@ -1,0 +1,298 @@
+"""PyBullet behind the Engine protocol.
+
+What it has to straighten out (Bullet's quickstart guide, and measurements in the tests): base poses are those of the
+centre of mass, joints come with a motor switched on, torques last for one step, and contact points are reported before
+anything touches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.metadata import version
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.errors import EngineError
+from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT
+from sim_action.engines.body_control import wrench
+from sim_action.engines.clearances import Clearances
+from sim_action.engines.observers import BodyTracks, Glance
+from sim_action.engines.pybullet.body_control import PyBulletStage, apply_wrench, pushed_robot
+from sim_action.engines.pybullet.queries import (
+    Distances,
+    cast_rays,
+    clashes,
+    hide_from_rays,
+    in_link_frame,
+    link_pose,
+    link_twist,
+    looking_at,
+    overlaps,
+)
+from sim_action.engines.pybullet.scene import (
+    BASE,
+    add_gear,
+    add_object,
+    add_rotor,
+    configure,
+    connect_ahead,
+    connected,
+    load_robot,
+    pave,
+    place,
+    set_surfaces,
+)
+from sim_action.engines.world_events import Timetable
+from sim_action.state.command import BasePush, JointTargets
+from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
+from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.world import GROUND
+from sim_action.world.scene import Scene
+
+
+class PyBulletEngine:
+    """One DIRECT connection with the scene in it."""
+
+    version = f"pybullet {version('pybullet')}"
+    warm_up = staticmethod(connect_ahead)
+
+    def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
+        self._client, self._ground = connected()
+        self._glance = Glance()
+        try:
+            configure(self._client, scene.physics.rate, scene.world.gravity_xyz)
+            tiles = pave(self._client, self._ground, scene.world)
+            self._objects = {
+                body.name: add_object(self._client, body, scene.parts_of(body)) for body in scene.world.objects
+            }
+            self._body_names = dict.fromkeys((self._ground, *tiles), GROUND)
+            self._body_names |= {number: name for name, added in self._objects.items() for number, _ in added}
+            self._moving = {self._objects[body.name][0][0] for body in scene.world.objects if body.mass is not None}
+            self._robot = load_robot(self._client, scene)
+            base = scene.model.links_by_name[scene.model.root]
+            hide_from_rays(self._client, self._robot, fixed=scene.bolted or base.mass == 0)
+        except pybullet.error as error:
+            self.close()
+            raise EngineError(f"the engine refused the world: {error}") from None
+        self._rate = scene.physics.rate
+        self._watches_contacts = channels.contacts and bool(self._objects)
+        self._read_joints(scene)
+        self._place_robot(scene)
+        self._timetable = Timetable.of(scene, PyBulletStage(self._client, self._robot, self._links, self._objects))
+        distances = Distances(self._client, self._robot, self._link_names, self._body_names)
+        self._clearances = Clearances(channels, scene, distances.radii(), near=distances.near, body_at=self._body_at)
+        tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
+        look = looking_at(self._client, [self._objects[name][0] for name in tracked])
+        self._tracks = BodyTracks(tracked, self._rate, look)
+        self._held_efforts: dict[int, float] = {}
+        self._base_push: BasePush | None = None
+        self._rows: list[tuple[float, ...]] = []
+        self._touches: list[Contact] = []
+
+    def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
+        """See Engine.advance."""
+        self._glance.settle()
+        for step, wanted in enumerate(targets, start=first_step + 1):
+            if wanted is not None:
+                self._apply(wanted)
+            if self._held_efforts:
+                self._push(self._held_efforts)
+            if self._base_push is not None:
+                here = self.observe(step, contacts=False)
+                found = wrench(self._base_push, self._pushed, here.pose, here.twist, 1 / self._rate)
+                apply_wrench(self._client, self._robot, found)
+            if self._timetable is not None:
+                self._timetable.before(step - 1)
+            pybullet.stepSimulation(self._client)
+            if self._timetable is not None:
+                self._timetable.after(step)
+            self._rows.append(self._row(step))
+            if self._watches_contacts:
+                self._touches += self._contacts(step, ground=False)
+            if not self._tracks.is_idle:
+                self._tracks.see(step)
+            if not self._clearances.is_idle:
+                row = self._rows[-1]
+                self._clearances.see(step, row[1:8], row[14 : 14 + len(self._indices)])
+
+    def collect(self) -> Trace:
+        """See Engine.collect."""
+        columns = 14 + 3 * len(self._indices)
+        state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
+        for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
+            state[:, column] = values
+        clearances, bodies = self._clearances.collect(), self._tracks.collect()
+        trace = Trace(self._joint_names, state, tuple(self._touches), clearances=clearances, bodies=bodies)
+        self._rows, self._touches = [], []
+        return trace
+
+    def observe(self, step: int, *, contacts: bool) -> Observation:
+        """See Engine.observe."""
+        # After a step, its row is the present.
+        last = self._rows[-1] if self._rows and self._rows[-1][0] == step / self._rate else self._row(step)
+        time, *row = last
+        pose, twist = self._base_of(row[:13])
+        joints = len(self._indices)
+        states = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
+        return Observation(
+            time=time,
+            pose=pose,
+            twist=twist,
+            joints=ByName(zip(self._joint_names, states, strict=True)),
+            contacts=self._glance.at(lambda: self._contacts(step, ground=True)) if contacts else (),
+        )
+
+    def link_pose(self, link: str) -> Pose:
+        """See EngineQueries.link_pose."""
+        index = self._links[link]
+        return self._base_now()[0] if index == BASE else link_pose(self._client, self._robot, index)
+
+    def link_twist(self, link: str) -> Twist:
+        """See EngineQueries.link_twist."""
+        index = self._links[link]
+        return self._base_now()[1] if index == BASE else link_twist(self._client, self._robot, index)
+
+    def body_pose(self, body: str) -> Pose:
+        """See EngineQueries.body_pose."""
+        number, piece = self._objects[body][0]
+        found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
+        return geometry.compose(found, geometry.inverse(piece)) if piece != Pose() else found
+
+    def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See EngineQueries.cast_rays."""
+        return cast_rays(self._client, start_xyz, ends_xyz)
+
+    def _base_now(self) -> tuple[Pose, Twist]:
+        """Of the base link, at whatever step the present is."""
+        position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
+        linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
+        return self._base_of((*position, *orientation, *linear, *angular))
+
+    def _base_of(self, com: Sequence[float]) -> tuple[Pose, Twist]:
+        """Of the base link, from the 13 numbers of its centre of mass."""
+        px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = in_link_frame(com, self._com_in_link)
+        return Pose((px, py, pz), (qx, qy, qz, qw)), Twist((vx, vy, vz), (wx, wy, wz))
+
+    def _body_at(self, body: str) -> tuple[float, ...]:
+        there = self.body_pose(body)
+        return (*there.position_xyz, *there.orientation_xyzw)
+
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """See Engine.overlaps."""
+        return overlaps(self._client, self._robot, self._link_names, self._body_names)
+
+    def clashes(self) -> tuple[Clash, ...]:
+        """See Engine.clashes."""
+        return clashes(self._client, self._moving, self._body_names)
+
+    def close(self) -> None:
+        """See Engine.close."""
+        self._glance.settle()
+        pybullet.disconnect(self._client)
+
+    def _read_joints(self, scene: Scene) -> None:
+        count = pybullet.getNumJoints(self._robot, self._client)
+        infos = [pybullet.getJointInfo(self._robot, index, self._client) for index in range(count)]
+        self._link_names = {BASE: scene.model.root, **{info[0]: info[12].decode() for info in infos}}
+        self._links = {name: index for index, name in self._link_names.items()}
+        by_name = {info[1].decode(): info for info in infos}
+        self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
+        self._index = {name: by_name[name][0] for name in self._joint_names}
+        self._indices = list(self._index.values())
+        self._friction = {name: by_name[name][7] for name in self._joint_names}
+        self._max_effort = {name: by_name[name][10] or UNLIMITED_EFFORT for name in self._joint_names}
+        self._max_velocity = {name: by_name[name][11] for name in self._joint_names}
+        links = scene.model.links_by_name
+        set_surfaces(
+            self._client, self._robot, {index: links[name].surface for index, name in self._link_names.items()}
+        )
+        for name, inertia in scene.rotors.items():
+            axis = scene.model.joints_by_name[name].axis_xyz
+            add_rotor(self._client, self._robot, self._index[name], axis, inertia)
+        _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
+        self._com_in_link = Pose(com_position, com_orientation)
+        self._pushed = pushed_robot(self._client, self._robot)
+
+    def _place_robot(self, scene: Scene) -> None:
+        positions = scene.joint_positions
+        for joint in scene.model.moving_joints:
+            position = positions[joint.name]
+            pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
+            if joint.type == "continuous" or joint.mimic is not None:
+                # Switches the default motor off; what remains is the joint's own friction.
+                self._motor(joint.name, pybullet.VELOCITY_CONTROL, force=self._friction[joint.name])
+            else:
+                self._servo(joint.name, position, self._max_effort[joint.name])
+            if joint.mimic is not None:
+                leader = self._index[joint.mimic.joint]
+                add_gear(self._client, self._robot, self._index[joint.name], leader, joint.mimic)
+        place(self._client, self._robot, self._ground, scene.placement, self._com_in_link)
+
+    def _apply(self, targets: JointTargets) -> None:
+        self._base_push = targets.base or self._base_push
+        limits = {name: targets.max_effort.get(name, self._max_effort[name]) for name in targets.names()}
+        for name in limits:
+            self._held_efforts.pop(self._index[name], None)
+        turned = {name: speed for name, speed in targets.velocity.items() if name not in targets.position}
+        if turned:
+            self._motors(turned, [limits[name] for name in turned])
+        for name, position in targets.position.items():
+            self._servo(name, position, limits[name], targets.velocity.get(name, 0.0))
+        for name, effort in targets.effort.items():
+            self._motor(name, pybullet.VELOCITY_CONTROL, force=self._friction[name])
+            self._held_efforts[self._index[name]] = effort
+
+    def _servo(self, joint: str, position: float, max_effort: float, ahead: float = 0.0) -> None:
+        fastest = self._max_velocity[joint]
+        target = {"targetPosition": position, "targetVelocity": ahead, "force": max_effort}
+        limit = {"maxVelocity": fastest} if fastest > 0 else {}
+        self._motor(joint, pybullet.POSITION_CONTROL, **target, **limit)
+
+    def _motor(self, joint: str, mode: int, **target: float) -> None:
+        pybullet.setJointMotorControl2(self._robot, self._index[joint], mode, physicsClientId=self._client, **target)
+
+    def _motors(self, velocities: Mapping[str, float], forces: Sequence[float]) -> None:
+        pybullet.setJointMotorControlArray(
+            self._robot,
+            [self._index[name] for name in velocities],
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=list(velocities.values()),
+            forces=forces,
+            physicsClientId=self._client,
+        )
+
+    def _push(self, efforts: Mapping[int, float]) -> None:
+        pybullet.setJointMotorControlArray(
+            self._robot,
+            list(efforts),
+            pybullet.TORQUE_CONTROL,
+            forces=list(efforts.values()),
+            physicsClientId=self._client,
+        )
+
+    def _contacts(self, step: int, *, ground: bool) -> Iterator[Contact]:
+        for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
+            body, distance, force = self._body_names.get(point[2]), point[8], point[9]
+            # A point is reported from 2 cm on; it is a contact once it carries a force or the shapes overlap.
+            if body is not None and (ground or body != GROUND) and (force > 0 or distance <= 0):
+                yield Contact(step / self._rate, self._link_names[point[3]], body, point[5], force)
+
+    def _row(self, step: int) -> tuple[float, ...]:
+        """A row of `Trace.state`, but for its frame: it is taken at every step, so it stays as cheap as it can be."""
+        position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
+        linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
+        if not self._indices:
+            return (step / self._rate, *position, *orientation, *linear, *angular)
+        states = pybullet.getJointStates(self._robot, self._indices, self._client)
+        positions, velocities, _, efforts = zip(*states, strict=True)
+        if self._held_efforts:
+            # The engine tells what its own motors do; these are but the friction that the effort works against.
+            told = zip(self._indices, efforts, strict=True)
+            efforts = tuple(self._held_efforts.get(index, effort) for index, effort in told)
+        time = step / self._rate
+        return (time, *position, *orientation, *linear, *angular, *positions, *velocities, *efforts)

@@ -1,0 +1,188 @@
+"""Where the links of a robot are in PyBullet, and how they move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from operator import itemgetter
+from typing import Any, Final
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.engines.observers import Look
+from sim_action.engines.pybullet.scene import BASE
+from sim_action.state.observation import Clash, Overlap
+
+
+def link_pose(client: int, robot: int, link: int) -> Pose:
+    """Of a link's frame in the world; not for the base."""
+    return _frame(_state(client, robot, link))
+
+
+def link_twist(client: int, robot: int, link: int) -> Twist:
+    """Of the origin of a link's frame, world frame; not for the base."""
+    state = _state(client, robot, link)
+    (cx, cy, cz), (px, py, pz), (vx, vy, vz), angular = state[0], _frame(state).position_xyz, state[6], state[7]
+    # The engine has the velocity of the centre of mass.
+    ux, uy, uz = geometry.cross(angular, (px - cx, py - cy, pz - cz))
+    return Twist((vx + ux, vy + uy, vz + uz), angular)
+
+
+def in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
+    """Base pose and twist of the link frame from those of the centre of mass: 13 numbers, or as many columns.
+
+    Only element by element: what is computed for a moment must not depend on how many moments are computed with it,
+    which products of matrices do not promise.
+    """
+    px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = com
+    orientation = (qx, qy, qz, qw)
+    if com_in_link.orientation_xyzw != geometry.IDENTITY:
+        orientation = geometry.multiply(orientation, geometry.conjugate(com_in_link.orientation_xyzw))
+    ox, oy, oz = offset = geometry.rotate(orientation, com_in_link.position_xyz)
+    ux, uy, uz = geometry.cross((wx, wy, wz), offset)
+    return (px - ox, py - oy, pz - oz, *orientation, vx - ux, vy - uy, vz - uz, wx, wy, wz)
+
+
+def _frame(state: Any) -> Pose:
+    """The engine tells it, too, but in single precision; the centre of mass, and where that is in it, in double."""
+    return geometry.compose(Pose(*state[:2]), geometry.inverse(Pose(*state[2:4])))
+
+
+def _state(client: int, robot: int, link: int) -> Any:
+    # Without being worked out anew, it would be that of before the last step.
+    return pybullet.getLinkState(robot, link, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=client)
+
+
+def looking_at(client: int, bodies: Sequence[tuple[int, Pose]]) -> Look:
+    """`bodies`: the engine's number for a piece of each, and the pose of that piece in the body."""
+    numbers = [number for number, _ in bodies]
+    aside = {place: geometry.inverse(piece) for place, (_, piece) in enumerate(bodies) if piece != Pose()}
+
+    def look() -> Sequence[float]:
+        found = [pybullet.getBasePositionAndOrientation(number, client) for number in numbers]
+        for place, back in aside.items():
+            there = geometry.compose(Pose(*found[place]), back)
+            found[place] = there.position_xyz, there.orientation_xyzw
+        return [value for position, orientation in found for value in (*position, *orientation)]
+
+    return look
+
+
+# Up to so many links are asked for one by one: a robot's others cost as much as those that matter.
+_FEW: Final = 3
+
+
+class Distances:
+    """Of the robot's links to bodies of the world, at present."""
+
+    def __init__(self, client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> None:
+        """`links`, `bodies`: names by the engine's numbers, of which a body may have several."""
+        self._client, self._robot, self._names = client, robot, links
+        self._bodies: dict[str, list[int]] = {}
+        for number, name in bodies.items():
+            self._bodies.setdefault(name, []).append(number)
+        self._links = {name: index for index, name in links.items()}
+
+    def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
+        """See foresight.Near."""
+        found: dict[str, float] = {}
+        points = (point for number in self._bodies[body] for point in self._points(number, links, within))
+        for point in points:
+            name, distance = self._names[point[3]], point[8]
+            if distance < found.get(name, math.inf) and (links is None or name in links):
+                found[name] = distance
+        return found
+
+    def _points(self, body: int, links: Collection[str] | None, within: float) -> Sequence[Any]:
+        """The nearest points, at least those of these links."""
+        robot, client = self._robot, self._client
+        if links is None or len(links) > _FEW:
+            found: Sequence[Any] = pybullet.getClosestPoints(robot, body, within, physicsClientId=client)
+            return found
+        points: list[Any] = []
+        for link in links:
+            points += pybullet.getClosestPoints(robot, body, within, self._links[link], physicsClientId=client)
+        return points
+
+    def radii(self) -> dict[str, float]:
+        """Link -> m: how far its shapes are from its frame, or from the centre of mass of the base, at most."""
+        return {name: self._radius(index) for name, index in self._links.items()}
+
+    def _radius(self, link: int) -> float:
+        if not pybullet.getCollisionShapeData(self._robot, link, self._client):
+            return 0.0
+        if link == BASE:
+            origin = pybullet.getBasePositionAndOrientation(self._robot, self._client)[0]
+        else:
+            state = pybullet.getLinkState(self._robot, link, computeForwardKinematics=1, physicsClientId=self._client)
+            origin = state[4]
+        lower, upper = pybullet.getAABB(self._robot, link, self._client)
+        return math.hypot(*(max(hi - at, at - lo) for lo, hi, at in zip(lower, upper, origin, strict=True)))
+
+
+def overlaps(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> tuple[Overlap, ...]:
+    """Which links of a robot are inside which bodies, by the engine's numbers for both; each pair of them once."""
+    deepest: dict[tuple[str, str], float] = {}
+    for body, name in bodies.items():
+        # Contact points are those of the last step, and there may have been none.
+        for point in pybullet.getClosestPoints(robot, body, 0.0, physicsClientId=client):
+            pair = links[point[3]], name
+            deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
+    return tuple(Overlap(link, name, depth) for (link, name), depth in deepest.items() if depth > 0)
+
+
+def clashes(client: int, moving: Collection[int], bodies: Mapping[int, str]) -> tuple[Clash, ...]:
+    """Which of the bodies that move are inside which others; each pair once."""
+    deepest: dict[tuple[str, str], float] = {}
+    for number in moving:
+        for other in bodies:
+            if other == number or (other in moving and other < number):
+                continue
+            for point in pybullet.getClosestPoints(number, other, 0.0, physicsClientId=client):
+                pair = bodies[number], bodies[other]
+                deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
+    return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
+
+
+# Bullet's own groups (btBroadphaseProxy.h) go up to 32; all bodies are in one of its first two.
+_MOVING: Final = 1
+_FIXED: Final = 2
+_ROBOT: Final = 64
+_ALL: Final = -1
+# Of the batch that it calls its greatest, the engine loses the last ray.
+_BATCH: Final = pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE - 1
+
+_HIT_FRACTION: Final = itemgetter(2)
+
+
+def hide_from_rays(client: int, robot: int, *, fixed: bool) -> None:
+    """Puts the robot into a group of its own, which touches what it touched before; `fixed`: its base is.
+
+    What is fixed looks for all but what is fixed: the same that the engine gave it.
+    """
+    _join(client, robot, BASE, _ALL ^ _FIXED if fixed else _ALL)
+    for link in range(pybullet.getNumJoints(robot, client)):
+        _join(client, robot, link, _ALL)
+
+
+def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """See EngineQueries.cast_rays."""
+    shares: NDArray[np.float64] = np.empty(len(ends_xyz))
+    for first in range(0, len(ends_xyz), _BATCH):
+        # Lists are what the engine's Python reads fastest.
+        ends = ends_xyz[first : first + _BATCH].tolist()
+        hits = pybullet.rayTestBatch(
+            [start_xyz] * len(ends), ends, numThreads=1, collisionFilterMask=_MOVING | _FIXED, physicsClientId=client
+        )
+        shares[first : first + len(ends)] = list(map(_HIT_FRACTION, hits))
+    # So the engine says that a ray meets nothing.
+    shares[shares >= 1] = np.inf
+    return shares
+
+
+def _join(client: int, robot: int, link: int, looks_for: int) -> None:
+    pybullet.setCollisionFilterGroupMask(robot, link, _ROBOT, looks_for, client)

@@ -1,0 +1,57 @@
+"""Mesh files as bodies of the world: hulls where that is what they are, else the triangles themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core.workspace import Workspace
+from sim_action.meshes import MeshError, parsed_mesh
+from sim_action.meshes.collision_hulls import facts_of, hulls_of
+from sim_action.meshes.mesh import Mesh
+from sim_action.world import MeshFile
+from sim_action.world.parts import HullPart, SurfacePart
+from sim_action.world.shape_files.shape_error import ShapeError, found_file
+from sim_action.world.shapes import LARGEST, SMALLEST
+
+MAX_TRIANGLES: Final = 40_000
+"""Of a body that is not convex: what PyBullet takes of one."""
+
+
+def mesh_parts(mesh_file: MeshFile, workspace: Workspace, *, moves: bool) -> Iterator[HullPart | SurfacePart]:
+    """What a mesh is made of, in m. Raises ShapeError."""
+    name = mesh_file.file
+    path = found_file(workspace, name)
+    try:
+        mesh = parsed_mesh(path)
+    except MeshError as error:
+        raise ShapeError(f"'{name}' {error}") from None
+    scale = (mesh_file.scale,) * 3
+    _check_size(name, np.ptp(mesh.points_xyz, axis=0) * mesh_file.scale)
+    whole = Mesh(mesh.points_xyz, (np.concatenate(mesh.parts),))
+    shape = facts_of(path.suffix, whole if moves else mesh).shape
+    if moves and shape == "flat":
+        raise ShapeError(f"'{name}' has no volume, so it cannot weigh anything; leave 'mass' out, or give it a depth")
+    if moves or shape == "convex":
+        yield from (_hull(points) for points in hulls_of(whole if moves else mesh, scale, 0.0))
+        return
+    triangles = whole.parts[0]
+    if len(triangles) > MAX_TRIANGLES:
+        found = f"'{name}' is not convex and has {len(triangles):,} triangles; at most {MAX_TRIANGLES:,} are simulated"
+        raise ShapeError(f"{found}: simplify it")
+    yield SurfacePart(mesh.points_xyz * mesh_file.scale, triangles)
+
+
+def _hull(points: NDArray[np.float64]) -> HullPart:
+    return HullPart(tuple((x, y, z) for x, y, z in points.tolist()))
+
+
+def _check_size(name: str, extents: NDArray[np.float64]) -> None:
+    largest = float(extents.max())
+    if largest > LARGEST:
+        raise ShapeError(f"'{name}' measures {largest:.4g} m; is it in millimetres? then write scale: 0.001", "scale")
+    if largest < SMALLEST:
+        raise ShapeError(f"'{name}' measures {largest:.4g} m, which no engine can tell from nothing", "scale")
