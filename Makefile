@@ -17,15 +17,29 @@ VIEWER := sim_action/reports/viewer/viewer3d.json
 WITH_NODE = PATH="$(abspath $(BIN)):$$PATH"
 HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && $(WITH_NODE) npm --version >/dev/null 2>&1
 
-.PHONY: viewer screenshots demo test coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots picture bench fuzz lock clean
+# A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: viewer screenshots demo check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots picture bench fuzz lock clean
 
 demo: $(VENV)/.installed ## run the tutorial's own job
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
 
-test: $(VENV)/.dev $(VENV)/.node viewer ## all tests
+check: $(VENV)/.dev ## quick feedback: style, types for this platform, layers, and the tests that start no process
+	@$(MAKE) --no-print-directory --jobs 2 check-tests lint-types lint-layers lint-style
+
+check-tests: $(VENV)/.dev
+	$(BIN)/python -m pytest -q -n 2 -m "not process" --ignore tests/integration
+
+test: $(VENV)/.dev $(VENV)/.node viewer ## all tests, long repetitions in their short form
 	@# They start a process in hundreds of places; where Python keeps no bytecode, each would compile all it imports.
 	@$(BIN)/python -m compileall -q sim_action
 	$(BIN)/python -m pytest
+
+soak: $(VENV)/.dev $(VENV)/.node viewer ## long repetitions: marked tests, property tests with many more examples, then fuzz
+	@$(BIN)/python -m compileall -q sim_action
+	$(BIN)/python -m pytest --soak
+	@$(MAKE) --no-print-directory fuzz
 
 coverage: $(VENV)/.dev $(VENV)/.node viewer ## all tests, and which lines none of them reaches
 	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered

@@ -9,12 +9,10 @@ import os
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import HealthCheck, settings
 
 from sim_action.engines import installed
 
-settings.register_profile("sim-action", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("sim-action")
+pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance"]
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -116,6 +116,7 @@ def test_cache_is_true_or_false(lock: Path, tmp_path: Path, monkeypatch: pytest.
         look(Environment.of(lock, tmp_path))
 
 
+@pytest.mark.process
 def test_an_environment_that_came_out_of_a_cache_counts_for_nothing(
     lock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,6 +120,7 @@ def test_set_up_time_is_split() -> None:
     assert text == "Set-up took 30 s: Python 3 s, install 14 s, cache 13 s"
 
 
+@pytest.mark.process
 def test_a_runner_gets_utf_8_whatever_the_code_page_of_the_console_is(tmp_path: Path) -> None:
     (tmp_path / "✓.sim.yml").write_text("name: ✓\nexpect: []\n", encoding="utf-8")
     inputs = {f"INPUT_{name.upper().replace('-', '_')}": value for name, value in {**INPUTS, "shard": ""}.items()}

@@ -114,6 +114,7 @@ def names_of(size: int, each: int = 1000) -> list[str]:
 MAX_BYTES = 128 * 1024 - len("INPUT_SCENARIO=") - 1
 
 
+@pytest.mark.process
 def test_the_scenarios_of_a_shard_are_as_many_as_can_be_passed_on() -> None:
     (entry,) = dealt(names_of(MAX_BYTES), 1)
     passed_on(entry["scenario"])

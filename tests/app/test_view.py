@@ -71,6 +71,7 @@ def test_without_a_display_the_address_is_printed(capsys: pytest.CaptureFixture[
     assert "no browser can be opened here" in told.err
 
 
+@pytest.mark.process
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere BROWSER is not asked")
 def test_a_browser_gets_the_address(tmp_path: Path) -> None:
     script = tmp_path / "browser"

@@ -5,6 +5,8 @@ import shutil
 import subprocess
 import sys
 
+import pytest
+
 from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
 from sim_action.results.results_json import Results
@@ -65,6 +67,7 @@ def test_hostile_names_command_nothing(samples: Samples, hostile: str) -> None:
     assert "##[" not in line
 
 
+@pytest.mark.process
 def test_children_are_forked_from_a_light_process() -> None:
     code = """
 import sys, threading

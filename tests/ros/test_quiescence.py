@@ -14,7 +14,10 @@ import pytest
 
 from sim_action.ros.quiescence import WatchedProcesses
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc")
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc"),
+    pytest.mark.process,
+]
 
 LONG = 20.0
 SHORT = 0.2

@@ -12,6 +12,7 @@ from sim_action.ros.ros1.installation import Ros, find_ros
 from tests.ros.ros1.launches import needs_ros
 
 
+@pytest.mark.process
 def test_where_it_is_not_one_message_says_what_to_type(tmp_path: Path) -> None:
     for python in (tmp_path / "python3", Path(sys.executable)):
         with pytest.raises(UsageError, match=r"no rospy.*sudo apt-get install .*python3-rostest") as caught:
@@ -25,6 +26,7 @@ def test_what_belongs_to_it_is_below_its_prefix() -> None:
     assert ros.program("rostest") == Path("/opt/ros/noetic/bin/rostest")
 
 
+@pytest.mark.process
 @needs_ros
 def test_the_distributions_own_is_found() -> None:
     assert (find_ros().share / "geometry_msgs/msg/Pose.msg").is_file()

@@ -17,7 +17,7 @@ import pytest
 from sim_action.ros.ros1.master import Master
 from tests.ros.ros1.launches import needs_ros, ros
 
-pytestmark = needs_ros
+pytestmark = [needs_ros, pytest.mark.process]
 
 NODE = """\
 import sys, rospy

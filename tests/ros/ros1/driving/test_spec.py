@@ -18,6 +18,8 @@ from tests.ros.ros1.launches import needs_ros, package
 from tests.scenarios import LEAST, load, told
 from tests.traces import scene
 
+pytestmark = pytest.mark.process
+
 NODE = "#!/usr/bin/env python\n"
 LAUNCH = """\
 <launch>

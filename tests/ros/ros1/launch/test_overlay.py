@@ -12,7 +12,7 @@ from sim_action.core.errors import UsageError
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay
 from tests.ros.ros1.launches import needs_ros, package, ros
 
-pytestmark = needs_ros
+pytestmark = [needs_ros, pytest.mark.process]
 
 
 def built(folder: Path) -> Overlay:

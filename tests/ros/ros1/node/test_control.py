@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from sim_action.ros.ros1.call import LaunchRequest
 from tests.ros.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST
 
-pytestmark = needs_ros
+pytestmark = [needs_ros, pytest.mark.process]
 
 
 def test_planar_move_and_controllers(tmp_path: Path) -> None:

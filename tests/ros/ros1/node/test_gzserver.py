@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from sim_action.ros.ros1.call import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.probe import PROBE, PROBE_TEST
 
-pytestmark = needs_ros
+pytestmark = [needs_ros, pytest.mark.process]
 
 
+@pytest.mark.process
 def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     package(tmp_path / "ws", "probe", {"probe.py": PROBE, "probe.test": PROBE_TEST})
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from sim_action.ros.ros1.call import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.rover import PACKAGE, ROVER, TEST, YARD, YARD_TEST
 
-pytestmark = needs_ros
+pytestmark = [needs_ros, pytest.mark.process]
 
 
+@pytest.mark.process
 def test_robots_in_sdf(tmp_path: Path) -> None:
     files = {"models/rover/model.sdf": ROVER, "yard.world": YARD, "yard.test": YARD_TEST, "test_yard.py": TEST}
     package(tmp_path / "ws", "yard", files)

@@ -1,0 +1,66 @@
+"""Long repetitions: `make test` runs a short form of each, `make soak` (`pytest --soak`) the long one.
+
+Two kinds of tests run under `--soak`, and nothing else: those with the marker `soak`, and property tests. A property
+test then tries `FACTOR` times as many examples, and other ones on every run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+FACTOR: Final = 20
+"""Examples of a property test under `--soak`, for each example of `make test`."""
+
+SHORT: Final = "sim-action"
+LONG: Final = "sim-action-soak"
+_SLOW: Final = [HealthCheck.too_slow]
+
+settings.register_profile(SHORT, deadline=None, derandomize=True, suppress_health_check=_SLOW)
+settings.register_profile(
+    LONG, settings.get_profile(SHORT), derandomize=False, max_examples=FACTOR * settings.get_profile(SHORT).max_examples
+)
+
+
+def examples(count: int) -> settings:
+    """Return the settings of a property test with `count` examples, and `FACTOR` times as many under `--soak`."""
+    long = settings.get_current_profile_name() == LONG
+    return settings(max_examples=count * FACTOR if long else count)
+
+
+def soaked(values: Iterable[Any], short: Iterable[Any]) -> list[Any]:
+    """Return values for `parametrize`; those that are not in `short` are tried under `--soak` alone."""
+    kept = list(short)
+    return [value if value in kept else _long(value) for value in values]
+
+
+def _long(value: Any) -> Any:
+    values = value if isinstance(value, tuple) else (value,)
+    return pytest.param(*values, marks=pytest.mark.soak)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--soak", action="store_true", help="run the long repetitions: tests marked 'soak' and property tests"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "soak: a long repetition, run with --soak alone; a short form runs without")
+    settings.load_profile(LONG if config.getoption("soak") else SHORT)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    long = bool(config.getoption("soak"))
+    chosen = [item for item in items if _runs(item, long=long)]
+    if dropped := [item for item in items if item not in set(chosen)]:
+        config.hook.pytest_deselected(items=dropped)
+        items[:] = chosen
+
+
+def _runs(item: pytest.Item, *, long: bool) -> bool:
+    marked = item.get_closest_marker("soak") is not None
+    return marked or item.get_closest_marker("hypothesis") is not None if long else not marked
