@@ -13,9 +13,10 @@ FILES = [*ROOT.glob("tests/**/*.py"), *ROOT.glob("examples/**/*.py")]
 def exists(module: str, name: str) -> bool:
     """Return True if there is such a module, or such a name in the text of its package."""
     path = ROOT / module.replace(".", "/")
-    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    package = path / "__init__.py"
+    file = package if package.is_file() else path.with_suffix(".py")
     text = file.read_text(encoding="utf-8") if file.is_file() else ""
-    is_module = (path / f"{name}.py").is_file() or (path / name).is_dir()
+    is_module = (path / f"{name}.py").is_file() or (path / name / "__init__.py").is_file()
     return is_module or re.search(rf"\b{name}\b", text) is not None
 
 

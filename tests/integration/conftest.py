@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.integration.github import ActionResult, Runner
+from tests.integration.warm import WARM
 
 ACTION = Path(__file__).parent.parent.parent
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
@@ -103,13 +104,23 @@ def environment(temp: Path) -> Path:
 
 
 def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    """The command line, as one calls it beside GitHub."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    """Run the command line outside of GitHub, forked from a process that has imported everything."""
+    code, printed, errors = WARM.call(folder, arguments, _outside_of_github(variables))
+    return subprocess.CompletedProcess(["sim-action", *arguments], code, printed, errors)
+
+
+def fresh_sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line outside of GitHub in an interpreter of its own."""
     return subprocess.run(
         [sys.executable, "-m", "sim_action", *arguments],
         cwd=folder,
-        env={**environment, "PYTHONPATH": str(ACTION), **variables},
+        env=_outside_of_github(variables),
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def _outside_of_github(variables: dict[str, str]) -> dict[str, str]:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
+    return {**kept, "PYTHONPATH": str(ACTION), **variables}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from dataclasses import replace
@@ -24,6 +25,7 @@ from tests.integration.github import (
     ActionResult,
     Runner,
 )
+from tests.soak import soaked
 
 HOSTILE = [
     "$(touch pwned)",
@@ -57,26 +59,44 @@ HOSTILE_CHOICES = [
 CHATTER = "::error::forged\n##[error]forged\n::set-output name=conclusion::forged\n::stop-commands::forged\n"
 
 
+# Each text comes once in the short form, each choice once with one of the texts.
+SOME_HOSTILE = [HOSTILE[0], HOSTILE[5], HOSTILE[7]]
+HOSTILE_BY_CHOICE = list(itertools.product(CHOICES, HOSTILE_CHOICES))
+SOME_HOSTILE_BY_CHOICE = list(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))
+
+
 @pytest.mark.parametrize("text", HOSTILE)
 def test_paths_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
-    write(runner.workspace / "straight.sim.yml", TUTORIAL)
-    as_scenario = runner.run(ACTION, {"scenario": text})
-    assert as_scenario.exit_code in {2, 5}, as_scenario.log
-    assert_harmless(as_scenario, runner)
-    folders = {"working-directory": text, "output-directory": f"{text}/out", "junit-path": f"{text}/junit.xml"}
-    as_missing_folder = runner.run(ACTION, folders)
-    assert as_missing_folder.exit_code == 2
-    assert_harmless(as_missing_folder, runner)
     write(runner.workspace / text / "straight.sim.yml", TUTORIAL)
-    as_folder = runner.run(ACTION, folders)
+    as_folder = runner.run(ACTION, folders(text))
     assert as_folder.exit_code == 0, as_folder.log
     assert as_folder.outputs["junit-path"] == str(runner.workspace / text / text / "junit.xml")
     assert (runner.workspace / text / text / "out/results.json").is_file()
     assert_harmless(as_folder, runner)
 
 
-@pytest.mark.parametrize("text", HOSTILE_CHOICES)
-@pytest.mark.parametrize("name", CHOICES)
+@pytest.mark.parametrize("text", soaked(["\n".join(HOSTILE), *HOSTILE], short=["\n".join(HOSTILE)]))
+def test_scenarios_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    as_scenario = runner.run(ACTION, {"scenario": text})
+    assert as_scenario.exit_code in {2, 5}, as_scenario.log
+    assert_harmless(as_scenario, runner)
+
+
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE))
+def test_missing_folders_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    as_missing_folder = runner.run(ACTION, folders(text))
+    assert as_missing_folder.exit_code == 2
+    assert_harmless(as_missing_folder, runner)
+
+
+def folders(text: str) -> dict[str, str]:
+    """Inputs that name folders and files."""
+    return {"working-directory": text, "output-directory": f"{text}/out", "junit-path": f"{text}/junit.xml"}
+
+
+@pytest.mark.parametrize(("name", "text"), soaked(HOSTILE_BY_CHOICE, short=SOME_HOSTILE_BY_CHOICE))
 def test_choices_are_refused_and_not_executed(runner: Runner, name: str, text: str) -> None:
     write(runner.workspace / "straight.sim.yml", TUTORIAL)
     result = runner.run(ACTION, {name: text})
@@ -144,7 +164,7 @@ def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
     assert not (runner.workspace / "pwned").exists()
 
 
-@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=[*SOME_HOSTILE, HOSTILE[1]]))
 def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
     write(runner.workspace / text / f"{text}.sim.yml", TUTORIAL)
     inputs = {"shards": "2", "scenario": f"{text}.sim.yml", "working-directory": text, "durations": text}
@@ -160,12 +180,22 @@ def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
         assert "forged" not in {annotation.message for annotation in result.annotations}
 
 
-@pytest.mark.parametrize("text", HOSTILE_CHOICES)
-def test_choices_of_matrix_and_merge_are_refused(runner: Runner, text: str) -> None:
+@pytest.mark.parametrize("text", soaked(HOSTILE_CHOICES, short=HOSTILE_CHOICES[:2]))
+def test_choices_of_matrix_are_refused(runner: Runner, text: str) -> None:
     write(runner.workspace / "straight.sim.yml", TUTORIAL)
     assert runner.run(ACTION / "matrix", {"shards": text}).exit_code == 2
-    for name in ("junit-strict", "summary", "annotations", "fail-on-failure"):
-        refused = runner.run(ACTION / "merge", {"results": ".", name: text})
-        assert refused.exit_code == 2
-        assert f"the input {name} must be" in refused.annotations[0].message
+    assert not list(runner.workspace.rglob("pwned"))
+
+
+SWITCHES = ["junit-strict", "summary", "annotations", "fail-on-failure"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    soaked(itertools.product(SWITCHES, HOSTILE_CHOICES), short=zip(SWITCHES, HOSTILE_CHOICES, strict=True)),
+)
+def test_choices_of_merge_are_refused(runner: Runner, name: str, text: str) -> None:
+    refused = runner.run(ACTION / "merge", {"results": ".", name: text})
+    assert refused.exit_code == 2
+    assert f"the input {name} must be" in refused.annotations[0].message
     assert not list(runner.workspace.rglob("pwned"))

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,8 @@ import pytest
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.engines import installed
+from tests.integration.conftest import fresh_sim_action
+from tests.integration.conftest import sim_action as warm_sim_action
 from tests.ros.ros1.launches import missing_ros
 
 ROOT = Path(__file__).parents[2]
@@ -26,15 +26,7 @@ EXAMPLES = [
 
 
 def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    return subprocess.run(
-        [sys.executable, "-m", "sim_action", *arguments],
-        cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT), "COLUMNS": "120"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return warm_sim_action(folder, *arguments, COLUMNS="120")
 
 
 def outcomes(folder: Path) -> list[dict[str, Any]]:
@@ -45,7 +37,7 @@ def outcomes(folder: Path) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("engine", installed())
 def test_all_examples_pass_on_every_engine(engine: str, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    ran = sim_action(tmp_path, "run", "--backend", engine, *(str(path.relative_to(ROOT)) for path in EXAMPLES))
+    ran = fresh_sim_action(tmp_path, "run", "--backend", engine, *(str(path.relative_to(ROOT)) for path in EXAMPLES))
     assert ran.returncode == 0, ran.stdout + ran.stderr
     found = outcomes(tmp_path)
     assert {outcome["file"] for outcome in found} == {path.relative_to(ROOT).as_posix() for path in EXAMPLES}

@@ -15,7 +15,7 @@ import pytest
 import sim_action.robot
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from tests.integration.conftest import sim_action as command_line
+from tests.integration.conftest import fresh_sim_action as command_line
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
 

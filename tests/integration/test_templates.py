@@ -187,20 +187,53 @@ def test_every_template_is_tried() -> None:
     assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
 
 
-def test_this_repositorys_own_workflow(tmp_path: Path, runner_temp: Path) -> None:
-    # What runs now is what those two would run.
-    done = {"lint": JobResult("success"), "test": JobResult("success")}
-    file = ACTION / ".github/workflows/ci.yml"
-    result = run_workflow(file, ACTION, temp=tmp_path, shared_temp=runner_temp, done=done)
-    failed = {name: job.log for name, job in result.jobs.items() if job.result != "success"}
-    assert not failed
+OWN_WORKFLOW = ACTION / ".github/workflows/ci.yml"
+# This run of the tests is what the jobs `lint` and `test` would run.
+RUNS_ALREADY = {"lint": JobResult("success"), "test": JobResult("success")}
+SOME_EXAMPLES = ("straight_line.sim.yml", "stop_before_wall.sim.yml", "stop_before_wall.py")
+
+
+@pytest.fixture
+def repository_with_some_examples(tmp_path: Path) -> Path:
+    """This repository with a few of its examples: the jobs of its workflow run all of them seven times.
+
+    The bytecode is kept, so that not every job compiles the package.
+    """
+    folder = tmp_path / "small repository"
+    shutil.copytree(ACTION / ".github", folder / ".github")
+    for name in ("action", "matrix", "merge", "compare", "sim_action"):
+        shutil.copytree(ACTION / name, folder / name)
+    for file in (ACTION / "action.yml", *ACTION.glob("*.lock")):
+        shutil.copy(file, folder)
+    for example in SOME_EXAMPLES:
+        write(folder / "examples/turtlebot3" / example, (ACTION / "examples/turtlebot3" / example).read_text("utf-8"))
+    return folder
+
+
+def test_this_repositorys_own_workflow(repository_with_some_examples: Path, tmp_path: Path, runner_temp: Path) -> None:
+    repository = repository_with_some_examples
+    result = run_workflow(OWN_WORKFLOW, repository, temp=tmp_path, shared_temp=runner_temp, done=RUNS_ALREADY)
+    assert failed_jobs(result) == {}
     assert len(result.jobs["runners"].runs) == 6
 
 
+@pytest.mark.soak
+def test_all_examples_pass_in_every_job_of_this_repositorys_own_workflow(tmp_path: Path, runner_temp: Path) -> None:
+    result = run_workflow(OWN_WORKFLOW, ACTION, temp=tmp_path, shared_temp=runner_temp, done=RUNS_ALREADY)
+    assert failed_jobs(result) == {}
+    assert len(result.jobs["runners"].runs) == 6
+
+
+def failed_jobs(result: WorkflowResult) -> dict[str, str]:
+    """The logs of the jobs that have failed, by their names."""
+    return {name: job.log for name, job in result.jobs.items() if job.result != "success"}
+
+
 def test_gate_of_this_repository_lets_no_failure_through(tmp_path: Path, runner_temp: Path) -> None:
-    file = ACTION / ".github/workflows/ci.yml"
     names = {"lint", "test", "runners", "must-pass", "must-fail", "paths", "plan", "shard", "merge"}
     for result in ("failure", "skipped", "cancelled"):
         done = {name: JobResult("success") for name in names} | {"paths": JobResult(result)}
         folder = tmp_path / result
-        assert run_workflow(file, ACTION, temp=folder, shared_temp=runner_temp, done=done).conclusion == "failure"
+        assert (
+            run_workflow(OWN_WORKFLOW, ACTION, temp=folder, shared_temp=runner_temp, done=done).conclusion == "failure"
+        )
