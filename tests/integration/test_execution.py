@@ -23,6 +23,7 @@ from sim_action.runner.isolation.portable_child import PortableChild
 from sim_action.runner.process_pool import execute
 from sim_action.scenario.loading import load_scenario
 from sim_action.state.trace_storage import load_trace
+from tests.soak import soaked
 
 SCENARIO = """
 name: {name}
@@ -130,18 +131,24 @@ DEATHS: Mapping[str, tuple[str, str, str, float]] = {
 }
 
 
-@pytest.mark.parametrize("death", DEATHS)
-def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: Path, run: Run, death: str) -> None:
-    body, kind, cause, wall_limit = DEATHS[death]
-    if kind == "memory" and not run.way.limits_memory:
-        pytest.skip("it would take the memory of this machine: nothing there holds a script to its limit")
-    paths = [scenario(tmp_path, "before"), script(tmp_path, "killer", body, wall_limit), scenario(tmp_path, "after")]
-    before, killer, after = run(paths, tmp_path)
-    assert (before.status, after.status) == ("passed", "passed")
-    assert killer.status == "error"
-    (failure,) = killer.failures
-    assert failure.kind == kind
-    assert cause in f"{failure.title} {failure.message}"
+def test_a_dead_child_is_an_error_with_its_cause_and_the_others_pass(tmp_path: Path, run: Run) -> None:
+    # Where nothing holds a script to its limit, one would take the memory of this machine.
+    deaths = {name: death for name, death in DEATHS.items() if death[1] != "memory" or run.way.limits_memory}
+    # Each of those that die stands between two that do not.
+    paths = [scenario(tmp_path, "good")]
+    for number, (name, (body, _, _, wall_limit)) in enumerate(deaths.items()):
+        path = script(tmp_path, name.replace(" ", "_"), body, wall_limit)
+        path.write_text(path.read_text() + "memory_limit: 1 GiB\n")
+        paths += [path, scenario(tmp_path, f"good {number}")]
+    outcomes = {outcome.name: outcome for outcome in run(paths, tmp_path)}
+    for name, (_, kind, cause, _) in deaths.items():
+        killer = outcomes.pop(name.replace(" ", "_"))
+        assert killer.status == "error"
+        (failure,) = killer.failures
+        assert (name, failure.kind) == (name, kind)
+        assert cause in f"{failure.title} {failure.message}"
+    assert len(outcomes) == len(deaths) + 1
+    assert {outcome.status for outcome in outcomes.values()} == {"passed"}
 
 
 def test_where_no_controller_runs_none_is_stuck(tmp_path: Path, run: Run) -> None:
@@ -360,14 +367,16 @@ def test_traces_are_stored_at_the_rate_that_was_asked_for(tmp_path: Path, run: R
     assert trace.time[-1] == outcome.sim_time
 
 
-def test_twenty_runs_have_one_digest(tmp_path: Path, run: Run) -> None:
-    paths = [scenario(tmp_path, f"copy-{index}") for index in range(8)]
+@pytest.mark.parametrize("copies", soaked([2, 8], short=[2]))
+def test_many_runs_have_one_digest(tmp_path: Path, run: Run, copies: int) -> None:
+    paths = [scenario(tmp_path, f"copy-{index}") for index in range(copies)]
     wall = scenario(tmp_path, "other", "{twist: [{linear: 0.2, angular: 1.0}]}")
-    alone = [run([paths[0]], tmp_path / str(index), jobs=1)[0].digest for index in range(4)]
+    alone = [run([paths[0]], tmp_path / str(index), jobs=1)[0].digest for index in range(copies // 2)]
     together = run([paths[0], wall, *paths[1:]], tmp_path / "together", jobs=1)
-    parallel = run([*paths[:4], wall, *paths[4:]], tmp_path / "parallel", jobs=2)
+    half = copies // 2
+    parallel = run([*paths[:half], wall, *paths[half:]], tmp_path / "parallel", jobs=2)
     digests = [o.digest for o in (*together, *parallel) if o.name != "other"]
-    assert len(alone) + len(digests) == 20
+    assert len(alone) + len(digests) == copies // 2 + 2 * copies
     assert len({*alone, *digests}) == 1
 
 

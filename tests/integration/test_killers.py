@@ -20,9 +20,11 @@ import pytest
 from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
-TOTAL: Final = 200
+# How many scenarios there are in the short form, and in the long one.
+SHORT, LONG = 60, 200
 
 HONEST: Final = """\
 name: honest {number}
@@ -103,13 +105,13 @@ def script(folder: Path, name: str, body: str, limits: str = "") -> Path:
     return path
 
 
-def write_suite(folder: Path) -> None:
+def write_suite(folder: Path, total: int) -> None:
     """Killers among the others, so that each runs beside one that is honest."""
-    for number in range(TOTAL - len(KILLERS)):
+    for number in range(total - len(KILLERS)):
         (folder / f"{number:03}.sim.yml").write_text(HONEST.format(number=number))
     for index, (name, (body, limits, _, _)) in enumerate(KILLERS.items()):
         path = script(folder, name, body, limits)
-        path.rename(folder / f"{index * 19:03}-{path.name}")
+        path.rename(folder / f"{index * (total - len(KILLERS)) // len(KILLERS):03}-{path.name}")
 
 
 def start(folder: Path, *options: str) -> subprocess.Popen[str]:
@@ -159,27 +161,28 @@ def resident_megabytes(process: int) -> float:
     return int(line.split()[1]) / 1024
 
 
-def resident_after_each(run: subprocess.Popen[str]) -> Iterator[float]:
+def resident_after_each(run: subprocess.Popen[str], total: int) -> Iterator[float]:
     """MB of the caller, measured when it reports a scenario."""
     assert run.stdout is not None
     for line in run.stdout:
         if line.startswith("["):
             yield resident_megabytes(run.pid)
-        if line.startswith(f"[{TOTAL}/"):
+        if line.startswith(f"[{total}/"):
             return
 
 
-def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path) -> None:
-    write_suite(tmp_path)
+@pytest.mark.parametrize("total", soaked([SHORT, LONG], short=[SHORT]))
+def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path, total: int) -> None:
+    write_suite(tmp_path, total)
     run = start(tmp_path)
-    resident = list(resident_after_each(run))
+    resident = list(resident_after_each(run, total))
     run.communicate(timeout=60)
     assert run.returncode == 1
     # Asked at once: the call itself must have waited for all of them.
     assert processes_of(tmp_path) == []
 
     results = Results.read(tmp_path / "sim-results/results.json")
-    assert (results.total, results.count("passed"), results.count("error")) == (TOTAL, TOTAL - len(KILLERS), 10)
+    assert (results.total, results.count("passed"), results.count("error")) == (total, total - len(KILLERS), 10)
     found = {outcome.name: outcome.failures for outcome in results.outcomes if outcome.failures}
     assert found.keys() == KILLERS.keys()
     for name, (_, _, kind, cause) in KILLERS.items():
@@ -188,10 +191,10 @@ def test_ten_killers_cost_ten_scenarios_and_nothing_else(tmp_path: Path) -> None
         assert cause in failure.message
 
     junit = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
-    assert (junit.tests, junit.errors, junit.failures) == (TOTAL, len(KILLERS), 0)
-    assert len(list(junit)) == TOTAL
+    assert (junit.tests, junit.errors, junit.failures) == (total, len(KILLERS), 0)
+    assert len(list(junit)) == total
 
-    assert len(resident) == TOTAL
+    assert len(resident) == total
     early, late = statistics.median(resident[20:40]), statistics.median(resident[-20:])
     # An outcome is kept of each: a few kB. A trace or an output that stays would be more.
     assert late - early < 4.0, f"grew from {early:.1f} to {late:.1f} MB"

@@ -22,6 +22,7 @@ from sim_action.ros.ros1.judging.findings import Findings
 from sim_action.state.trace_storage import load_trace
 from tests.ros.ros1.launches import EXAMPLES, launched, needs_ros, rostest, told
 from tests.ros.ros1.robotis import lay_out
+from tests.soak import soaked
 
 pytestmark = needs_ros
 
@@ -78,31 +79,36 @@ def seen(run: SimulationResult) -> tuple[object, ...]:
     return run.digest, run.messages, run.sim_time, run.first_command, run.travelled
 
 
-def six_times(folder: Path, name: str) -> list[Findings]:
-    """Three while the machine has nothing else to do, three while all its processors have."""
-    findings = [example(folder / f"idle{number}", name) for number in range(3)]
+def idle_and_busy(folder: Path, name: str, times: int) -> list[Findings]:
+    """Some runs while the machine has nothing else to do, as many while all its processors have."""
+    findings = [example(folder / f"idle{number}", name) for number in range(times)]
     with loaded():
-        return [*findings, *(example(folder / f"busy{number}", name) for number in range(3))]
+        return [*findings, *(example(folder / f"busy{number}", name) for number in range(times))]
 
 
-def test_the_mover_comes_as_far_as_physics_says_however_busy_the_machine_is(tmp_path: Path) -> None:
+repeated = pytest.mark.parametrize("times", soaked([1, 3], short=[1]))
+
+
+@repeated
+def test_the_mover_comes_as_far_as_physics_says_however_busy_the_machine_is(tmp_path: Path, times: int) -> None:
     """It speeds up by 1 m/s^2 to 1 m/s: half a metre in the first second, one in the next."""
-    findings = six_times(tmp_path, "mover")
+    findings = idle_and_busy(tmp_path, "mover", times)
 
     runs = [told(found) for found in findings]
     assert runs[0].messages["/clock"] > 100
-    assert [seen(run) for run in runs] == [seen(runs[0])] * 6
+    assert [seen(run) for run in runs] == [seen(runs[0])] * 2 * times
     assert runs[0].first_command is not None
     trace = load_trace(findings[0].runs[0].folder / TRACE_FILE)
     way = np.interp([runs[0].first_command + 1, runs[0].first_command + 2], trace.time, trace.planar_distance_to(0, 0))
     assert way == pytest.approx([0.5, 1.5], abs=0.02)
 
 
-def test_a_closed_loop_is_the_same_however_busy_the_machine_is(tmp_path: Path) -> None:
-    runs = [told(found) for found in six_times(tmp_path, "go_to_point")]
+@repeated
+def test_a_closed_loop_is_the_same_however_busy_the_machine_is(tmp_path: Path, times: int) -> None:
+    runs = [told(found) for found in idle_and_busy(tmp_path, "go_to_point", times)]
 
     assert runs[0].messages["/clock"] > 100
-    assert [seen(run) for run in runs] == [seen(runs[0])] * 6
+    assert [seen(run) for run in runs] == [seen(runs[0])] * 2 * times
 
 
 def test_a_mover_that_does_not_move_fails_with_how_far_it_came(tmp_path: Path) -> None:
@@ -143,7 +149,7 @@ MOVER, TEST, LAUNCH = (f"src/robot_driver/{name}" for name in ("mover.py", "test
 @pytest.mark.parametrize(
     ("file", "old", "new", "causes"),
     [
-        pytest.param(TEST, "way < 1.5", "way < 9e9", ["20 s", "the robot had moved"], id="the test never ends"),
+        pytest.param(TEST, "way < 1.5", "way < 9e9", ["6 s", "the robot had moved"], id="the test never ends"),
         pytest.param(TEST, "rospy.sleep(0.5)", "import time; time.sleep(600)", ["time"], id="the test hangs"),
         pytest.param(MOVER, "    rate =", "    1 / 0\n    rate =", ["mover", "ZeroDivisionError"], id="a node crashes"),
         pytest.param(MOVER, "import rospy", "import rospy_", ["mover", "No module named 'rospy_'"], id="no module"),
@@ -159,7 +165,7 @@ def test_what_goes_wrong_is_named(file: str, old: str, new: str, causes: list[st
     workspace = copied(tmp_path)
     changed(workspace / file, old, new)
     if file != LAUNCH:
-        changed(workspace / LAUNCH, 'time-limit="30.0"', 'time-limit="20.0"')
+        changed(workspace / LAUNCH, 'time-limit="30.0"', 'time-limit="6.0"')
 
     done = rostest(tmp_path, workspace, "robot_driver", "mover.test")
 

@@ -14,16 +14,27 @@ const WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
 const NO_WEBGL = ["--disable-gpu", "--disable-3d-apis"];
 
 /**
+ * Starts a browser.
+ * @param {{webgl?: boolean, executable: string}} how
+ */
+export function launch(how) {
+  const args = [...QUIET, ...(how.webgl === false ? NO_WEBGL : WEBGL)];
+  return chromium.launch({ executablePath: how.executable, args });
+}
+
+/**
  * Opens a page, hands it to `look`, and tells what the console said and what was asked of the network.
  * @param {string} address
- * @param {{webgl?: boolean, scripts?: boolean, width?: number, height?: number, dark?: boolean, executable: string}} how
+ * @param {{webgl?: boolean, scripts?: boolean, width?: number, height?: number, dark?: boolean, executable: string,
+ *   browser?: import("playwright-core").Browser}} how  browser: one that runs, and goes on
  * @param {(page: import("playwright-core").Page) => Promise<void>} look
  */
 export async function visit(address, how, look) {
-  const args = [...QUIET, ...(how.webgl === false ? NO_WEBGL : WEBGL)];
-  const browser = await chromium.launch({ executablePath: how.executable, args });
+  const browser = how.browser ?? (await launch(how));
+  /** @type {import("playwright-core").BrowserContext | undefined} */
+  let context;
   try {
-    const context = await browser.newContext({
+    context = await browser.newContext({
       viewport: { width: how.width ?? 1280, height: how.height ?? 900 },
       colorScheme: how.dark ? "dark" : "light",
       javaScriptEnabled: how.scripts ?? true,
@@ -43,6 +54,6 @@ export async function visit(address, how, look) {
     await look(page);
     return { said, requests: requests.filter((url) => !url.startsWith("data:") && url.split("#")[0] !== address.split("#")[0]) };
   } finally {
-    await browser.close();
+    await (how.browser ? context?.close() : browser.close());
   }
 }

@@ -1,8 +1,11 @@
-/** `node check.mjs CHECK PAGE BROWSER`: one look at a page in a browser; says what is wrong, and ends with 1 then. */
+/**
+ * `node check.mjs PAGE BROWSER CHECK...`: looks at a page in a browser, a fresh tab for each check.
+ * Prints one line of JSON for each check, its name and its error (empty: none).
+ */
 
 import assert from "node:assert/strict";
 import { pathToFileURL } from "node:url";
-import { visit } from "./browser.mjs";
+import { launch, visit } from "./browser.mjs";
 
 const READY = ".scenario.live .view canvas[data-kind]";
 const CLOCK = ".readout";
@@ -15,7 +18,7 @@ const picture = async (/** @type {Page} */ page) => (await page.locator(".view c
 const kind = (/** @type {Page} */ page) => page.getAttribute(".view canvas", "data-kind");
 const text = (/** @type {Page} */ page) => page.evaluate(() => document.body.innerText);
 
-/** @type {Record<string, {how?: object, hash?: string, expected?: string[], look: (page: Page) => Promise<void>}>} */
+/** @type {Record<string, {how?: {webgl?: boolean, scripts?: boolean, width?: number, height?: number, dark?: boolean}, hash?: string, expected?: string[], look: (page: Page) => Promise<void>}>} */
 const CHECKS = {
   loads: {
     look: async (page) => {
@@ -237,9 +240,26 @@ async function replays(page) {
   assert.notEqual(await picture(page), seen);
 }
 
-const [name, file, executable] = process.argv.slice(2);
-const check = CHECKS[name];
-assert.ok(check, `there is no check "${name}", but: ${Object.keys(CHECKS).join(", ")}`);
-const { said, requests } = await visit(pathToFileURL(file).href + (check.hash ?? ""), { executable, ...check.how }, check.look);
-assert.deepEqual(said.filter((line) => !(check.expected ?? []).some((word) => line.includes(word))), []);
-assert.deepEqual(requests, [], "something was asked of a network");
+const [file, executable, ...names] = process.argv.slice(2);
+
+/** @param {string} name @param {import("playwright-core").Browser} browser */
+async function passes(name, browser) {
+  const check = CHECKS[name];
+  const address = pathToFileURL(file).href + (check.hash ?? "");
+  const { said, requests } = await visit(address, { executable, browser, ...check.how }, check.look);
+  assert.deepEqual(said.filter((line) => !(check.expected ?? []).some((word) => line.includes(word))), []);
+  assert.deepEqual(requests, [], "something was asked of a network");
+}
+
+for (const name of names) assert.ok(CHECKS[name], `there is no check "${name}", but: ${Object.keys(CHECKS).join(", ")}`);
+// Whether there is WebGL is decided when a browser starts.
+for (const webgl of [true, false]) {
+  const some = names.filter((name) => (CHECKS[name].how?.webgl ?? true) === webgl);
+  if (some.length === 0) continue;
+  const browser = await launch({ executable, webgl });
+  for (const name of some) {
+    const error = await passes(name, browser).then(() => "", (/** @type {Error} */ problem) => problem.stack ?? String(problem));
+    console.log(JSON.stringify([name, error]));
+  }
+  await browser.close();
+}
