@@ -116,6 +116,7 @@ def test_a_file_that_cannot_be_read_is_a_problem(ros: RosWorkspace) -> None:
     assert [problem.rule for problem in check.problems] == ["missing-include"]
 
 
+@pytest.mark.process
 def test_no_xacro_is_imported_to_look_at_a_file(ros: RosWorkspace) -> None:
     import subprocess
 
