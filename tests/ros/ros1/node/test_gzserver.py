@@ -13,7 +13,6 @@ from tests.ros.ros1.probe import PROBE, PROBE_TEST
 pytestmark = [needs_ros, pytest.mark.process]
 
 
-@pytest.mark.process
 def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     package(tmp_path / "ws", "probe", {"probe.py": PROBE, "probe.test": PROBE_TEST})
 

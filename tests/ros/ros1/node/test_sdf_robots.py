@@ -13,7 +13,6 @@ from tests.ros.ros1.rover import PACKAGE, ROVER, TEST, YARD, YARD_TEST
 pytestmark = [needs_ros, pytest.mark.process]
 
 
-@pytest.mark.process
 def test_robots_in_sdf(tmp_path: Path) -> None:
     files = {"models/rover/model.sdf": ROVER, "yard.world": YARD, "yard.test": YARD_TEST, "test_yard.py": TEST}
     package(tmp_path / "ws", "yard", files)
