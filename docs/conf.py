@@ -28,6 +28,7 @@ extensions = ["myst_parser"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_site", "**/__pycache__"]
 nitpicky = True
+smartquotes = False  # it would turn --option into a dash
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
 
@@ -35,6 +36,7 @@ html_theme = "furo"
 html_title = "sim-action"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_extra_path = ["scenario.schema.json", "results.schema.json"]
 html_copy_source = False
 html_theme_options = {
