@@ -14,13 +14,13 @@ from sim_action.core.errors import SourceOver
 from sim_action.ros.processes import ChildProcesses, descendants, is_result_written, process_name, rostest_result_path
 from sim_action.ros.quiescence import WatchedProcesses
 
-# In s of wall time: how long nodes may compute between two ticks, and how long processes may take to become nodes.
+# Wall time that nodes may compute between two ticks, and that processes may take to become nodes.
 MAX_SETTLE_S: Final = 10.0
-# Once lock-step is lost, nobody waits long for it to come back.
-_HURRY: Final = 0.05
-_LOOK: Final = 0.01
-# How long nothing may change if nobody commands the robot, until the clock starts all the same.
-_CALM: Final = 2.0
+# Wall time of the wait at each tick, once lock-step is lost.
+_SETTLE_AFTER_LOSS_S: Final = 0.05
+_POLL_S: Final = 0.01
+# Wall time without a change in the graph, after which the clock starts although no node drives the robot.
+_CALM_S: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class TestFinished(SourceOver):
     """The test that rostest started has written its result."""
 
 
-def _nobody_asks(_: frozenset[int]) -> None:
+def _ignore_ended(_: frozenset[int]) -> None:
     """Ignore the end of processes; the default for launches."""
 
 
@@ -77,7 +77,7 @@ class Lockstep:
         launcher: int,
         is_shutdown: Callable[[], bool],
         *,
-        gone: Callable[[frozenset[int]], None] = _nobody_asks,
+        gone: Callable[[frozenset[int]], None] = _ignore_ended,
         newcomers_within: float = MAX_SETTLE_S,
     ) -> None:
         self._master, self._node, self._is_shutdown = master, node, is_shutdown
@@ -111,10 +111,10 @@ class Lockstep:
                 before, calm_since = graph, time.monotonic()
             calm = time.monotonic() - calm_since
             is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands())
-            if calm > MAX_SETTLE_S or (self._master.is_connected(graph) and (is_driven or calm > _CALM)):
+            if calm > MAX_SETTLE_S or (self._master.is_connected(graph) and (is_driven or calm > _CALM_S)):
                 break
             self._end_if_over()
-            time.sleep(_LOOK)
+            time.sleep(_POLL_S)
         self.settle(0.0)
 
     def settle(self, seconds: float) -> None:
@@ -138,10 +138,10 @@ class Lockstep:
             self._end_if_over()
             if time.monotonic() > deadline:
                 self._give_up()
-            time.sleep(_LOOK)
+            time.sleep(_POLL_S)
         graph = self._master.graph()
         while not self._master.is_connected(graph) and time.monotonic() < deadline:
-            time.sleep(_LOOK)
+            time.sleep(_POLL_S)
             graph = self._master.graph()
 
     def _is_everybody_there(self) -> bool:
@@ -182,7 +182,7 @@ class Lockstep:
                 f"lock-step was lost at {seconds:g} s of sim time: nodes were still busy after {MAX_SETTLE_S:g} s of "
                 "wall time; from there on the run is not deterministic"
             )
-        self._patience = _HURRY
+        self._patience = _SETTLE_AFTER_LOSS_S
 
     def _end_if_over(self) -> None:
         if self._is_shutdown():

@@ -8,8 +8,8 @@ from pathlib import Path, PurePath
 from typing import Final
 
 _PROC: Final = Path("/proc")
-_ROOM: Final = 65536
-_HEAD: Final = 64
+_READ_BYTES: Final = 65536
+_MAX_HEADER_BYTES: Final = 64
 _RESULT: Final = b"--gtest_output=xml:"
 
 
@@ -28,7 +28,7 @@ class ChildProcesses:
             if count != self._count:
                 self._reopen()
                 self._count = count
-            told = [os.pread(descriptor, _ROOM, 0) for descriptor in self._open]
+            told = [os.pread(descriptor, _READ_BYTES, 0) for descriptor in self._open]
         except OSError:
             self._count = -1
             return frozenset()
@@ -75,7 +75,7 @@ def rostest_result_path(pid: int) -> Path | None:
 def is_result_written(result: Path) -> bool:
     """Return True if a test has written its result. The file exists from the start, with only a header."""
     try:
-        return result.stat().st_size > _HEAD and b"</testsuite" in result.read_bytes()[-_HEAD:]
+        return result.stat().st_size > _MAX_HEADER_BYTES and b"</testsuite" in result.read_bytes()[-_MAX_HEADER_BYTES:]
     except OSError:
         return False
 

@@ -13,14 +13,14 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Final
 
-_ROOM: Final = 1024
-_GONE: Final = (FileNotFoundError, ProcessLookupError)
+_READ_BYTES: Final = 1024
+_ENDED: Final = (FileNotFoundError, ProcessLookupError)
 _SLEEPING: Final = (b"S", b"I")
-# In s: how long a thread is looked at without a pause, and a pause.
-_SOON: Final = 2e-4
-_NAP: Final = 5e-5
-# Links to a folder that has as many folders in it as a process has threads: its name, and its own dot.
-_OWN_ENTRIES: Final = 2
+# The time of looking at a thread without a pause, and one pause.
+_BUSY_WAIT_S: Final = 2e-4
+_NAP_S: Final = 5e-5
+# /proc/PID/task has one link per thread, and two of its own: its name and its dot.
+_OWN_LINKS: Final = 2
 
 
 class _Thread:
@@ -40,12 +40,12 @@ class _Thread:
 
     def is_asleep(self) -> bool:
         """Return True if the thread waits for something. Raises OSError when it has ended."""
-        # Its name, in brackets, may hold anything.
-        return os.pread(self._stat, _ROOM, 0).rpartition(b") ")[2][:1] in _SLEEPING
+        # The name of the program comes first, in brackets, and may hold any characters.
+        return os.pread(self._stat, _READ_BYTES, 0).rpartition(b") ")[2][:1] in _SLEEPING
 
     def ran(self) -> bytes:
         """Return how long and how often the thread has run, as text. Raises OSError when it has ended."""
-        return os.pread(self._schedstat, _ROOM, 0)
+        return os.pread(self._schedstat, _READ_BYTES, 0)
 
     def close(self) -> None:
         """Close the files."""
@@ -89,7 +89,7 @@ class WatchedProcesses:
         try:
             before: list[bytes] = []
             for thread in threads:
-                before.append(thread.ran())  # noqa: PERF401 - it must be known which one has gone
+                before.append(thread.ran())  # noqa: PERF401 - the except block needs the thread
             if not all(map(self._knows_all_of, tuple(self._threads))):
                 return False
             for thread, ran in zip(threads, before, strict=True):
@@ -107,7 +107,7 @@ class WatchedProcesses:
         if not self._knows_all_of(pid):
             try:
                 self._find_threads(pid)
-            except _GONE:
+            except _ENDED:
                 self._forget(pid)
                 return ()
         return tuple(self._threads[pid].values())
@@ -118,7 +118,7 @@ class WatchedProcesses:
             entries = os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
         except OSError:
             return False
-        return entries == _OWN_ENTRIES + len(self._threads[pid]) + (pid == os.getpid())
+        return entries == _OWN_LINKS + len(self._threads[pid]) + (pid == os.getpid())
 
     def _find_threads(self, pid: int) -> None:
         found = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings
@@ -126,7 +126,7 @@ class WatchedProcesses:
         for tid in set(known) - found:
             self._forget_thread(known[tid])
         for tid in found - set(known):
-            with suppress(*_GONE):
+            with suppress(*_ENDED):
                 known[tid] = _Thread(pid, tid)
 
     def _forget_thread(self, thread: _Thread) -> None:
@@ -147,6 +147,6 @@ def _wait_for(thread: _Thread, deadline: float) -> None:
     """Wait until the thread sleeps; the others need no look before that. Raises OSError when it has ended."""
     began = time.monotonic()
     while not thread.is_asleep() and (now := time.monotonic()) < deadline:
-        # Most sleep soon. To the others the processor is left: by a nap, since who yields it may wait long for it.
-        if now - began > _SOON:
-            time.sleep(_NAP)
+        # Most threads sleep soon. A nap leaves the processor to the others; after a yield, this one might wait long.
+        if now - began > _BUSY_WAIT_S:
+            time.sleep(_NAP_S)

@@ -36,6 +36,8 @@ _MOST_BYTES: Final = 16_000_000
 
 End = Literal["test over", "nodes gone", "time limit", "failed"]
 
+Program = Literal["rostest", "roslaunch"]
+
 
 class SimulationRequest(FrozenModel):
     """The request of the command to the node `gazebo`.
@@ -118,9 +120,6 @@ def run_folders(folder: Path) -> list[Path]:
     """Return the folders of all starts, in their order."""
     numbers = sorted(int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir())
     return [folder / str(number) for number in numbers]
-
-
-Program = Literal["rostest", "roslaunch"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,23 +13,23 @@ from sim_action.core.workspace import PathError, Workspace
 
 PACKAGE_FILE: Final = "package.xml"
 
-# Left by a build, or not to be looked into.
-_NOT_SOURCES: Final = frozenset({"build", "devel", "install", "logs", "node_modules"})
-_EXPORT: Final = "gazebo_model_path"
-# No way to elsewhere, and nothing that a shell or ROS would take apart.
+# Folders of builds, and others without packages of the user.
+_SKIPPED_FOLDERS: Final = frozenset({"build", "devel", "install", "logs", "node_modules"})
+_EXPORT_ATTRIBUTE: Final = "gazebo_model_path"
+# Names without path separators and without characters that a shell or ROS would split at.
 _NAME: Final = re.compile(r"[A-Za-z0-9][\w.-]*")
-_IGNORED: Final = "CATKIN_IGNORE"
+_IGNORE_FILE: Final = "CATKIN_IGNORE"
 
 
 def packages_below(folder: Path) -> Iterator[tuple[str, Path]]:
     """Yield name and folder of each package in a folder or below it, without the output of builds."""
     for parent, folders, files in os.walk(folder):
-        if _IGNORED in files:
+        if _IGNORE_FILE in files:
             folders.clear()
         elif PACKAGE_FILE in files:
             yield package_name(Path(parent)), Path(parent)
             folders.clear()
-        folders[:] = sorted(name for name in folders if name not in _NOT_SOURCES and name[0] != ".")
+        folders[:] = sorted(name for name in folders if name not in _SKIPPED_FOLDERS and name[0] != ".")
 
 
 def package_name(folder: Path) -> str:
@@ -62,13 +62,13 @@ def exported_models(packages: Iterable[Path]) -> Iterator[str]:
     """Yield the model folders that packages export: `<export><gazebo_ros gazebo_model_path="${prefix}/models"/>`."""
     for package in packages:
         text = (package / PACKAGE_FILE).read_text(encoding="utf-8", errors="replace")
-        if _EXPORT not in text:
+        if _EXPORT_ATTRIBUTE not in text:
             continue
         try:
             exports = ET.fromstring(text.encode()).findall("export/gazebo_ros")  # noqa: S314 - of packages of ROS
         except ET.ParseError:
             continue
-        stated = (export.get(_EXPORT, "").replace("${prefix}", str(package)) for export in exports)
+        stated = (export.get(_EXPORT_ATTRIBUTE, "").replace("${prefix}", str(package)) for export in exports)
         yield from (folder for paths in stated for folder in paths.split(os.pathsep) if folder)
 
 

@@ -30,12 +30,11 @@ from sim_action.ros.ros1.judging.rostest_files import TestTag, test_tags
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 
-# In s: what a launch without tests lasts, if nobody says how long; what each test may take beside its own limit.
-_LAUNCH_TIME: Final = 30.0
-_STARTING: Final = 60.0
+# Sim time of a launch without tests and without a limit; wall time of each test in addition to its own limit.
+_LAUNCH_TIME_S: Final = 30.0
+_STARTING_S: Final = 60.0
 
-
-# From Python 3.12 on, unittest lacks what rostest of ROS Noetic calls.
+# Since Python 3.12, unittest lacks a method that rostest of ROS Noetic calls.
 _ROSTEST: Final = """\
 import sys
 from unittest import TestCase
@@ -101,14 +100,14 @@ class Call:
         seen = Path(self.overlay.variables["ROS_PACKAGE_PATH"]) / request.package
         inside = seen / file.relative_to(self.overlay.packages[request.package])
         if request.program == "rostest":
-            # It finds a port for its master by itself.
+            # rostest finds a port for its master by itself.
             return [str(self.ros.python), "-c", _ROSTEST, str(inside), *request.arguments]
         return [str(self.ros.program("roslaunch")), "-p", str(free_port()), str(inside), *request.arguments]
 
     def _asked(self, tags: Iterable[TestTag]) -> SimulationRequest:
         """Return the request to the node. A test's own limit, taken as sim time, limits the simulation."""
         request = self.request
-        limit = max((tag.time_limit for tag in tags), default=_LAUNCH_TIME)
+        limit = max((tag.time_limit for tag in tags), default=_LAUNCH_TIME_S)
         return SimulationRequest(
             modules=str(self.ros.modules),
             backend=request.backend,
@@ -130,7 +129,7 @@ def free_port() -> int:
 
 
 def _wall_limit(tags: Sequence[TestTag]) -> float:
-    return sum((tag.time_limit + _STARTING) * (1 + tag.retry) for tag in tags) + 2 * _STARTING
+    return sum((tag.time_limit + _STARTING_S) * (1 + tag.retry) for tag in tags) + 2 * _STARTING_S
 
 
 def run(request: LaunchRequest, reports: ReportRequest, interruption: Interruption) -> ExitCode:

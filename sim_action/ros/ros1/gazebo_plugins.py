@@ -18,6 +18,32 @@ from sim_action.core.registry import Table
 if TYPE_CHECKING:
     from sim_action.ros.ros1.node.plugins import Opener
 
+_DRIVE: Final = "sim_action.ros.ros1.node.drive_plugins:open_drive"
+_LASER: Final = "sim_action.ros.ros1.node.sensor_plugins:open_laser"
+_IMU: Final = "sim_action.ros.ros1.node.sensor_plugins:open_imu"
+
+PLUGINS: Final[Table[Opener]] = Table(
+    "plugin",
+    {
+        "gazebo_ros_diff_drive": _DRIVE,
+        "gazebo_ros_skid_steer_drive": _DRIVE,
+        "gazebo_ros_laser": _LASER,
+        "gazebo_ros_gpu_laser": _LASER,
+        "gazebo_ros_imu": _IMU,
+        "gazebo_ros_imu_sensor": _IMU,
+        "gazebo_ros_control": "sim_action.ros.ros1.node.control.manager:open_control",
+        "gazebo_ros_planar_move": "sim_action.ros.ros1.node.drive_plugins:open_planar_move",
+        "gazebo_ros_joint_state_publisher": "sim_action.ros.ros1.node.sensor_plugins:open_joint_states",
+        "gazebo_ros_p3d": "sim_action.ros.ros1.node.sensor_plugins:open_ground_truth",
+    },
+)
+"""Name of a plugin's file, without "lib" and ".so" -> function that opens its replacement."""
+
+DRIVE_PLUGINS: Final = frozenset(
+    {"gazebo_ros_control", "gazebo_ros_diff_drive", "gazebo_ros_planar_move", "gazebo_ros_skid_steer_drive"}
+)
+"""The plugins that move a robot. A model of a world with one of them is a robot, not a body."""
+
 
 @dataclass(frozen=True, slots=True)
 class Tags:
@@ -108,30 +134,3 @@ def plugin_name(plugin: Element) -> str:
 
 def _plugin(element: Element, sensor: Element | None, link: str, space: str) -> Plugin:
     return Plugin(plugin_name(element), Tags(element), Tags(sensor), link, space)
-
-
-_DRIVE: Final = "sim_action.ros.ros1.node.drive_plugins:open_drive"
-_LASER: Final = "sim_action.ros.ros1.node.sensor_plugins:open_laser"
-_IMU: Final = "sim_action.ros.ros1.node.sensor_plugins:open_imu"
-
-PLUGINS: Final[Table[Opener]] = Table(
-    "plugin",
-    {
-        "gazebo_ros_diff_drive": _DRIVE,
-        "gazebo_ros_skid_steer_drive": _DRIVE,
-        "gazebo_ros_laser": _LASER,
-        "gazebo_ros_gpu_laser": _LASER,
-        "gazebo_ros_imu": _IMU,
-        "gazebo_ros_imu_sensor": _IMU,
-        "gazebo_ros_control": "sim_action.ros.ros1.node.control.manager:open_control",
-        "gazebo_ros_planar_move": "sim_action.ros.ros1.node.drive_plugins:open_planar_move",
-        "gazebo_ros_joint_state_publisher": "sim_action.ros.ros1.node.sensor_plugins:open_joint_states",
-        "gazebo_ros_p3d": "sim_action.ros.ros1.node.sensor_plugins:open_ground_truth",
-    },
-)
-"""Name of a plugin's file, without "lib" and ".so" -> function that opens its replacement."""
-
-DRIVE_PLUGINS: Final = frozenset(
-    {"gazebo_ros_control", "gazebo_ros_diff_drive", "gazebo_ros_planar_move", "gazebo_ros_skid_steer_drive"}
-)
-"""The plugins that move a robot. A model of a world with one of them is a robot, not a body."""

@@ -20,7 +20,7 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy, rpy_from_quatern
 from sim_action.ros.ros1.gazebo_plugins import plugin_name, plugins_of
 from sim_action.world import Body, World
 
-_VERSION: Final = "1.6"
+_DEFAULT_VERSION: Final = "1.6"
 
 
 class BadWorld(Exception):
@@ -65,7 +65,7 @@ def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> 
         world = root if root.tag == "world" else root.find("world")
         if world is None:
             raise BadWorld(f"{path} has no <world>")
-        version = root.get("version", _VERSION)
+        version = root.get("version", _DEFAULT_VERSION)
         return _Reading(folders, known, version).read(world)
     except (OSError, ET.ParseError, ValueError) as error:
         raise BadWorld(f"{path}: {_said(error)}") from None
@@ -107,7 +107,7 @@ class _Reading:
         more = include.findall("plugin")
         model.extend(more)
         name = (include.findtext("name") or model.get("name") or uri).strip()
-        # With plugins of the include's own, it is not what is in the file.
+        # With plugins of the include, the file is not the whole description.
         self._add(model, name, geometry.compose(_pose(include), _pose(model)), None if more else file)
 
     def _add(self, model: Element, name: str, pose: Pose, file: Path | None) -> None:

@@ -29,7 +29,7 @@ INSTALLING: Final = f"sudo apt-get install --no-install-recommends {' '.join(PAC
 PYTHON: Final = Path("/usr/bin/python3")
 """The Python of the distribution's packages, even if another one is first on PATH."""
 
-_LOOK: Final = """\
+_FIND_MODULES: Final = """\
 import importlib.util
 names = "rospy rostest roslaunch genpy geometry_msgs nav_msgs sensor_msgs std_srvs tf2_msgs trajectory_msgs".split()
 found = {name: importlib.util.find_spec(name) for name in names}
@@ -79,7 +79,7 @@ def find_ros(python: Path | None = None) -> Ros:
 
 
 def _look(python: Path) -> tuple[list[str], Path | None]:
-    command = [str(python), "-c", _LOOK]
+    command = [str(python), "-c", _FIND_MODULES]
     told = subprocess.run(command, capture_output=True, text=True, check=False, cwd="/").stdout  # noqa: S603 - that one
     missing, _, rospy = told.partition("\n")
     return [name for name in missing.split(",") if name], Path(rospy.strip()).parent if rospy.strip() else None

@@ -16,7 +16,7 @@ from sim_action.ros.lockstep import Graph
 
 _SUCCESS: Final = 1
 _INBOUND: Final = "i"
-_TIMEOUT: Final = 1.0
+_TIMEOUT_S: Final = 1.0
 
 
 class _Transport(xmlrpc.client.Transport):
@@ -24,7 +24,7 @@ class _Transport(xmlrpc.client.Transport):
 
     def make_connection(self, host: Any) -> Any:
         connection = super().make_connection(host)
-        connection.timeout = _TIMEOUT
+        connection.timeout = _TIMEOUT_S
         return connection
 
 

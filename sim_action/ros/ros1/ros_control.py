@@ -26,6 +26,33 @@ INTERFACES: Final[Mapping[Reading, str]] = {
 }
 """Kind of command to a joint -> name of the interface in ros_control."""
 
+_FORWARD: Final = "sim_action.ros.ros1.node.control.joint_controllers"
+
+_JOINT_STATES: Final = "sim_action.ros.ros1.node.control.joint_controllers:open_joint_states"
+_TRAJECTORY: Final = "sim_action.ros.ros1.node.control.trajectory"
+
+CONTROLLERS: Final[Table[Opener]] = Table(
+    "controller",
+    {
+        "joint_state_controller/JointStateController": _JOINT_STATES,
+        "diff_drive_controller/DiffDriveController": "sim_action.ros.ros1.node.control.diff_drive:open_diff_drive",
+        "position_controllers/JointPositionController": f"{_FORWARD}:open_position",
+        "position_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_position",
+        "velocity_controllers/JointVelocityController": f"{_FORWARD}:open_velocity",
+        "velocity_controllers/JointGroupVelocityController": f"{_FORWARD}:open_group_velocity",
+        "velocity_controllers/JointPositionController": f"{_FORWARD}:open_servo_on_velocity",
+        "effort_controllers/JointEffortController": f"{_FORWARD}:open_effort",
+        "effort_controllers/JointGroupEffortController": f"{_FORWARD}:open_group_effort",
+        "effort_controllers/JointPositionController": f"{_FORWARD}:open_servo",
+        "effort_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_servo",
+        "effort_controllers/JointVelocityController": f"{_FORWARD}:open_motor",
+        "position_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_position",
+        "velocity_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_velocity",
+        "effort_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_effort",
+    },
+)
+"""Type of a controller -> function that opens its replacement."""
+
 
 @dataclass(frozen=True, slots=True)
 class Transmissions:
@@ -133,35 +160,7 @@ def _cubic(first: Waypoint, speed: float, last: Waypoint, end_speed: float, time
     part = (time - first.time) / span
     way = last.position - first.position
     a, b = span * speed - way, way - span * end_speed
-    # p + s way + s (1 - s) (a (1 - s) + b s), and how that grows with s.
+    # p + s way + s (1 - s) (a (1 - s) + b s), and its derivative by s.
     position = first.position + part * way + part * (1 - part) * (a * (1 - part) + b * part)
     growth = way + (1 - 2 * part) * (a * (1 - part) + b * part) + part * (1 - part) * (b - a)
     return position, growth / span
-
-
-_FORWARD: Final = "sim_action.ros.ros1.node.control.joint_controllers"
-
-_JOINT_STATES: Final = "sim_action.ros.ros1.node.control.joint_controllers:open_joint_states"
-_TRAJECTORY: Final = "sim_action.ros.ros1.node.control.trajectory"
-
-CONTROLLERS: Final[Table[Opener]] = Table(
-    "controller",
-    {
-        "joint_state_controller/JointStateController": _JOINT_STATES,
-        "diff_drive_controller/DiffDriveController": "sim_action.ros.ros1.node.control.diff_drive:open_diff_drive",
-        "position_controllers/JointPositionController": f"{_FORWARD}:open_position",
-        "position_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_position",
-        "velocity_controllers/JointVelocityController": f"{_FORWARD}:open_velocity",
-        "velocity_controllers/JointGroupVelocityController": f"{_FORWARD}:open_group_velocity",
-        "velocity_controllers/JointPositionController": f"{_FORWARD}:open_servo_on_velocity",
-        "effort_controllers/JointEffortController": f"{_FORWARD}:open_effort",
-        "effort_controllers/JointGroupEffortController": f"{_FORWARD}:open_group_effort",
-        "effort_controllers/JointPositionController": f"{_FORWARD}:open_servo",
-        "effort_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_servo",
-        "effort_controllers/JointVelocityController": f"{_FORWARD}:open_motor",
-        "position_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_position",
-        "velocity_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_velocity",
-        "effort_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_effort",
-    },
-)
-"""Type of a controller -> function that opens its replacement."""

@@ -31,7 +31,7 @@ print('up', flush=True)
 rospy.spin()
 """
 # Long enough for a node on a busy machine.
-MAX_SETTLE_S = 60.0
+MAX_WAIT_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def master() -> Iterator[Ros]:
 @pytest.fixture
 def asking(master: Ros) -> Iterator[Master]:
     with closing(Master(master.uri, "/looker")) as made:
-        until = time.monotonic() + MAX_SETTLE_S
+        until = time.monotonic() + MAX_WAIT_S
         while not answers(made):
             assert time.monotonic() < until
             time.sleep(0.05)
@@ -84,7 +84,7 @@ def answers(asking: Master) -> bool:
 
 
 def comes_true(asking: Master, *, connected: bool) -> bool:
-    until = time.monotonic() + MAX_SETTLE_S
+    until = time.monotonic() + MAX_WAIT_S
     while asking.is_connected(asking.graph()) is not connected:
         if time.monotonic() > until:
             return False

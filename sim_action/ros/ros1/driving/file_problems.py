@@ -26,8 +26,9 @@ from sim_action.ros.ros1.installation import Ros, find_ros
 if TYPE_CHECKING:
     from sim_action.ros.ros1.driving.spec import RosNodes
 
-
 _LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
+
+_MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 
 
 def unchecked(spec: RosNodes) -> tuple[str, ...]:
@@ -90,7 +91,7 @@ class Packages:
         """Return the message for a missing package; None if it exists, or cannot be checked."""
         if name in self.users or name in self.distributed or self.ros is None:
             return None
-        # Of those of ROS, a screenful: whoever has misspelt one of their own is to see these.
+        # Suggest the user's own packages; those of ROS would fill a screen.
         near = did_you_mean(name, self.users or self.distributed)
         return f"there is no package '{name}' in {self.workspace} or ROS{near}"
 
@@ -154,9 +155,6 @@ def _programs(package: str, packages: Packages) -> Iterator[tuple[str, bool]]:
 
 def _files(folder: Path | None) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.is_file()) if folder is not None else []
-
-
-_MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 
 
 def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | None, str]]:

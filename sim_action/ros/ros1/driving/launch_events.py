@@ -21,6 +21,10 @@ from sim_action.ros.ros1.judging.launch_output import (
 )
 from sim_action.ros.ros1.launch.overlay import Overlay
 
+_MAX_DETAILS_CHARS: Final = 4_000
+# The exception of roslaunch for a missing package.
+_NOT_FOUND: Final = "ResourceNotFound"
+
 
 class Event(FrozenModel):
     """One event of a launch.
@@ -79,11 +83,6 @@ def _plain(data: dict[str, Any]) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
 
 
-_MOST_DETAILS: Final = 4_000
-# As roslaunch's own Python says of a package that nobody has.
-_NOT_FOUND: Final = "ResourceNotFound"
-
-
 class LaunchErrors:
     """Makes errors from the ends of launches and nodes, with the last output.
 
@@ -97,7 +96,7 @@ class LaunchErrors:
     def because_of(self, event: Event) -> ScriptError:
         """Return the error for a node that has ended, or for a launch file that was refused."""
         if event.event == "refused":
-            # The launcher is about to leave: what it has printed is whole then.
+            # The launcher is about to leave: its output is complete after that.
             self._words.close()
             return self._error(f"nothing was launched: {self._why_refused(event)}")
         text, death = self._text(), event.death
@@ -135,7 +134,7 @@ class LaunchErrors:
         return (self._text() if text is None else text).replace(f"{self._overlay.variables['ROS_PACKAGE_PATH']}/", "")
 
     def _error(self, message: str) -> ScriptError:
-        details = self._shown().strip("\n")[-_MOST_DETAILS:]
+        details = self._shown().strip("\n")[-_MAX_DETAILS_CHARS:]
         return ScriptError(escaped_line(self._shown(message)), details=details)
 
 

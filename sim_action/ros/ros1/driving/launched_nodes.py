@@ -35,18 +35,18 @@ if TYPE_CHECKING:
     from sim_action.ros.ros1.node.robot_node import RobotNode
     from sim_action.world.scene import Scene
 
-
 _LAUNCHER: Final = Path(__file__).with_name("launcher.py")
-# What would wait for ever for a Gazebo that is not there, or for controllers of its plugins.
+# Packages whose nodes would wait forever for Gazebo, or for controllers of its plugins.
 _LEFT_OUT: Final = ("gazebo_ros", "controller_manager")
 _STANDARD_OUTPUT: Final = 1
-_KEPT: Final = 100_000
-_LOOK: Final = 0.005
-# In s of wall time: how long a launch file may take to be read and started, roslaunch to notice who has died, nodes to
-# leave.
-_STARTING: Final = 60.0
-_NOTICING: Final = 5.0
-_LEAVING: Final = 5.0
+_MAX_KEPT_BYTES: Final = 100_000
+_POLL_S: Final = 0.005
+# Wall time for reading and starting a launch file, for roslaunch to notice ended nodes, and for nodes to leave.
+_MAX_START_S: Final = 60.0
+_MAX_NOTICE_S: Final = 5.0
+_MAX_SHUTDOWN_S: Final = 5.0
+
+_KEY: Final = "ros1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class LaunchedNodes:
             self._launch = self._start(asked)
             undo.callback(self._launch.close)
             self._closing = undo.pop_all()
-        self._words = LastWords(self._launch.printed, _STANDARD_OUTPUT, _KEPT)
+        self._words = LastWords(self._launch.printed, _STANDARD_OUTPUT, _MAX_KEPT_BYTES)
         self._failing = LaunchErrors(asked.workspace, self.overlay, self._words)
         self._died: set[int] = set()
         self.launcher = 0
@@ -113,12 +113,12 @@ class LaunchedNodes:
 
     def await_start(self) -> None:
         """Wait until all nodes are started. Raises ScriptError."""
-        self._wait(lambda: self.launcher != 0, _STARTING, "the nodes were not started")
+        self._wait(lambda: self.launcher != 0, _MAX_START_S, "the nodes were not started")
 
     def note_gone(self, pids: Iterable[int]) -> None:
         """Wait until the exit codes of these processes are known. Raises ScriptError for a failed one."""
         wanted = set(pids)
-        self._wait(lambda: wanted <= self._died, _NOTICING, "")
+        self._wait(lambda: wanted <= self._died, _MAX_NOTICE_S, "")
 
     @property
     def deaths(self) -> int:
@@ -128,7 +128,7 @@ class LaunchedNodes:
     def await_deaths(self, number: int) -> None:
         """Wait a while until this many processes have ended. Raises ScriptError for a failed one."""
         self._look()
-        self._wait(lambda: len(self._died) >= number, _NOTICING, "")
+        self._wait(lambda: len(self._died) >= number, _MAX_NOTICE_S, "")
 
     def _look(self) -> None:
         """Handle new events. Raises ScriptError."""
@@ -142,9 +142,9 @@ class LaunchedNodes:
     def close(self) -> None:
         """Interrupt the launch, wait a moment for nodes that save something, and kill the rest."""
         self._launch.interrupt()
-        deadline = time.monotonic() + _LEAVING
+        deadline = time.monotonic() + _MAX_SHUTDOWN_S
         while self._launch.poll() is None and self._are_there() and time.monotonic() < deadline:
-            time.sleep(_LOOK)
+            time.sleep(_POLL_S)
         if self._logs.is_dir():
             self.notes += map(str, callback_errors(self._logs, None, self._workspace))
         self._closing.close()
@@ -166,7 +166,7 @@ class LaunchedNodes:
                 if what:
                     raise self._failing.late(f"{what} within {seconds:g} s of wall time")
                 return
-            time.sleep(_LOOK)
+            time.sleep(_POLL_S)
 
     def _take(self, event: Event) -> None:
         if event.is_failure:
@@ -192,9 +192,6 @@ def variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
     return {**{name: nodes.overlay.variables[name] for name in wanted}, **master}
 
 
-_KEY: Final = "ros1"
-
-
 def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
     """Launch the nodes of a source and return its controller. Raises SourceProblem, ScriptError."""
     if why := why_no_ros():
@@ -207,7 +204,7 @@ def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
     try:
         nodes = LaunchedNodes(launching)
     except UsageError as error:
-        # Such as messages of a package that nobody can write.
+        # Such as messages that genpy cannot generate.
         raise SourceProblem(str(error), _KEY) from None
     try:
         node = _joined(nodes, ros, port, source, scene)
@@ -236,7 +233,7 @@ def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]
 def _joined(nodes: LaunchedNodes, ros: Ros, port: int, source: RosCommands, scene: Scene) -> RobotNode:
     """Make the simulation one more node. Raises ScriptError."""
     os.environ.update(variables(nodes, port))
-    # Behind what is ours: the distribution's other packages are for another Python.
+    # At the end: the other packages of the distribution are for another Python.
     sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]
     try:
         from sim_action.ros.ros1.node.robot_node import RobotNode, RobotSpec

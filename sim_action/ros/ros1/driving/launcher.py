@@ -18,8 +18,8 @@ import roslaunch.core
 import roslaunch.parent
 import roslaunch.pmon
 
-# In s: how long a node may take to leave when it is asked to, and when it is told to.
-_ASKED, _TOLD = 2.0, 0.5
+# The times that a node may take to leave after SIGINT, and after SIGTERM.
+_SIGINT_TIMEOUT_S, _SIGTERM_TIMEOUT_S = 2.0, 0.5
 
 
 class _Events:
@@ -71,10 +71,10 @@ def _launched(task: dict[str, Any], events: _Events) -> Any:
     """Start all processes and return their launch parent."""
     run_id = roslaunch.core.generate_run_id()
     roslaunch.configure_logging(run_id)
-    limits = {"sigint_timeout": _ASKED, "sigterm_timeout": _TOLD}
+    limits = {"sigint_timeout": _SIGINT_TIMEOUT_S, "sigterm_timeout": _SIGTERM_TIMEOUT_S}
     parent = roslaunch.parent.ROSLaunchParent(run_id, [], port=task["port"], show_summary=False, **limits)
     parent.config = _config(task, events)
-    parent._start_infrastructure()  # noqa: SLF001 - start() does the same, and tells nobody of those that died early
+    parent._start_infrastructure()  # noqa: SLF001 - start() does the same, and does not report nodes that died early
     parent.pm.add_process_listener(_Listener(parent.pm, events))
     parent._init_runner()  # noqa: SLF001 - likewise
     _, failed = parent.runner.launch()
@@ -90,7 +90,7 @@ def main(path: str) -> int:
     events = _Events(task["events"])
     try:
         parent = _launched(task, events)
-    except Exception as error:  # noqa: BLE001 - whatever it is, the simulation is told
+    except Exception as error:  # noqa: BLE001 - the simulation reports any of them
         events.tell("refused", kind=type(error).__name__, message=str(error))
         roslaunch.pmon.pmon_shutdown()
         return 1

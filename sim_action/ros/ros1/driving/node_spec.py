@@ -106,8 +106,8 @@ def _add(launch: ET.Element, node: NodeSpec) -> None:
     if node.required:
         element.set("required", "true")
     for name, other in node.remap.items():
-        # `from` is a word of Python's.
+        # `from` is a keyword of Python.
         ET.SubElement(element, "remap", {"from": name, "to": other})
     if node.params:
-        # As the same library writes it that roslaunch reads it by: to YAML 1.1, the 1e-6 of JSON is text.
+        # roslaunch reads it with the same library. JSON would not do: its 1e-6 is text in YAML 1.1.
         ET.SubElement(element, "rosparam").text = yaml.safe_dump(node.params)

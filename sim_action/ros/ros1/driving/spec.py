@@ -20,13 +20,16 @@ COMMANDS: Final = "cmd_vel"
 JOINTS: Final = "joint_states"
 ODOMETRY: Final = "odom"
 
-_OF_SENSORS: Final = {
+_SENSOR_TOPICS: Final = {
     "lidar": "scan",
     "imu": "imu",
     "odometry": ODOMETRY,
     "camera": "image_raw",
     "contact": "contact",
 }
+
+# In s: as long as anybody can mean.
+_MAX_START_S = 86_400
 
 
 def topics_of(sensors: Sequence[Fitting], stated: Mapping[str, str]) -> dict[str, str]:
@@ -37,7 +40,7 @@ def topics_of(sensors: Sequence[Fitting], stated: Mapping[str, str]) -> dict[str
     found = {COMMANDS: "/cmd_vel", JOINTS: "/joint_states"}
     if not any(sensor.kind == "odometry" for sensor in sensors):
         found[ODOMETRY] = "/odom"
-    found |= {sensor.name: _topic(sensor, sensors) for sensor in sensors if sensor.kind in _OF_SENSORS}
+    found |= {sensor.name: _topic(sensor, sensors) for sensor in sensors if sensor.kind in _SENSOR_TOPICS}
     return {name: f"/{stated.get(name, topic).lstrip('/')}" for name, topic in found.items()}
 
 
@@ -58,16 +61,12 @@ def _twice(stated: Mapping[str, str], topics: Mapping[str, str]) -> Iterator[tup
 
 
 def _topic(sensor: Fitting, sensors: Sequence[Fitting]) -> str:
-    kind = _OF_SENSORS[sensor.kind]
+    kind = _SENSOR_TOPICS[sensor.kind]
     is_alone = sum(other.kind == sensor.kind for other in sensors) == 1
     if sensor.kind == "camera" or not is_alone:
         plain = re.sub(r"\W", "_", sensor.name, flags=re.ASCII)
         return f"/{plain if plain[:1].isalpha() else f'sensor_{plain}'}/{kind}"
     return f"/{kind}"
-
-
-# In s: as long as anybody can mean.
-_A_DAY = 86_400
 
 
 class RosNodes(FrozenModel):
@@ -98,7 +97,8 @@ class RosNodes(FrozenModel):
         Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"),
     ] = Field(default_factory=dict)
     start_within: Annotated[
-        PositiveSeconds, Field(le=_A_DAY, description="wall time that nodes may take to start; sim time waits for them")
+        PositiveSeconds,
+        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
     ] = 10.0
 
 

@@ -22,7 +22,7 @@ from sim_action.ros.ros1.judging.launch_output import (
     xacro_error,
 )
 
-_SIMULATION: Final = "gazebo"
+_SIMULATION_NODE: Final = "gazebo"
 _TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")
 _NO_NODE: Final = re.compile(r"Test node \[(\S+)/(\S+)\] does not exist or is not executable")
 _NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
@@ -107,7 +107,7 @@ def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
 
 def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]:
     for death in deaths(found.text):
-        if death.node == _SIMULATION:
+        if death.node == _SIMULATION_NODE:
             yield _failure("crash", "simulation ended", _described(death, found), where, found)
 
 

@@ -19,7 +19,7 @@ RESULTS: Final = "results"
 LOGS: Final = "log"
 """Folder of the logs of nodes, in the folder of the call."""
 
-_MOST_OUTPUT: Final = 110_000_000
+_MAX_OUTPUT_BYTES: Final = 110_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ def collect_findings(places: LaunchFolders, tags: Sequence[TestTag], ending: End
         )
         for name in names
     )
-    output = read_at_most(folder / "output.txt", _MOST_OUTPUT) or b""
+    output = read_at_most(folder / "output.txt", _MAX_OUTPUT_BYTES) or b""
     request = SimulationRequest.model_validate_json((folder / REQUEST_FILE).read_bytes())
     text = "\n".join((*(suite.output for suite in reported), output.decode(errors="replace")))
     text = plain(text).replace(f"{places.share}/", "")

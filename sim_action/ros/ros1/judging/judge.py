@@ -20,9 +20,9 @@ from sim_action.ros.ros1.judging.launch_output import deaths, exception_line, ou
 from sim_action.ros.ros1.judging.rostest_files import Case
 from sim_action.state.verdict import Verdict
 
-_FEW: Final = 3
+_MAX_CALLBACKS: Final = 3
 
-_MEASURED: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
+_RESULT_FIELDS: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ class Judge:
 
     def _outcome(self, test: TestFindings, about: dict[str, Any]) -> Outcome:
         result = test.run.result if test.run else None
-        measured = {key: getattr(result, key) for key in _MEASURED} if result else {}
+        measured = {key: getattr(result, key) for key in _RESULT_FIELDS} if result else {}
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
         return Outcome(
             name=f"{self.request.package}/{test.name}",
@@ -113,7 +113,7 @@ class Judge:
 
 def _with_callbacks(said: str, test: TestFindings) -> str:
     """Return a failure message with the callbacks that raised, which may be the reason."""
-    return "; ".join((said, *map(str, test.callbacks[:_FEW])))
+    return "; ".join((said, *map(str, test.callbacks[:_MAX_CALLBACKS])))
 
 
 def _place(test: TestFindings) -> Location | None:

@@ -19,14 +19,16 @@ from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
 from sim_action.core.messages import escaped_line
 
-# Colours, as they are and as rosunit writes them.
+# Colours and window titles, as they are and as rosunit escapes them.
 _COLOURS: Final = re.compile(r"(?:\x1b|&#x001B;)(?:\[[0-9;]*m|\][^\x07\n]*(?:\x07|&#x0007;))")
-# Of a folder that is gone by the time that anybody reads it.
-_LOGS: Final = re.compile(r"^(?:log file: .*\*\.log|\.\.\. logging to .*|rostest log file is in .*)\n?", re.MULTILINE)
+# Paths of logs in the folder of the call, which is deleted at the end.
+_LOG_PATHS: Final = re.compile(
+    r"^(?:log file: .*\*\.log|\.\.\. logging to .*|rostest log file is in .*)\n?", re.MULTILINE
+)
 _NODE: Final = r"\[([\w/.-]+?)(?:-\d+)?\]"
-_HOW: Final = r"process has (?:died \[pid \d+, exit code (-?\d+), cmd (\S+)|finished cleanly)"
-_DEAD: Final = re.compile(rf"{_NODE} {_HOW}")
-_REQUIRED: Final = re.compile(rf"REQUIRED process {_NODE} has died!\s+{_HOW}")
+_END: Final = r"process has (?:died \[pid \d+, exit code (-?\d+), cmd (\S+)|finished cleanly)"
+_DEAD: Final = re.compile(rf"{_NODE} {_END}")
+_REQUIRED: Final = re.compile(rf"REQUIRED process {_NODE} has died!\s+{_END}")
 _NO_PACKAGE: Final = re.compile(r"^(?:rospkg\.\w+\.)?(?:ResourceNotFound|Resource not found): *(\S+)$", re.MULTILINE)
 _REFUSED: Final = (
     re.compile(r"^ERROR: (cannot launch node of type .+)$", re.MULTILINE),
@@ -35,7 +37,19 @@ _REFUSED: Final = (
 _EXCEPTION: Final = re.compile(r"^[A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Exit)(?:: .*)?$", re.MULTILINE)
 _XACRO: Final = re.compile(r"^xacro: (.+)$", re.MULTILINE)
 
-_LAST: Final = 4_000
+_MAX_TAIL_CHARS: Final = 4_000
+
+_FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
+
+_MAX_LOG_BYTES: Final = 16_000_000
+_STDOUT_SUFFIX: Final = "-stdout"
+_NUMBER_SUFFIX: Final = re.compile(r"-\d+$")
+# Written by rospy/topics.py: the callback, the traceback, and the exception in the first line without indentation.
+_CALLBACK_ERROR: Final = re.compile(
+    r"^(?:\[rosout\])?\[ERROR\][^\n]*?: bad callback: ([^\n]*)\n(Traceback[^\n]*\n(?:[ ][^\n]*\n)*)(\S[^\n]*)",
+    re.MULTILINE,
+)
+_SIMULATION_NODE: Final = "gazebo"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +66,7 @@ class Death:
 
 def plain(text: str) -> str:
     """Return output without colours, window titles and log paths."""
-    return _LOGS.sub("", _COLOURS.sub("", text).replace("\r", ""))
+    return _LOG_PATHS.sub("", _COLOURS.sub("", text).replace("\r", ""))
 
 
 def required_deaths(text: str) -> Iterator[Death]:
@@ -92,7 +106,7 @@ def last_exception(text: str, program: str) -> str | None:
 
 def output_tail(text: str) -> str:
     """Return the end of the output."""
-    return text.strip("\n")[-_LAST:]
+    return text.strip("\n")[-_MAX_TAIL_CHARS:]
 
 
 def signal_name(number: int) -> str:
@@ -104,16 +118,13 @@ def _ended(code: int) -> str:
     return f"exit code {code}" if code >= 0 else signal_name(-code)
 
 
-_FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
-
-
 def traceback_location(text: str, workspace: Path) -> Location | None:
     """Return the innermost place of a traceback that is in the workspace."""
     root = workspace.resolve()
     for file, line, _ in reversed(_FRAME.findall(text)):
         try:
             path = Path(file).resolve()
-        except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
+        except (OSError, ValueError, RuntimeError):  # too long, with a NUL, or links in a circle
             continue
         if path.is_relative_to(root):
             return Location(shown_path(path), int(line))
@@ -133,17 +144,6 @@ def shown_path(path: Path) -> str:
     """Return a path relative to the current folder, if it is inside."""
     here = Path.cwd().resolve()
     return file_name(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
-_MOST_BYTES: Final = 16_000_000
-_OUTPUT: Final = "-stdout"
-_NUMBER: Final = re.compile(r"-\d+$")
-# From rospy/topics.py: what it was told of, how it came to be raised, and, where a line begins with no blank, what.
-_RAISED: Final = re.compile(
-    r"^(?:\[rosout\])?\[ERROR\][^\n]*?: bad callback: ([^\n]*)\n(Traceback[^\n]*\n(?:[ ][^\n]*\n)*)(\S[^\n]*)",
-    re.MULTILINE,
-)
-_SIMULATION: Final = "gazebo"
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,18 +175,18 @@ def callback_errors(logs: Path, process: str | None, workspace: Path) -> tuple[C
         workspace: the folder of the user's code.
     """
     counts = Counter(
-        (_NUMBER.sub("", log.stem), exception.strip(), traceback_location(trace, workspace))
+        (_NUMBER_SUFFIX.sub("", log.stem), exception.strip(), traceback_location(trace, workspace))
         for log in _logs(logs, process)
-        for _, trace, exception in _RAISED.findall(_text(log))
+        for _, trace, exception in _CALLBACK_ERROR.findall(_text(log))
     )
     return tuple(CallbackError(*key, times) for key, times in counts.most_common())
 
 
 def _logs(logs: Path, process: str | None) -> Iterator[Path]:
     for folder in sorted(path for path in logs.iterdir() if path.is_dir() and not path.is_symlink()):
-        if process is None or any(f"pid[{process}]" in _text(log) for log in folder.glob(f"{_SIMULATION}-*.log")):
-            yield from (log for log in sorted(folder.glob("*.log")) if not log.stem.endswith(_OUTPUT))
+        if process is None or any(f"pid[{process}]" in _text(log) for log in folder.glob(f"{_SIMULATION_NODE}-*.log")):
+            yield from (log for log in sorted(folder.glob("*.log")) if not log.stem.endswith(_STDOUT_SUFFIX))
 
 
 def _text(log: Path) -> str:
-    return (read_at_most(log, _MOST_BYTES) or b"").decode("utf-8", errors="replace")
+    return (read_at_most(log, _MAX_LOG_BYTES) or b"").decode("utf-8", errors="replace")

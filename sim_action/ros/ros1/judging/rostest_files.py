@@ -19,11 +19,17 @@ from sim_action.core.files import read_at_most
 
 _MAX_RESULT_BYTES: Final = 16_000_000
 _MAX_CASES: Final = 1_000
-# XML 1.0 has no place for these, not even as a reference to their numbers.
+# XML 1.0 forbids these characters, also as character references.
 _FORBIDDEN: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _REFERENCE: Final = re.compile(r"&#(?:x([0-9a-fA-F]{1,8})|([0-9]{1,8}));")
-_HIGHEST: Final = 0x10FFFF
+_MAX_CODE_POINT: Final = 0x10FFFF
 _CDATA: Final = re.compile(r"\A\s*<!\[CDATA\[\n?(.*?)\n?\]\]>\s*\Z", re.DOTALL)
+
+_MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
+_SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
+
+DEFAULT_TIME_LIMIT_S: Final = 60.0
+"""s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +72,7 @@ def read_suite(path: Path) -> Suite | None:
 
 def _parsed(data: bytes) -> ET.Element | None:
     text = _REFERENCE.sub(_allowed, _FORBIDDEN.sub("", data.decode("utf-8", errors="replace")))
-    # Nobody who writes results has entities to declare.
+    # Results have no reason to declare entities.
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         return None
     try:
@@ -77,7 +83,7 @@ def _parsed(data: bytes) -> ET.Element | None:
 
 def _allowed(reference: re.Match[str]) -> str:
     number = int(reference[1], 16) if reference[1] else int(reference[2])
-    return "" if number > _HIGHEST or _FORBIDDEN.match(chr(number)) else reference[0]
+    return "" if number > _MAX_CODE_POINT or _FORBIDDEN.match(chr(number)) else reference[0]
 
 
 def _case(element: ET.Element) -> Case:
@@ -95,13 +101,6 @@ def _plain(text: str) -> str:
     """Return text without the CDATA marks that rosunit writes as text."""
     found = _CDATA.match(text)
     return (found[1] if found else text).strip("\n")
-
-
-_MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
-_SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
-
-TIME_LIMIT: Final = 60.0
-"""s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +130,7 @@ def test_tags(path: Path) -> tuple[TestTag, ...]:
             found.append(_tag(parser.CurrentLineNumber, given))
 
     parser.StartElementHandler = begun
-    # What is wrong with it, roslaunch says.
+    # roslaunch reports what is wrong with the file.
     with suppress(OSError, xml.parsers.expat.ExpatError):
         parser.Parse(read_at_most(path, _MAX_LAUNCH_FILE_BYTES) or b"", True)
     return tuple(found)
@@ -143,7 +142,7 @@ def _tag(line: int, given: dict[str, str]) -> TestTag:
         given.get("test-name", ""),
         given.get("pkg", ""),
         given.get("type", ""),
-        _number(given.get("time-limit"), TIME_LIMIT),
+        _number(given.get("time-limit"), DEFAULT_TIME_LIMIT_S),
         int(_number(given.get("retry"), 0)),
     )
 

@@ -20,9 +20,19 @@ from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, SimulationRe
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT, Overlay
 from sim_action.runner.isolation.process_control import processes
 
-# In s: how long the supervisor may take to end all.
-_ENDING: Final = 5.0
-_POLL: Final = 0.002
+# Time for the supervisor to end all processes.
+_MAX_END_S: Final = 5.0
+_KILL_POLL_S: Final = 0.002
+
+Ending = Literal["over", "interrupted", "wall limit", "output limit"]
+
+_POLL_S: Final = 0.02
+# Time for the launcher to leave after an interrupt, and for a test whose simulation has ended.
+_MAX_SHUTDOWN_S: Final = 20.0
+_MAX_TEST_SHUTDOWN_S: Final = 3.0
+# roslaunch looks for ended nodes ten times per second, and reports none after an interrupt.
+_NOTICE_S: Final = 0.5
+_MAX_OUTPUT_BYTES: Final = 100_000_000
 
 
 class Launch:
@@ -53,7 +63,7 @@ class Launch:
         `is_heard`: True if the output is read from `printed` instead of written to the file.
         """
         output = folder / "output.txt"
-        # The supervisor is of this Python, what it starts is of the distribution's.
+        # The supervisor runs on this Python, its processes on that of the distribution.
         supervisor = [sys.executable, "-P", "-m", "sim_action.runner.isolation.command_supervisor"]
         variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": PACKAGE_ROOT}
         with output.open("wb") as file:
@@ -102,15 +112,15 @@ class Launch:
             _send(self._process.pid, signal.SIGTERM)
             _send(self._process.pid, signal.SIGCONT)
             try:
-                self._process.wait(_ENDING)
+                self._process.wait(_MAX_END_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
-        # If it was the supervisor that was killed, nobody else has ended them.
+        # If the supervisor was killed, its processes may still run.
         while left := list(self._marked()):
             for pid in left:
                 _send(pid, signal.SIGKILL)
-            time.sleep(_POLL)
+            time.sleep(_KILL_POLL_S)
 
     def _marked(self) -> Iterator[int]:
         mark = f"{FOLDER_VARIABLE}={self.folder}".encode()
@@ -127,20 +137,9 @@ def _send(pid: int, number: signal.Signals) -> None:
 
 def _has_ended(pid: int) -> bool:
     with suppress(OSError):
-        # The name of the program comes before, in brackets, and may hold brackets itself.
+        # The name of the program comes first, in brackets, and may hold brackets itself.
         return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] == b"Z"
     return False
-
-
-Ending = Literal["over", "interrupted", "wall limit", "output limit"]
-
-_LOOK: Final = 0.02
-# In s: how long a launcher may take once it is told to leave, and a test whose simulation is over.
-_LEAVING: Final = 20.0
-_TEST_LEAVING: Final = 3.0
-# In s: roslaunch looks for nodes that have died ten times a second, and tells of none once it has to leave.
-_LAST_LOOK: Final = 0.5
-_MOST_OUTPUT: Final = 100_000_000
 
 
 class Watch:
@@ -157,12 +156,12 @@ class Watch:
     def wait(self, interruption: Interruption) -> Ending:
         """Wait until the launcher has ended, or has to be killed."""
         while self._launch.poll() is None:
-            select.select([interruption.awakened], [], [], _LOOK)
+            select.select([interruption.awakened], [], [], _POLL_S)
             if interruption.happened:
                 return "interrupted"
             self._look_at_limits()
             self._look_at_runs()
-            if self._told_at is not None and time.monotonic() > self._told_at + _LEAVING:
+            if self._told_at is not None and time.monotonic() > self._told_at + _MAX_SHUTDOWN_S:
                 break
         return self._ending
 
@@ -170,7 +169,7 @@ class Watch:
         if self._ending == "over" and time.monotonic() > self._deadline:
             self._ending = "wall limit"
             self._tell_to_leave()
-        if self._ending == "over" and self._launch.output.stat().st_size > _MOST_OUTPUT:
+        if self._ending == "over" and self._launch.output.stat().st_size > _MAX_OUTPUT_BYTES:
             self._ending = "output limit"
             self._tell_to_leave()
 
@@ -188,10 +187,10 @@ class Watch:
                     self._stopped = {pid: time.monotonic() for pid in self._launch.tests()}
                     self._signal_tests(signal.SIGINT)
                 else:
-                    self._last_look = time.monotonic() + _LAST_LOOK
+                    self._last_look = time.monotonic() + _NOTICE_S
         if self._last_look is not None and time.monotonic() > self._last_look and not self._launch.has_unnoticed():
             self._tell_to_leave()
-        if self._stopped and time.monotonic() > max(self._stopped.values()) + _TEST_LEAVING:
+        if self._stopped and time.monotonic() > max(self._stopped.values()) + _MAX_TEST_SHUTDOWN_S:
             self._signal_tests(signal.SIGKILL)
             self._stopped = {}
 

@@ -26,14 +26,14 @@ from sim_action.ros.ros1.catkin_packages import exported_models, packages_below,
 from sim_action.ros.ros1.installation import Ros
 from sim_action.runner.isolation.child_process import environment
 
-_SITE: Final = Path(__file__).with_name("ros_patches.py")
+_SITECUSTOMIZE: Final = Path(__file__).with_name("ros_patches.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"
 PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[4])
 """The folder from which sim_action is imported."""
 
 _PROGRAMS: Final = "sim_action.ros.ros1.launch.programs"
 _XACRO: Final = "sim_action.ros.ros1.launch.xacro"
-# Package and name of a node -> the module of ours that is run, and its first arguments.
+# Package and name of a node -> module that runs instead, and its first arguments.
 _NODES: Final = {
     ("gazebo_ros", "gzserver"): f"{_PROGRAMS} gzserver",
     ("gazebo_ros", "gazebo"): f"{_PROGRAMS} gzserver",
@@ -44,8 +44,34 @@ _NODES: Final = {
     ("xacro", "xacro"): _XACRO,
     ("xacro", "xacro.py"): _XACRO,
 }
-# Theirs count before ours; of the others, only ours do what sim-action does.
+# Packages of ours that a package of the user or of ROS replaces.
 _FALLBACKS: Final = frozenset({"turtlebot3_gazebo", "turtlebot3_description"})
+
+_MESSAGE_KINDS: Final = ("msg", "srv")
+
+# One interpreter for all: starting one for each kind and package takes longer than its work.
+_GENERATE_MESSAGES: Final = """\
+import json, os, sys
+from genpy.generator import MsgGenerator, SrvGenerator
+from genpy.generate_initpy import write_modules
+task = json.load(sys.stdin)
+for package, kinds in task["packages"].items():
+    for kind, generator in (("msg", MsgGenerator()), ("srv", SrvGenerator())):
+        if kinds[kind]:
+            folder = os.path.join(task["modules"], package, kind)
+            os.mkdir(folder)
+            code = generator.generate_messages(package, kinds[kind], folder, task["includes"])
+            if code:
+                sys.exit(code)
+            write_modules(folder)
+"""
+
+# A package may have other modules besides the generated ones.
+_INIT: Final = '__path__ = __import__("pkgutil").extend_path(__path__, __name__)\n'
+
+# The folders to use if TMPDIR cannot be used.
+_SCRATCH_FOLDERS: Final = ("/tmp", "/var/tmp")  # noqa: S108 - a folder with a random name is made in it
+_SPLIT_CHARACTERS: Final = re.compile(r"[\s'\"\\$]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +104,7 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path) -> Overlay:
         else:
             (share / name).symlink_to(path)
     generate_messages({**users, **stand_ins}, packages, modules, ros)
-    (modules / "sitecustomize.py").symlink_to(_SITE)
+    (modules / "sitecustomize.py").symlink_to(_SITECUSTOMIZE)
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
     python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))
@@ -118,41 +144,18 @@ def _lay_out(name: str, source: Path, target: Path) -> None:
         (target / path.name).symlink_to(path)
     for (package, node), module in _NODES.items():
         if package == name:
-            # Models are looked for where an overlay's packages are, which are links: of ROS 2's path they are followed.
+            # Packages in an overlay are links, which the search for models follows only in the path of ROS 2.
             prefix = shlex.quote(str(target.parent.parent))
             variables = f"PYTHONPATH={shlex.quote(PACKAGE_ROOT)}:$PYTHONPATH AMENT_PREFIX_PATH={prefix}"
             _write_program(target / node, f'{variables} exec {shlex.quote(sys.executable)} -m {module} "$@"')
     if name == "gazebo_ros":
-        # There is no window, and nobody misses it.
+        # There is no window.
         _write_program(target / "gzclient", "exit 0")
 
 
 def _write_program(path: Path, line: str) -> None:
     path.write_text(f"#!/bin/sh\n{line}\n")
     path.chmod(0o755)
-
-
-_KINDS: Final = ("msg", "srv")
-
-# One interpreter for all: to start one for each kind of each package takes longer than what they do.
-_GENERATION: Final = """\
-import json, os, sys
-from genpy.generator import MsgGenerator, SrvGenerator
-from genpy.generate_initpy import write_modules
-task = json.load(sys.stdin)
-for package, kinds in task["packages"].items():
-    for kind, generator in (("msg", MsgGenerator()), ("srv", SrvGenerator())):
-        if kinds[kind]:
-            folder = os.path.join(task["modules"], package, kind)
-            os.mkdir(folder)
-            code = generator.generate_messages(package, kinds[kind], folder, task["includes"])
-            if code:
-                sys.exit(code)
-            write_modules(folder)
-"""
-
-# A package may have modules of its own beside those that are written here.
-_INIT: Final = '__path__ = __import__("pkgutil").extend_path(__path__, __name__)\n'
 
 
 def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], modules: Path, ros: Ros) -> None:
@@ -171,8 +174,8 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
         (modules / name / "__init__.py").write_text(_INIT)
     includes = {name: [str(folder / "msg")] for name, folder in known.items() if (folder / "msg").is_dir()}
     task = json.dumps({"packages": written, "modules": str(modules), "includes": includes})
-    command = [str(ros.python), "-c", _GENERATION]
-    # What it reads comes on standard input.
+    command = [str(ros.python), "-c", _GENERATE_MESSAGES]
+    # It reads the task from standard input.
     made = subprocess.run(  # noqa: S603 - the distribution's Python and a program of ours
         command, input=task, capture_output=True, text=True, check=False, cwd="/"
     )
@@ -182,12 +185,7 @@ def generate_messages(packages: Mapping[str, Path], known: Mapping[str, Path], m
 
 
 def _definitions(package: Path) -> dict[str, list[str]]:
-    return {kind: [str(file) for file in sorted((package / kind).glob(f"*.{kind}"))] for kind in _KINDS}
-
-
-# Where to go if TMPDIR cannot be had.
-_TEMPORARY: Final = ("/tmp", "/var/tmp")  # noqa: S108 - a folder with a random name is made in it
-_SPLIT: Final = re.compile(r"[\s'\"\\$]")
+    return {kind: [str(file) for file in sorted((package / kind).glob(f"*.{kind}"))] for kind in _MESSAGE_KINDS}
 
 
 def scratch_parent() -> str:
@@ -195,8 +193,8 @@ def scratch_parent() -> str:
 
     roslaunch replaces `$(find xacro)` by a path and then splits `$(find xacro)/xacro ...` at blanks.
     """
-    for folder in (tempfile.gettempdir(), *_TEMPORARY):
-        if not _SPLIT.search(os.path.realpath(folder)) and os.access(folder, os.W_OK | os.X_OK):
+    for folder in (tempfile.gettempdir(), *_SCRATCH_FOLDERS):
+        if not _SPLIT_CHARACTERS.search(os.path.realpath(folder)) and os.access(folder, os.W_OK | os.X_OK):
             return folder
     raise UsageError(
         f"'{tempfile.gettempdir()}' contains a blank or a quote, and roslaunch splits commands there; "

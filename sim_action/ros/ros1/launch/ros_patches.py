@@ -25,7 +25,7 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
-_LOOK = 0.1  # s of wall time: how soon it is seen that the node has to leave
+_POLL_S = 0.1  # of wall time, for the check whether the node has to leave
 
 
 def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
@@ -43,7 +43,7 @@ def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
     subscriber = rospy.Subscriber(topic, topic_type, hear)
     try:
         while not messages and not rospy.is_shutdown():
-            left = _LOOK if end is None else min(_LOOK, end - time.time())
+            left = _POLL_S if end is None else min(_POLL_S, end - time.time())
             if left <= 0:
                 raise rospy.ROSException(f"timeout exceeded while waiting for message on topic {topic}")
             come.wait(left)
@@ -88,7 +88,7 @@ def _replace_waiting(client: dict[str, Any]) -> None:
 def _replace_delays(connections: dict[str, Any]) -> None:
     configure, listener = connections["_configure_pub_socket"], connections["TCPROSSub"]
     fields = listener.get_header_fields
-    # Asked of who publishes, in whatever language; and done by who publishes in ours, whatever is asked.
+    # Subscribers ask every publisher for it, in any language; our Python publishers always do it.
     listener.get_header_fields = lambda self: {**fields(self), "tcp_nodelay": "1"}
     connections["_configure_pub_socket"] = lambda socket, _: configure(socket, True)
 
@@ -97,7 +97,7 @@ def _replace_pool(threadpool: dict[str, Any]) -> None:
     threadpool["MarkedThreadPool"] = _awaiting(threadpool["MarkedThreadPool"])
 
 
-# Module of ROS -> what puts into its names what is replaced.
+# Module of ROS -> function that patches its namespace.
 _REPLACED = {
     "rospy.client": _replace_waiting,
     "rospy.impl.tcpros_pubsub": _replace_delays,

@@ -18,7 +18,7 @@ from sim_action.robot.packages import Packages
 from sim_action.robot.xacro_documents import XacroError
 from sim_action.robot.xacro_expansion import Expansion, expand
 
-_UNKNOWN: Final = "unknown-argument"
+_UNKNOWN_ARGUMENT_RULE: Final = "unknown-argument"
 _FALLBACKS: Final = Path(__file__).parent / "packages"
 
 
@@ -60,8 +60,10 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> Expansion:
         try:
             return expand(path, left, packages)
         except XacroError as error:
-            # To ROS, an argument that a file does not declare is nobody's business.
-            unknown = [name for name in left if error.rule == _UNKNOWN and f"is named '{name}'" in str(error)]
+            # ROS ignores arguments that a file does not declare.
+            unknown = [
+                name for name in left if error.rule == _UNKNOWN_ARGUMENT_RULE and f"is named '{name}'" in str(error)
+            ]
             if not unknown:
                 raise
             del left[unknown[0]]

@@ -19,8 +19,8 @@ from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, Wor
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 
-# In s: how often one looks whether a world that stands still may go on.
-_LOOK: Final = 0.01
+# The interval of checks whether a paused world may go on.
+_POLL_S: Final = 0.01
 
 
 class Pace:
@@ -118,7 +118,7 @@ class Bridge:
         current.time = seconds
         current.model_states = {**states.bodies, self._robot: self._model_state(seen)}
         current.base = seen.pose, seen.twist
-        # A node may have begun to listen since they were read.
+        # A node may have subscribed after the links were read.
         current.link_states = {**bodies, **links} if links else {}
         current.joints = dict(seen.joints)
 
@@ -128,5 +128,5 @@ class Bridge:
     def _stand_still(self, seconds: float) -> None:
         session = self._session
         while session.paused.is_set() and not session.changes.has_pending():
-            time.sleep(_LOOK)
+            time.sleep(_POLL_S)
             session.lockstep.settle(seconds)

@@ -44,6 +44,8 @@ from sim_action.ros.ros1.node.world_models import (
 )
 from sim_action.world import Disturbance, World
 
+_FOREVER_S: Final = 1e5
+
 
 class ModelServices:
     """The services on models and on the world, open as long as the node lives."""
@@ -194,11 +196,8 @@ def is_robot(description: str) -> bool:
     try:
         root = ET.fromstring(description)  # noqa: S314 - of what is simulated
     except ET.ParseError:
-        return True  # Whoever reads models says best what is wrong.
+        return True  # The reader of models reports what is wrong.
     return root.tag == "robot" or any(True for _ in root.iter("joint")) or any(True for _ in root.iter("plugin"))
-
-
-_FOR_EVER: Final = 1e5
 
 
 class ForceServices:
@@ -231,7 +230,7 @@ class ForceServices:
             disturbance = Disturbance.model_validate(
                 {
                     "at": begins,
-                    "for": seconds if seconds > 0 else _FOR_EVER,
+                    "for": seconds if seconds > 0 else _FOREVER_S,
                     **({"link": link or None} if is_robot else {"body": model}),
                     "force": (force.x, force.y, force.z),
                     "torque": (torque.x, torque.y, torque.z),

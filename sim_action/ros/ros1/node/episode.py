@@ -30,9 +30,9 @@ from sim_action.simulation.recorder import Footage
 from sim_action.world import Physics
 from sim_action.world.scene import Scene
 
-_DESCRIPTION: Final = "robot.urdf"
-# Of sim time, in s, if nobody says how long: a replay of more would have less than 30 moments a second.
-_LONGEST: Final = 6_600.0
+_DESCRIPTION_FILE: Final = "robot.urdf"
+# Sim time without a stated limit; a replay of more would have less than 30 frames per second.
+_MAX_SIM_TIME_S: Final = 6_600.0
 
 
 class NodeCommands(CommandSource):
@@ -104,7 +104,7 @@ class EpisodeFactory:
                 *(device.sensor for device in devices if device.sensor is not None),
             ),
             expect=(),
-            time_limit=left or _LONGEST,
+            time_limit=left or _MAX_SIM_TIME_S,
             backend=cast(Literal["auto", "pybullet", "mujoco"], self._request.backend),
             seed=self._request.seed,
         )
@@ -113,7 +113,7 @@ class EpisodeFactory:
 
     def _wants_links(self, devices: list[Device]) -> bool:
         session = self._session
-        # Who will listen is not known before the clock starts.
+        # The subscribers are not known before the clock starts.
         is_clock_held = session.current.started is None
         return is_clock_held or session.topics.has_link_subscribers or any(device.reads_links for device in devices)
 
@@ -121,8 +121,8 @@ class EpisodeFactory:
         """Return the robot, with only its description."""
         if robot.file is not None:
             return DrivenRobot(model=robot.file)
-        (self._folder / _DESCRIPTION).write_text(robot.description, encoding="utf-8")
-        return DrivenRobot(model=_DESCRIPTION)
+        (self._folder / _DESCRIPTION_FILE).write_text(robot.description, encoding="utf-8")
+        return DrivenRobot(model=_DESCRIPTION_FILE)
 
     def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], RobotCommands]:
         if self._opened is None or not robot.is_same_as(self._opened[0]):

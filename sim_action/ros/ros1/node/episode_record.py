@@ -62,7 +62,7 @@ class EpisodeRecord:
         if run is not None:
             self.engine = run.engine
             self._notes += run.notes
-            # One that was over at once, since the world changed as it began, has shown nothing.
+            # An episode that ended at once, by a change of the world, has no motion.
             self._digests += [run.digest] if run.sim_time > 0 else []
 
     def store(self, folder: Path) -> None:
@@ -76,5 +76,5 @@ class EpisodeRecord:
             return
         try:
             write_replay(replay_of(self._last.scene, film), folder / REPLAY_FILE)
-        except Exception as error:  # noqa: BLE001 - a test has its verdict, whether there is a picture of it or not
+        except Exception as error:  # noqa: BLE001 - a verdict does not depend on the replay
             self._notes.append(f"no replay was written: {escaped_line(str(error))}")

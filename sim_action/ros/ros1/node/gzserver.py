@@ -33,14 +33,16 @@ from sim_action.world import World
 
 NAME: Final = "/gazebo"
 
-_LOOK: Final = 0.01
+_POLL_S: Final = 0.01
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 def serve(folder: Path, request: SimulationRequest) -> None:
     """Run the node until the launch ends; write the result as soon as it is known."""
     become_node(NAME.strip("/"))
     _Server(folder, request).run().write(folder)
-    # Whoever is left may still ask; what tells it to leave is roslaunch.
+    # Nodes that are left may still call services; roslaunch ends this node.
     await_shutdown()
 
 
@@ -138,7 +140,7 @@ class _Server:
             if rospy.is_shutdown():
                 raise SourceOver("the nodes ended before a robot was spawned")
             self._current.world_models, _ = self._changes.apply(self._current.world_models)
-            time.sleep(_LOOK)
+            time.sleep(_POLL_S)
 
     def _make_changes(self) -> None:
         """Apply the pending changes to the current models."""
@@ -186,7 +188,6 @@ def _failure_of(error: Exception) -> Failure:
     return Failure(kind="engine", title="the simulation failed", message=str(error))
 
 
-_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 _left: Final = threading.Event()
 
 
@@ -198,7 +199,7 @@ def become_node(name: str) -> None:
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     rospy.init_node(name, disable_signals=True)
-    # Called after those of rospy itself: the master knows by then that this node has gone.
+    # rospy's own hooks run before: the master knows by then that this node has left.
     rospy.core.add_shutdown_hook(lambda _: _left.set())
     threading.Thread(target=_await_signal, name="leaving", daemon=True).start()
 

@@ -18,9 +18,9 @@ from sim_action.world.scene import Scene
 
 PLUGIN: Final = "gazebo_ros_planar_move"
 
-# Of its weight: Gazebo sets the velocity anew at every step, whatever is in the way. 1 m/s takes 10 ms here.
-_FORCE: Final = 10.0
-_ARM: Final = 1.0  # m
+# Gazebo sets the velocity at every step, whatever is in the way. With this force, 1 m/s takes 10 ms.
+_MAX_FORCE_PER_WEIGHT: Final = 10.0
+_LEVER_ARM_M: Final = 1.0
 
 
 class PlanarMove(Drive):
@@ -39,7 +39,7 @@ class PlanarMove(Drive):
 
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> PlanarMotion:
         """See Drive.open."""
-        return PlanarMotion(centre_of_mass(model), _FORCE * model.mass * max(gravity, GRAVITY))
+        return PlanarMotion(centre_of_mass(model), _MAX_FORCE_PER_WEIGHT * model.mass * max(gravity, GRAVITY))
 
     def wheel_motion(self, model: RobotModel) -> None:
         """See Drive.wheel_motion."""
@@ -77,5 +77,5 @@ class PlanarMotion:
         """See DriveMotion.targets."""
         self._was_level &= is_level(twist)
         x, y, _ = twist.linear_xyz
-        push = BasePush((x, y), twist.angular_xyz[2], self._point_xyz, self._force, self._force * _ARM)
+        push = BasePush((x, y), twist.angular_xyz[2], self._point_xyz, self._force, self._force * _LEVER_ARM_M)
         return [JointTargets(base=push)]

@@ -34,9 +34,9 @@ _TYPES: Final[dict[JointType, int]] = {
     "prismatic": GetJointPropertiesResponse.PRISMATIC,
     "fixed": GetJointPropertiesResponse.FIXED,
 }
-_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-# As every body of the world has it.
-_LINK: Final = "link"
+_INERTIA_KEYS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+# The name of the one link of every body.
+_BODY_LINK: Final = "link"
 
 
 class QueryServices:
@@ -97,7 +97,12 @@ class QueryServices:
         for body in models.world.objects:
             if body.name == name:
                 fixed = body.mass is None
-                return {"canonical_body_name": _LINK, "body_names": [_LINK], "geom_names": [_LINK], "is_static": fixed}
+                return {
+                    "canonical_body_name": _BODY_LINK,
+                    "body_names": [_BODY_LINK],
+                    "geom_names": [_BODY_LINK],
+                    "is_static": fixed,
+                }
         raise LookupError(unknown_model_message(name, models))
 
     def _physics(self, _: Any) -> dict[str, Any]:
@@ -150,7 +155,7 @@ def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[s
     inertial = next((each.find("inertial") for each in root.iter("link") if each.get("name") == link.name), None)
     stated = inertial.find("inertia") if inertial is not None else None
     origin = inertial.find("origin") if inertial is not None else None
-    moments = {name: float(stated.get(name, 0.0)) if stated is not None else 0.0 for name in _MOMENTS}
+    moments = {name: float(stated.get(name, 0.0)) if stated is not None else 0.0 for name in _INERTIA_KEYS}
     roll, pitch, yaw = map(float, (origin.get("rpy", "0 0 0") if origin is not None else "0 0 0").split())
     return quaternion_from_rpy(roll, pitch, yaw), moments
 

@@ -47,6 +47,18 @@ NAME: Final = "/gazebo"
 
 _TWIST: Final = "geometry_msgs/Twist"
 
+# The rate of topics without a sensor, as Gazebo's plugins usually have it.
+_STATES_RATE_HZ: Final = 30.0
+_ODOMETRY_FRAME: Final = "odom"
+
+_MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Header, Fitting], Any]]]] = {
+    "lidar": (LaserScan, lambda reading, head, sensor: scan_message(reading, head, 1 / sensor.rate)),
+    "imu": (Imu, lambda reading, head, _: imu_message(reading, head)),
+    "camera": (Image, lambda reading, head, _: image_message(reading, head)),
+    "contact": (Bool, lambda reading, _, __: Bool(reading.touching)),
+}
+"""Kind of a sensor -> message type and conversion."""
+
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
@@ -114,7 +126,7 @@ class RobotNode:
     def _begin(self) -> None:
         """Hold the clock until all nodes are up."""
         self._lockstep.begin(lambda: frozenset({self._subscription.topic}), lambda: False)
-        # Whether something was heard depends on who came up first.
+        # Commands from before the start arrive or not, depending on which node came up first.
         self._subscription.begin()
         self._listeners, self._deaths = self._states.subscriber_count, self._nodes.deaths
         self._has_begun = True
@@ -125,7 +137,7 @@ class RobotNode:
         Raises ScriptError if a node has failed.
         """
         subscriber_count, deaths = self._states.subscriber_count, self._nodes.deaths
-        # Which of the two is known first of one that has ended is not said.
+        # A node's disconnection and its exit become known in any order.
         leaving = (self._listeners - subscriber_count) - (deaths - self._deaths)
         self._nodes.await_deaths(deaths + leaving)
         if leaving > 0 or subscriber_count > self._listeners:
@@ -155,11 +167,6 @@ class RobotNode:
         return (f"no node drove the robot: no message arrived on {topic}{hint}{advice}",)
 
 
-# Hz, of what no sensor tells: as Gazebo's plugins are usually set.
-_STATES_RATE: Final = 30.0
-_ODOMETRY_FRAME: Final = "odom"
-
-
 class TopicPublisher(Protocol):
     """A source of messages on a topic."""
 
@@ -171,7 +178,7 @@ def open_publishers(
     model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float, traffic: Traffic
 ) -> list[TopicPublisher]:
     """Return the publishers of a robot; `topics`: key -> topic; `rate`: ticks per second."""
-    period = max(1, round(rate / _STATES_RATE))
+    period = max(1, round(rate / _STATES_RATE_HZ))
     found: list[TopicPublisher] = [_Joints(Publisher(topics[JOINTS], JointState, traffic), model, period)]
     if ODOMETRY in topics:
         found.append(_Truth(_Odometry(topics[ODOMETRY], model.root, traffic), period))
@@ -277,12 +284,3 @@ def _sending(
         return True
 
     return send
-
-
-_MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Any, Header, Fitting], Any]]]] = {
-    "lidar": (LaserScan, lambda reading, head, sensor: scan_message(reading, head, 1 / sensor.rate)),
-    "imu": (Imu, lambda reading, head, _: imu_message(reading, head)),
-    "camera": (Image, lambda reading, head, _: image_message(reading, head)),
-    "contact": (Bool, lambda reading, _, __: Bool(reading.touching)),
-}
-"""Kind of a sensor -> message type and conversion."""

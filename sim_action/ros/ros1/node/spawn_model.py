@@ -19,11 +19,11 @@ from std_srvs.srv import Empty
 
 from sim_action.core.geometry import quaternion_from_rpy
 
-_PLACE: Final = ("x", "y", "z", "R", "P", "Y")
-_LEAVING: Final = 2  # s
-# As the master's answers begin (ROS Master API).
-_KNOWN: Final = 1
-_LOOK: Final = 0.02  # s of wall time
+_POSE_FLAGS: Final = ("x", "y", "z", "R", "P", "Y")
+_MAX_SHUTDOWN_S: Final = 2
+# The first value of the master's answers (ROS Master API).
+_SUCCESS: Final = 1
+_POLL_S: Final = 0.02
 
 
 def spawn(words: Sequence[str] | None = None) -> int:
@@ -52,7 +52,7 @@ def spawn(words: Sequence[str] | None = None) -> int:
 def _await_model(space: str, name: str) -> None:
     look = _service(space, "get_world_properties", GetWorldProperties)
     while name not in look().model_names and not rospy.is_shutdown():
-        time.sleep(_LOOK)
+        time.sleep(_POLL_S)
 
 
 def _answers(space: str, asked: argparse.Namespace, description: str) -> Iterator[Any]:
@@ -68,14 +68,14 @@ def _stay(space: str, model: str) -> None:
     """Wait until the program is asked to leave; then delete the model."""
     delete = _service(space, "delete_model", DeleteModel)
     rospy.spin()
-    # The simulation may have been told to leave at the same time.
-    signal.alarm(_LEAVING)
+    # The simulation may have been asked to leave at the same time.
+    signal.alarm(_MAX_SHUTDOWN_S)
     with suppress(rospy.ServiceException, rospy.ROSException):
         delete(model)
 
 
 def _asked(space: str, asked: argparse.Namespace, description: str) -> Any:
-    x, y, z, roll, pitch, yaw = (getattr(asked, name) for name in _PLACE)
+    x, y, z, roll, pitch, yaw = (getattr(asked, name) for name in _POSE_FLAGS)
     pose = Pose(Point(x, y, z), Quaternion(*quaternion_from_rpy(roll, pitch, yaw)))
     kind = "sdf" if asked.sdf else "urdf"
     call = _service(space, f"spawn_{kind}_model", SpawnModel)
@@ -84,9 +84,9 @@ def _asked(space: str, asked: argparse.Namespace, description: str) -> Any:
 
 def _service(space: str, name: str, kind: Any) -> Any:
     called = rospy.resolve_name(f"{space}/{name}")
-    # What waits for services in rospy looks three times a second.
+    # rospy's own wait for services polls only three times per second.
     while not (rospy.is_shutdown() or _is_there(called)):
-        time.sleep(_LOOK)
+        time.sleep(_POLL_S)
     rospy.wait_for_service(called)
     return rospy.ServiceProxy(called, kind)
 
@@ -94,7 +94,7 @@ def _service(space: str, name: str, kind: Any) -> Any:
 def _is_there(service: str) -> bool:
     with suppress(OSError):
         code, *_ = rospy.get_master().lookupService(service)
-        return bool(code == _KNOWN)
+        return bool(code == _SUCCESS)
     return False
 
 
@@ -131,7 +131,7 @@ def _parser() -> argparse.ArgumentParser:
     for name in ("-param", "-file", "-database", "-wait", "-trimesh_mode"):
         parser.add_argument(name)
     parser.add_argument("-model", required=True)
-    for name in _PLACE:
+    for name in _POSE_FLAGS:
         parser.add_argument(f"-{name}", type=float, default=0.0)
     parser.add_argument("-J", dest="joints", nargs=2, action="append")
     parser.add_argument("-reference_frame", default="")

@@ -22,6 +22,11 @@ from sim_action.ros.ros1.node.messages import pose_message, time_of, twist_messa
 Traffic = Counter[str]
 """Topic -> number of messages sent or received since the clock started."""
 
+GROUND: Final = "ground_plane"
+"""Gazebo's name of the ground."""
+
+_AT_REST: Final = Pose(), Twist()
+
 
 class Publisher:
     """Publishes one type of message on one topic; without a subscriber, nothing is sent or counted."""
@@ -53,7 +58,7 @@ def _is_there(connection: Any) -> bool:
     try:
         looking.register(connection.socket.fileno(), select.POLLRDHUP)
     except (AttributeError, OSError, TypeError, ValueError):
-        # It is closed, or about to be.
+        # The connection is closed, or about to be.
         return False
     return not looking.poll(0)
 
@@ -102,14 +107,8 @@ class Subscription:
     def _hear(self, message: Any) -> None:
         self.value = self._read(message)
         self.count += 1
-        self._is_latched = message._connection_header.get("latching") == "1"  # noqa: SLF001 - so say rospy's documents
+        self._is_latched = message._connection_header.get("latching") == "1"  # noqa: SLF001 - documented by rospy
         self._traffic[self.topic] += 1
-
-
-GROUND: Final = "ground_plane"
-"""Gazebo's name of the ground."""
-
-_STILL: Final = Pose(), Twist()
 
 
 class GazeboTopics:
@@ -138,14 +137,14 @@ class GazeboTopics:
         """Publish the states of models; return True if a node subscribes."""
         if not self._models.has_subscribers:
             return False
-        self._models.send(ModelStates(*_columns({GROUND: _STILL, **models})))
+        self._models.send(ModelStates(*_columns({GROUND: _AT_REST, **models})))
         return True
 
     def publish_links(self, links: States) -> bool:
         """Publish the states of links, by `model::link`; return True if a node subscribes."""
         if not self._links.has_subscribers:
             return False
-        self._links.send(LinkStates(*_columns({f"{GROUND}::link": _STILL, **links})))
+        self._links.send(LinkStates(*_columns({f"{GROUND}::link": _AT_REST, **links})))
         return True
 
 

@@ -18,6 +18,8 @@ from sim_action.core.geometry import Pose, Twist, Vector3, rpy_from_quaternion
 from sim_action.state.command import Answer, JointTargets, commands_of
 from sim_action.world import Body, Disturbance, World
 
+_MAX_ANSWER_S: Final = 30.0
+
 
 @dataclass(frozen=True, slots=True)
 class SpawnedRobot:
@@ -153,8 +155,6 @@ def unknown_model_message(name: str, models: WorldModels) -> str:
 Alter = Callable[[WorldModels], WorldModels]
 """Function from models to changed models. Raises ValueError with the message for the caller of the service."""
 
-_PATIENCE: Final = 30.0
-
 
 class WorldChanged(SourceOver):
     """The world changed: the episode ends, and the next one starts from the current state."""
@@ -185,7 +185,7 @@ class ChangeQueue:
         """Request a change and wait for it; return the reason if it was refused."""
         change = Change(alter, restarts_time)
         self._waiting.put(change)
-        if not change.done.wait(_PATIENCE):
+        if not change.done.wait(_MAX_ANSWER_S):
             return "the simulation does not answer"
         return change.refusal
 

@@ -88,7 +88,7 @@ def tags(folder: Path, text: str) -> tuple[rostest_files.TestTag, ...]:
 def test_each_test_has_its_line_and_its_limit(tmp_path: Path) -> None:
     first, second = tags(tmp_path, TEXT + "</launch>")
     assert first == rostest_files.TestTag(3, "moves", "robot", "moves.py", 30.0, 2)
-    assert (second.line, second.time_limit, second.retry) == (4, rostest_files.TIME_LIMIT, 0)
+    assert (second.line, second.time_limit, second.retry) == (4, rostest_files.DEFAULT_TIME_LIMIT_S, 0)
 
 
 def test_what_is_no_xml_has_those_before(tmp_path: Path) -> None:

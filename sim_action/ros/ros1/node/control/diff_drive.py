@@ -21,7 +21,7 @@ from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
-_TIMEOUT: Final = 0.5
+_TIMEOUT_S: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class DiffDriveWheels:
         parameters = opening.parameters
         self.start: Pose | None = None
         self._subscription, self._left, self._right = subscription, left, right
-        self._timeout = parameters.number("cmd_vel_timeout", _TIMEOUT)
+        self._timeout = parameters.number("cmd_vel_timeout", _TIMEOUT_S)
         self._forward, self._turning = Limit.of(parameters, "linear/x"), Limit.of(parameters, "angular/z")
         self._half_separation, self._left_radius, self._right_radius = _measures(opening, left[0], right[0])
         self._count, self._since = 0, 0.0

@@ -36,7 +36,7 @@ def _group(opening: Opening, told: Reading, interface: Reading) -> Controller:
     return _controller(opening, joints, told, interface, subscription)
 
 
-# Which types these are, `catalogue` says. Servos on efforts: at 100 ticks a second, gains would shake what is light.
+# `ros_control.CONTROLLERS` has the types. Servos make efforts: at 100 ticks per second, gains would shake light parts.
 open_position: Final = partial(_one, told="position", interface="position")
 open_velocity: Final = partial(_one, told="velocity", interface="velocity")
 open_effort: Final = partial(_one, told="effort", interface="effort")

@@ -19,9 +19,18 @@ from controller_manager_msgs.srv import (
     UnloadController,
 )
 
-# In s of wall time; the second as the simulation waits for processes to become nodes.
-_TIMEOUT: Final = 30.0
+# Wall time that the services may take to appear.
+_TIMEOUT_S: Final = 30.0
 _STRICT: Final = SwitchControllerRequest.STRICT
+
+_ACTIONS: Final[Mapping[str, _Action]] = {
+    "load": lambda manager, names: len(manager.load(names)) == len(names),
+    "unload": lambda manager, names: manager.unload(names),
+    "start": lambda manager, names: manager.switch(names, []),
+    "stop": lambda manager, names: manager.switch([], names),
+    "spawn": lambda manager, names: manager.switch(manager.load(names), []),
+    "kill": lambda manager, names: manager.switch([], names) and manager.unload(names),
+}
 
 
 class _Manager:
@@ -61,7 +70,7 @@ def spawner() -> int:
     It becomes a node after the controllers run: the clock waits for processes that are not nodes yet.
     """
     asked = _spawner_parser().parse_args(rospy.myargv()[1:])
-    manager = _Manager(asked.namespace, _TIMEOUT if asked.timeout is None else asked.timeout)
+    manager = _Manager(asked.namespace, _TIMEOUT_S if asked.timeout is None else asked.timeout)
     try:
         loaded = manager.load(asked.controllers)
         if loaded and not asked.stopped:
@@ -88,7 +97,7 @@ def unspawner() -> int:
     parser = argparse.ArgumentParser("unspawner", allow_abbrev=False)
     parser.add_argument("controllers", nargs="+")
     asked = parser.parse_args(rospy.myargv()[1:])
-    manager = _Manager("", _TIMEOUT)
+    manager = _Manager("", _TIMEOUT_S)
     try:
         done = _told(manager.switch([], asked.controllers), "stopped", ", ".join(asked.controllers))
     except (rospy.ROSException, rospy.ServiceException) as error:
@@ -105,7 +114,7 @@ def controller_manager() -> int:
     parser.add_argument("action", choices=("list", "list-types", *_ACTIONS))
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args(rospy.myargv()[1:])
-    manager = _Manager("", _TIMEOUT)
+    manager = _Manager("", _TIMEOUT_S)
     try:
         if asked.action.startswith("list"):
             _print_list(manager, asked.action)
@@ -139,14 +148,6 @@ def _spawner_parser() -> argparse.ArgumentParser:
 
 _Action = Callable[[_Manager, Sequence[str]], bool]
 
-_ACTIONS: Final[Mapping[str, _Action]] = {
-    "load": lambda manager, names: len(manager.load(names)) == len(names),
-    "unload": lambda manager, names: manager.unload(names),
-    "start": lambda manager, names: manager.switch(names, []),
-    "stop": lambda manager, names: manager.switch([], names),
-    "spawn": lambda manager, names: manager.switch(manager.load(names), []),
-    "kill": lambda manager, names: manager.switch([], names) and manager.unload(names),
-}
 
 PROGRAMS: Final[Mapping[str, Callable[[], int]]] = {
     "spawner": spawner,

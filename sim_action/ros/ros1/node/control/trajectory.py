@@ -26,7 +26,7 @@ def _controller(opening: Opening, interface: Reading) -> Controller:
     return Controller(INTERFACES[interface], joints, follower, subscriptions=(subscription,), begin=follower.begin)
 
 
-# Which types these are, `catalogue` says.
+# `ros_control.CONTROLLERS` has the types.
 open_on_position: Final = partial(_controller, interface="position")
 open_on_velocity: Final = partial(_controller, interface="velocity")
 open_on_effort: Final = partial(_controller, interface="effort")
