@@ -87,7 +87,7 @@ class Packages:
         ros = find_ros() if why_no_ros() is None else None
         return cls(workspace, packages_in(workspace), ros, packages_of([ros.share]) if ros else {})
 
-    def trouble(self, name: str) -> str | None:
+    def missing_message(self, name: str) -> str | None:
         """Return the message for a missing package; None if it exists, or cannot be checked."""
         if name in self.users or name in self.distributed or self.ros is None:
             return None
@@ -110,8 +110,8 @@ def launch_file(package: Path, name: str) -> Path | None:
 def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
     package, name, *arguments = launch
     folder = packages.folder(package)
-    if trouble := packages.trouble(package):
-        yield ("launch", 0), trouble
+    if missing_message := packages.missing_message(package):
+        yield ("launch", 0), missing_message
     elif folder is None:
         return
     elif (file := launch_file(folder, name)) is None:
@@ -128,11 +128,13 @@ def _node_problems(nodes: Sequence[NodeSpec], packages: Packages) -> SpecProblem
         if (node.namespace, node.called) in names:
             yield ("nodes", index), f"a second node named '{node.called}'; give each node its own 'name'"
         names.add((node.namespace, node.called))
-        if (trouble := packages.trouble(node.package)) or (trouble := _program_trouble(node, packages)):
-            yield ("nodes", index), trouble
+        if (missing_message := packages.missing_message(node.package)) or (
+            missing_message := _program_problem(node, packages)
+        ):
+            yield ("nodes", index), missing_message
 
 
-def _program_trouble(node: NodeSpec, packages: Packages) -> str | None:
+def _program_problem(node: NodeSpec, packages: Packages) -> str | None:
     programs = dict(_programs(node.package, packages))
     if packages.folder(node.package) is None or programs.get(node.type):
         return None

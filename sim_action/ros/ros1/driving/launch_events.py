@@ -12,9 +12,9 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import did_you_mean, escaped_line
 from sim_action.ros.ros1.judging.launch_output import (
     Death,
+    cleaned_output,
     last_exception,
-    plain,
-    refused,
+    refusal,
     signal_name,
     traceback_location,
     xacro_error,
@@ -93,7 +93,7 @@ class LaunchErrors:
     def __init__(self, workspace: Path, overlay: Overlay, words: LastWords) -> None:
         self._workspace, self._overlay, self._words = workspace, overlay, words
 
-    def because_of(self, event: Event) -> ScriptError:
+    def of_event(self, event: Event) -> ScriptError:
         """Return the error for a node that has ended, or for a launch file that was refused."""
         if event.event == "refused":
             # The launcher is about to leave: its output is complete after that.
@@ -109,12 +109,12 @@ class LaunchErrors:
         error.location = where
         return error
 
-    def over(self, exit_code: int | None) -> ScriptError:
+    def of_end(self, exit_code: int | None) -> ScriptError:
         """Return the error for a launcher that ended without an event."""
         how = f" by {signal_name(-exit_code)}" if exit_code is not None and exit_code < 0 else ""
         return self._error(f"roslaunch ended{how} during the run, and its nodes ended with it")
 
-    def late(self, what: str) -> ScriptError:
+    def of_delay(self, what: str) -> ScriptError:
         """Return the error for a step that takes too long."""
         return self._error(what)
 
@@ -124,10 +124,10 @@ class LaunchErrors:
             near = did_you_mean(name, self._overlay.packages)
             return f"it needs the package '{name}', which is neither in the workspace nor in ROS{near}"
         text = self._shown()
-        return xacro_error(text) or refused(text) or event.message.strip().partition("\n")[0] or event.kind
+        return xacro_error(text) or refusal(text) or event.message.strip().partition("\n")[0] or event.kind
 
     def _text(self) -> str:
-        return plain(self._words.all())
+        return cleaned_output(self._words.all())
 
     def _shown(self, text: str | None = None) -> str:
         """Return text without the folder in which launched processes see packages."""

@@ -84,9 +84,9 @@ class LaunchedNodes:
             self._launch = self._start(asked)
             undo.callback(self._launch.close)
             self._closing = undo.pop_all()
-        self._words = LastWords(self._launch.printed, _STANDARD_OUTPUT, _MAX_KEPT_BYTES)
-        self._failing = LaunchErrors(asked.workspace, self.overlay, self._words)
-        self._died: set[int] = set()
+        self._words = LastWords(self._launch.output_stream, _STANDARD_OUTPUT, _MAX_KEPT_BYTES)
+        self._errors = LaunchErrors(asked.workspace, self.overlay, self._words)
+        self._exited: set[int] = set()
         self.launcher = 0
         self._core = frozenset[int]()
         self.notes: list[str] = []
@@ -109,48 +109,48 @@ class LaunchedNodes:
         words = [str(asked.ros.python), "-c", _LAUNCHER.read_text(encoding="utf-8"), str(self.folder / "task.json")]
         call = _made(self.folder / "call")
         more = {"ROS_LOG_DIR": str(self._logs), "ROS_MASTER_URI": f"http://localhost:{asked.port}"}
-        return Launch.start(words, self.overlay, call, more, is_heard=True)
+        return Launch.start(words, self.overlay, call, more, captures_output=True)
 
     def await_start(self) -> None:
         """Wait until all nodes are started. Raises ScriptError."""
         self._wait(lambda: self.launcher != 0, _MAX_START_S, "the nodes were not started")
 
-    def note_gone(self, pids: Iterable[int]) -> None:
+    def await_exits(self, pids: Iterable[int]) -> None:
         """Wait until the exit codes of these processes are known. Raises ScriptError for a failed one."""
         wanted = set(pids)
-        self._wait(lambda: wanted <= self._died, _MAX_NOTICE_S, "")
+        self._wait(lambda: wanted <= self._exited, _MAX_NOTICE_S, "")
 
     @property
-    def deaths(self) -> int:
+    def exit_count(self) -> int:
         """The number of processes that are known to have ended."""
-        return len(self._died)
+        return len(self._exited)
 
-    def await_deaths(self, number: int) -> None:
+    def await_exit_count(self, number: int) -> None:
         """Wait a while until this many processes have ended. Raises ScriptError for a failed one."""
         self._look()
-        self._wait(lambda: len(self._died) >= number, _MAX_NOTICE_S, "")
+        self._wait(lambda: len(self._exited) >= number, _MAX_NOTICE_S, "")
 
     def _look(self) -> None:
         """Handle new events. Raises ScriptError."""
         for event in self._events.new():
             self._take(event)
 
-    def why_over(self) -> Exception:
+    def end_error(self) -> Exception:
         """Return the error for a master that does not answer any more."""
-        return self._failing.over(self._launch.poll())
+        return self._errors.of_end(self._launch.poll())
 
     def close(self) -> None:
         """Interrupt the launch, wait a moment for nodes that save something, and kill the rest."""
         self._launch.interrupt()
         deadline = time.monotonic() + _MAX_SHUTDOWN_S
-        while self._launch.poll() is None and self._are_there() and time.monotonic() < deadline:
+        while self._launch.poll() is None and self._has_nodes() and time.monotonic() < deadline:
             time.sleep(_POLL_S)
         if self._logs.is_dir():
             self.notes += map(str, callback_errors(self._logs, None, self._workspace))
         self._closing.close()
         self._words.close()
 
-    def _are_there(self) -> bool:
+    def _has_nodes(self) -> bool:
         return not self.launcher or not children(self.launcher) <= self._core
 
     def _wait(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
@@ -161,18 +161,18 @@ class LaunchedNodes:
             if condition():
                 return
             if is_over:
-                raise self._failing.over(self._launch.poll())
+                raise self._errors.of_end(self._launch.poll())
             if time.monotonic() > deadline:
                 if what:
-                    raise self._failing.late(f"{what} within {seconds:g} s of wall time")
+                    raise self._errors.of_delay(f"{what} within {seconds:g} s of wall time")
                 return
             time.sleep(_POLL_S)
 
     def _take(self, event: Event) -> None:
         if event.is_failure:
-            raise self._failing.because_of(event)
+            raise self._errors.of_event(event)
         if event.event == "died":
-            self._died.add(event.pid)
+            self._exited.add(event.pid)
         elif event.event == "started":
             self.launcher, self._core = event.pid, frozenset(event.core)
         elif event.left_out:

@@ -16,7 +16,7 @@ from sim_action.ros.ros1.judging.launch_output import (
     last_exception,
     missing_package,
     output_tail,
-    refused,
+    refusal,
     required_deaths,
     signal_name,
     xacro_error,
@@ -101,7 +101,7 @@ def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
     if name := missing_package(found.text):
         message = f"the launch file needs the package '{name}', which is neither in the workspace nor in ROS"
         yield _failure("invalid", "no such package", message, where, found)
-    if wrong := refused(found.text):
+    if wrong := refusal(found.text):
         yield _failure("invalid", "launch error", wrong, where, found)
 
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from sim_action.core.files import read_at_most
 from sim_action.ros.ros1.call import PROCESS_FILE, REQUEST_FILE, SimulationRequest, SimulationResult, run_folders
-from sim_action.ros.ros1.judging.launch_output import CallbackError, callback_errors, plain
+from sim_action.ros.ros1.judging.launch_output import CallbackError, callback_errors, cleaned_output
 from sim_action.ros.ros1.judging.rostest_files import Case, Suite, TestTag, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
 
@@ -118,7 +118,7 @@ def collect_findings(places: LaunchFolders, tags: Sequence[TestTag], ending: End
     output = read_at_most(folder / "output.txt", _MAX_OUTPUT_BYTES) or b""
     request = SimulationRequest.model_validate_json((folder / REQUEST_FILE).read_bytes())
     text = "\n".join((*(suite.output for suite in reported), output.decode(errors="replace")))
-    text = plain(text).replace(f"{places.share}/", "")
+    text = cleaned_output(text).replace(f"{places.share}/", "")
     limit = request.sim_time_limit or 0.0
     return Findings(ending, exit_code, tests, tuple(runs), text, limit, places.callbacks(None))
 

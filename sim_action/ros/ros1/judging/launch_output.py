@@ -64,7 +64,7 @@ class Death:
         return f"the node '{self.node}' ended with {_ended(self.exit_code)}"
 
 
-def plain(text: str) -> str:
+def cleaned_output(text: str) -> str:
     """Return output without colours, window titles and log paths."""
     return _LOG_PATHS.sub("", _COLOURS.sub("", text).replace("\r", ""))
 
@@ -85,7 +85,7 @@ def missing_package(text: str) -> str | None:
     return found[1] if found else None
 
 
-def refused(text: str) -> str | None:
+def refusal(text: str) -> str | None:
     """Return the reason why roslaunch refused a launch file."""
     return next((found[1].strip() for pattern in _REFUSED if (found := pattern.search(text))), None)
 

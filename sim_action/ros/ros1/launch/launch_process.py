@@ -56,11 +56,11 @@ class Launch:
         folder: Path,
         more: Mapping[str, str],
         *,
-        is_heard: bool = False,
+        captures_output: bool = False,
     ) -> Self:
         """Start a command line that sees the overlay, with additional variables. Raises OSError.
 
-        `is_heard`: True if the output is read from `printed` instead of written to the file.
+        `captures_output`: True if the output is read from `output_stream` instead of written to the file.
         """
         output = folder / "output.txt"
         # The supervisor runs on this Python, its processes on that of the distribution.
@@ -70,7 +70,7 @@ class Launch:
             process = subprocess.Popen(  # noqa: S603 - what the user asks for
                 [*supervisor, "env", f"PYTHONPATH={overlay.python_path}", *words],
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE if is_heard else file,
+                stdout=subprocess.PIPE if captures_output else file,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 env=variables,
@@ -79,8 +79,8 @@ class Launch:
         return cls(process, folder, output)
 
     @property
-    def printed(self) -> IO[bytes]:
-        """The output of all processes, if `is_heard` was set."""
+    def output_stream(self) -> IO[bytes]:
+        """The output of all processes, if `captures_output` was set."""
         assert self._process.stdout
         return self._process.stdout
 
@@ -97,7 +97,7 @@ class Launch:
         """Yield the ids of the test processes of rostest."""
         return (pid for pid in descendants(self._process.pid) if rostest_result_path(pid) is not None)
 
-    def has_unnoticed(self) -> bool:
+    def has_unnoticed_end(self) -> bool:
         """Return True if a process has ended and its parent has not noticed yet."""
         return any(map(_has_ended, descendants(self._process.pid)))
 
@@ -148,7 +148,7 @@ class Watch:
     def __init__(self, launch: Launch, deadline: float, *, has_tests: bool) -> None:
         self._launch, self._deadline, self._has_tests = launch, deadline, has_tests
         self._ending: Ending = "over"
-        self._told_at: float | None = None
+        self._interrupted_at: float | None = None
         self._stopped: dict[int, float] = {}
         self._ended_runs: set[Path] = set()
         self._last_look: float | None = None
@@ -161,21 +161,21 @@ class Watch:
                 return "interrupted"
             self._look_at_limits()
             self._look_at_runs()
-            if self._told_at is not None and time.monotonic() > self._told_at + _MAX_SHUTDOWN_S:
+            if self._interrupted_at is not None and time.monotonic() > self._interrupted_at + _MAX_SHUTDOWN_S:
                 break
         return self._ending
 
     def _look_at_limits(self) -> None:
         if self._ending == "over" and time.monotonic() > self._deadline:
             self._ending = "wall limit"
-            self._tell_to_leave()
+            self._interrupt()
         if self._ending == "over" and self._launch.output.stat().st_size > _MAX_OUTPUT_BYTES:
             self._ending = "output limit"
-            self._tell_to_leave()
+            self._interrupt()
 
-    def _tell_to_leave(self) -> None:
-        if self._told_at is None:
-            self._told_at = time.monotonic()
+    def _interrupt(self) -> None:
+        if self._interrupted_at is None:
+            self._interrupted_at = time.monotonic()
             self._launch.interrupt()
 
     def _look_at_runs(self) -> None:
@@ -188,8 +188,8 @@ class Watch:
                     self._signal_tests(signal.SIGINT)
                 else:
                     self._last_look = time.monotonic() + _NOTICE_S
-        if self._last_look is not None and time.monotonic() > self._last_look and not self._launch.has_unnoticed():
-            self._tell_to_leave()
+        if self._last_look is not None and time.monotonic() > self._last_look and not self._launch.has_unnoticed_end():
+            self._interrupt()
         if self._stopped and time.monotonic() > max(self._stopped.values()) + _MAX_TEST_SHUTDOWN_S:
             self._signal_tests(signal.SIGKILL)
             self._stopped = {}

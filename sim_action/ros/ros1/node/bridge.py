@@ -79,7 +79,7 @@ class Bridge:
         session, seconds, tick = self._session, self._start + seen.time, round(seen.time * TICKS)
         self._note(seconds, seen)
         self._hold()
-        has_subscribers = self._tell(seconds, tick, seen)
+        has_subscribers = self._publish(seconds, tick, seen)
         if has_subscribers:
             session.lockstep.settle(seconds)
         session.topics.publish_time(seconds)
@@ -104,7 +104,7 @@ class Bridge:
         session.traffic.clear()
         session.current.started = time.monotonic()
 
-    def _tell(self, seconds: float, tick: int, seen: Observation) -> bool:
+    def _publish(self, seconds: float, tick: int, seen: Observation) -> bool:
         """Publish a moment, and return True if a node subscribes."""
         topics, current = self._session.topics, self._session.current
         heard = [device.publish_if_due(tick, seconds, seen) for device in self._devices]

@@ -84,14 +84,14 @@ class RobotNode:
         rospy.init_node(NAME.strip("/"), disable_signals=True)
         self._master = Master(os.environ["ROS_MASTER_URI"], NAME)
         self._lockstep = Lockstep(
-            self._master, NAME, nodes.launcher, rospy.is_shutdown, gone=nodes.note_gone, newcomers_within=start_within
+            self._master, NAME, nodes.launcher, rospy.is_shutdown, gone=nodes.await_exits, newcomers_within=start_within
         )
         traffic = Counter[str]()
         self._states = GazeboTopics(traffic)
         self._others = open_publishers(robot.model, robot.sensors, robot.topics, robot.rate, traffic)
         self._subscription = Subscription(robot.topics[COMMANDS], TwistMessage, twist_of, traffic)
         self._has_begun = False
-        self._listeners = self._deaths = 0
+        self._listeners = self._exit_count = 0
         self._is_driven = False
         self.notes: list[str] = []
         self.sensors = (states_sensor(robot.rate, lambda: not self._has_begun or self._states.has_link_subscribers),)
@@ -104,13 +104,13 @@ class RobotNode:
         try:
             if not self._has_begun:
                 self._begin()
-            if self._tell(seen):
+            if self._publish(seen):
                 self._lockstep.settle(seen.time)
             self._states.publish_time(seen.time)
             self._lockstep.settle(seen.time)
-            self._look_after_leavers()
+            self._await_leaving_nodes()
         except OSError:
-            raise self._nodes.why_over() from None
+            raise self._nodes.end_error() from None
         twist: geometry.Twist | None = self._subscription.value
         self._is_driven = self._is_driven or twist is not None
         if problem := problem_with(twist, self._robot.model):
@@ -128,22 +128,22 @@ class RobotNode:
         self._lockstep.begin(lambda: frozenset({self._subscription.topic}), lambda: False)
         # Commands from before the start arrive or not, depending on which node came up first.
         self._subscription.begin()
-        self._listeners, self._deaths = self._states.subscriber_count, self._nodes.deaths
+        self._listeners, self._exit_count = self._states.subscriber_count, self._nodes.exit_count
         self._has_begun = True
 
-    def _look_after_leavers(self) -> None:
+    def _await_leaving_nodes(self) -> None:
         """Hold sim time while a node ends: it disconnects first and then ends by the wall clock.
 
         Raises ScriptError if a node has failed.
         """
-        subscriber_count, deaths = self._states.subscriber_count, self._nodes.deaths
+        subscriber_count, exit_count = self._states.subscriber_count, self._nodes.exit_count
         # A node's disconnection and its exit become known in any order.
-        leaving = (self._listeners - subscriber_count) - (deaths - self._deaths)
-        self._nodes.await_deaths(deaths + leaving)
+        leaving = (self._listeners - subscriber_count) - (exit_count - self._exit_count)
+        self._nodes.await_exit_count(exit_count + leaving)
         if leaving > 0 or subscriber_count > self._listeners:
-            self._listeners, self._deaths = subscriber_count, self._nodes.deaths
+            self._listeners, self._exit_count = subscriber_count, self._nodes.exit_count
 
-    def _tell(self, seen: Observation) -> bool:
+    def _publish(self, seen: Observation) -> bool:
         """Publish a moment, and return True if a node subscribes."""
         name, states = self._robot.model.name, states_in(seen)
         heard = [topic.publish_if_due(round(seen.time * self._robot.rate), seen) for topic in self._others]

@@ -22,7 +22,7 @@ LEFT = "REQUIRED process [mover-1] has died!\nprocess has finished cleanly\n"
 
 
 def test_deaths_are_found_with_how_they_came() -> None:
-    assert list(launch_output.deaths(launch_output.plain(DIED))) == [Death("mover", -9, "/ws/mover.py")]
+    assert list(launch_output.deaths(launch_output.cleaned_output(DIED))) == [Death("mover", -9, "/ws/mover.py")]
     assert str(Death("mover", -9)) == "the node 'mover' ended with SIGKILL"
     assert str(Death("mover", 3)) == "the node 'mover' ended with exit code 3"
 
@@ -35,7 +35,7 @@ def test_required_nodes_that_leave_are_found_however_they_leave() -> None:
 
 def test_colours_and_places_of_logs_are_left_out() -> None:
     text = "&#x001B;[1mstarted&#x001B;[0m\n... logging to /tmp/x.log\nlog file: /tmp/x*.log\n\x1b]2;title\x07end"
-    assert launch_output.plain(text) == "started\nend"
+    assert launch_output.cleaned_output(text) == "started\nend"
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_colours_and_places_of_logs_are_left_out() -> None:
     ],
 )
 def test_why_a_file_cannot_be_launched(line: str, reason: str | None) -> None:
-    assert launch_output.refused(f"before\n{line}\nafter") == reason
+    assert launch_output.refusal(f"before\n{line}\nafter") == reason
 
 
 @pytest.mark.parametrize("line", ["rospkg.common.ResourceNotFound: robot", "Resource not found: robot"])
@@ -91,9 +91,9 @@ def test_what_only_looks_like_a_place_is_none(tmp_path: Path) -> None:
 
 
 def test_what_was_wrong_is_the_message_or_the_line_that_raised() -> None:
-    plain = 'File "x.py", line 1, in test\n    assert far\n'
-    assert exception_line("AssertionError", f"0 != 1\n  {plain}") == "AssertionError: 0 != 1"
-    assert exception_line("AssertionError", f"\n  {plain}") == "AssertionError: assert far"
+    frames = 'File "x.py", line 1, in test\n    assert far\n'
+    assert exception_line("AssertionError", f"0 != 1\n  {frames}") == "AssertionError: 0 != 1"
+    assert exception_line("AssertionError", f"\n  {frames}") == "AssertionError: assert far"
     assert exception_line("KeyError", "") == "KeyError"
 
 

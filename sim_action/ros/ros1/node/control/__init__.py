@@ -52,7 +52,7 @@ class Parameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Opening:
+class ControllerSetup:
     """The input of a controller when it is opened.
 
     Attributes:
@@ -107,5 +107,5 @@ class Controller:
 class Opener(Protocol):
     """The type of functions that open a controller."""
 
-    def __call__(self, opening: Opening) -> Controller:
+    def __call__(self, setup: ControllerSetup) -> Controller:
         """Open the topics of a controller. Raises BadController."""

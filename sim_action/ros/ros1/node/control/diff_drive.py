@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.drives.wheels import wheel
-from sim_action.ros.ros1.node.control import BadController, Controller, Opening, Parameters
+from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
 from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message
 from sim_action.ros.ros1.node.plugins import TICKS, Device, period_of
 from sim_action.ros.ros1.node.topics import Subscription
@@ -50,15 +50,13 @@ def _range(parameters: Parameters, name: str, kind: str) -> tuple[float, float]:
     return parameters.number(f"{name}/min_{kind}", -most), most
 
 
-def open_diff_drive(opening: Opening) -> Controller:
+def open_diff_drive(setup: ControllerSetup) -> Controller:
     """Open diff_drive_controller/DiffDriveController. Odometry is the true motion since the controller started."""
-    left, right = opening.fitting("left_wheel", "velocity"), opening.fitting("right_wheel", "velocity")
-    subscription = opening.wiring.subscribe(
-        opening.topic("cmd_vel"), Twist, lambda told: (told.linear.x, told.angular.z)
-    )
-    drive = DiffDriveWheels(opening, left, right, subscription)
+    left, right = setup.fitting("left_wheel", "velocity"), setup.fitting("right_wheel", "velocity")
+    subscription = setup.wiring.subscribe(setup.topic("cmd_vel"), Twist, lambda told: (told.linear.x, told.angular.z))
+    drive = DiffDriveWheels(setup, left, right, subscription)
     return Controller(
-        INTERFACES["velocity"], (*left, *right), drive, _odometry(opening, drive), (subscription,), drive.begin
+        INTERFACES["velocity"], (*left, *right), drive, _odometry(setup, drive), (subscription,), drive.begin
     )
 
 
@@ -70,15 +68,15 @@ class DiffDriveWheels:
     """
 
     def __init__(
-        self, opening: Opening, left: tuple[str, ...], right: tuple[str, ...], subscription: Subscription
+        self, setup: ControllerSetup, left: tuple[str, ...], right: tuple[str, ...], subscription: Subscription
     ) -> None:
         """Read the parameters. Raises BadController."""
-        parameters = opening.parameters
+        parameters = setup.parameters
         self.start: Pose | None = None
         self._subscription, self._left, self._right = subscription, left, right
         self._timeout = parameters.number("cmd_vel_timeout", _TIMEOUT_S)
         self._forward, self._turning = Limit.of(parameters, "linear/x"), Limit.of(parameters, "angular/z")
-        self._half_separation, self._left_radius, self._right_radius = _measures(opening, left[0], right[0])
+        self._half_separation, self._left_radius, self._right_radius = _measures(setup, left[0], right[0])
         self._count, self._since = 0, 0.0
         self._speed = self._turn = 0.0
 
@@ -107,12 +105,12 @@ class DiffDriveWheels:
         )
 
 
-def _measures(opening: Opening, left: str, right: str) -> tuple[float, float, float]:
+def _measures(setup: ControllerSetup, left: str, right: str) -> tuple[float, float, float]:
     """Return half the wheel separation and both wheel radii in m, by parameters, else by the model.
 
     Raises BadController.
     """
-    parameters, model = opening.parameters, opening.wiring.model
+    parameters, model = setup.parameters, setup.wiring.model
     first, second = wheel(model, left), wheel(model, right)
     separation = parameters.number("wheel_separation", math.dist(first.position_xyz, second.position_xyz))
     radii = [parameters.get("wheel_radius", default=found.radius) for found in (first, second)]
@@ -129,11 +127,11 @@ def _measures(opening: Opening, left: str, right: str) -> tuple[float, float, fl
     return separation * factor / 2, left_radius, right_radius
 
 
-def _odometry(opening: Opening, drive: DiffDriveWheels) -> Device:
-    parameters, wiring = opening.parameters, opening.wiring
+def _odometry(setup: ControllerSetup, drive: DiffDriveWheels) -> Device:
+    parameters, wiring = setup.parameters, setup.wiring
     frame = str(parameters.get("odom_frame_id", default="odom"))
     base = str(parameters.get("base_frame_id", default="base_link"))
-    odometry = wiring.publisher(opening.topic("odom"), Odometry)
+    odometry = wiring.publisher(setup.topic("odom"), Odometry)
     frames = wiring.publisher("/tf", TFMessage) if parameters.get("enable_odom_tf", default=True) else None
 
     def publish(seconds: float, seen: Observation) -> None:

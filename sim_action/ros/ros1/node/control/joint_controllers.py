@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from sim_action.robot.robot_model import Joint, Reading
-from sim_action.ros.ros1.node.control import Controller, Opening
+from sim_action.ros.ros1.node.control import Controller, ControllerSetup
 from sim_action.ros.ros1.node.messages import header
 from sim_action.ros.ros1.node.plugins import Device, period_of
 from sim_action.ros.ros1.node.topics import Subscription
@@ -22,18 +22,18 @@ SERVO_NOTE: Final = "its gains are not used; a servo of the engine, with the eff
 """The note for controllers that would turn commands into efforts or velocities by gains."""
 
 
-def _one(opening: Opening, told: Reading, interface: Reading) -> Controller:
-    joints = opening.fitting("joint", interface)[:1]
-    subscription = opening.wiring.subscribe(opening.topic("command"), Float64, lambda message: (message.data,))
-    return _controller(opening, joints, told, interface, subscription)
+def _one(setup: ControllerSetup, told: Reading, interface: Reading) -> Controller:
+    joints = setup.fitting("joint", interface)[:1]
+    subscription = setup.wiring.subscribe(setup.topic("command"), Float64, lambda message: (message.data,))
+    return _controller(setup, joints, told, interface, subscription)
 
 
-def _group(opening: Opening, told: Reading, interface: Reading) -> Controller:
-    joints = opening.fitting("joints", interface)
-    subscription = opening.wiring.subscribe(
-        opening.topic("command"), Float64MultiArray, lambda message: tuple(message.data)
+def _group(setup: ControllerSetup, told: Reading, interface: Reading) -> Controller:
+    joints = setup.fitting("joints", interface)
+    subscription = setup.wiring.subscribe(
+        setup.topic("command"), Float64MultiArray, lambda message: tuple(message.data)
     )
-    return _controller(opening, joints, told, interface, subscription)
+    return _controller(setup, joints, told, interface, subscription)
 
 
 # `ros_control.CONTROLLERS` has the types. Servos make efforts: at 100 ticks per second, gains would shake light parts.
@@ -50,12 +50,12 @@ open_group_servo: Final = partial(_group, told="position", interface="effort")
 
 
 def _controller(
-    opening: Opening, joints: tuple[str, ...], told: Reading, interface: Reading, subscription: Subscription
+    setup: ControllerSetup, joints: tuple[str, ...], told: Reading, interface: Reading, subscription: Subscription
 ) -> Controller:
     if told != interface:
-        opening.wiring.warn(f"the controller '{opening.parameters.space}': {SERVO_NOTE}")
-    joint_models = [opening.wiring.model.joints_by_name[name] for name in joints]
-    forward = ForwardController(joint_models, told, subscription, opening.wiring.warn)
+        setup.wiring.warn(f"the controller '{setup.parameters.space}': {SERVO_NOTE}")
+    joint_models = [setup.wiring.model.joints_by_name[name] for name in joints]
+    forward = ForwardController(joint_models, told, subscription, setup.wiring.warn)
     return Controller(INTERFACES[interface], joints, forward, subscriptions=(subscription,), begin=forward.begin)
 
 
@@ -111,16 +111,16 @@ def within_limits(joint: Joint, told: Reading, value: float) -> float:
     return value if most is None else max(-most, min(most, value))
 
 
-def open_joint_states(opening: Opening) -> Controller:
+def open_joint_states(setup: ControllerSetup) -> Controller:
     """Open joint_state_controller/JointStateController, for joints with a transmission, sorted by name."""
-    moving = {joint.name for joint in opening.wiring.model.moving_joints}
-    names = sorted(moving.intersection(opening.transmissions.interfaces)) or sorted(moving)
-    publisher = opening.wiring.publisher(f"{opening.space}/joint_states", JointState)
+    moving = {joint.name for joint in setup.wiring.model.moving_joints}
+    names = sorted(moving.intersection(setup.transmissions.interfaces)) or sorted(moving)
+    publisher = setup.wiring.publisher(f"{setup.space}/joint_states", JointState)
 
     def publish(seconds: float, seen: Observation) -> None:
         if names:
             positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
             publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
 
-    period = period_of(opening.parameters.number("publish_rate", 50.0))
+    period = period_of(setup.parameters.number("publish_rate", 50.0))
     return Controller("hardware_interface/JointStateInterface", device=Device(period, (publisher,), publish))

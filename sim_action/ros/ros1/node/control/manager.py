@@ -21,7 +21,7 @@ from controller_manager_msgs.srv import (
 
 from sim_action.core.messages import did_you_mean
 from sim_action.ros.ros1.gazebo_plugins import Plugin
-from sim_action.ros.ros1.node.control import BadController, Controller, Opening, Parameters
+from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
 from sim_action.ros.ros1.node.plugins import Device, Wiring
 from sim_action.ros.ros1.ros_control import CONTROLLERS, Transmissions, transmissions_of
 from sim_action.state.command import JointTargets
@@ -108,8 +108,8 @@ class ControllerManager:
                 "load its parameter file (<rosparam file=...>) before the controller is spawned"
             )
         if kind in CONTROLLERS:
-            opening = Opening(parameters, self.space, self.wiring, self.transmissions)
-            self._loaded[name] = Loaded(kind, CONTROLLERS.load(kind)(opening))
+            setup = ControllerSetup(parameters, self.space, self.wiring, self.transmissions)
+            self._loaded[name] = Loaded(kind, CONTROLLERS.load(kind)(setup))
             return
         hint = did_you_mean(str(kind), CONTROLLERS)
         self._complain(f"the controller '{name}' has the type {kind}, which is not supported and has no effect{hint}")

@@ -9,7 +9,7 @@ from typing import Any, Final
 from trajectory_msgs.msg import JointTrajectory
 
 from sim_action.robot.robot_model import Joint, Reading
-from sim_action.ros.ros1.node.control import Controller, Opening
+from sim_action.ros.ros1.node.control import Controller, ControllerSetup
 from sim_action.ros.ros1.node.control.joint_controllers import SERVO_NOTE, within_limits
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES, JointCurve, Waypoint, joint_curves
@@ -17,12 +17,12 @@ from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
 
-def _controller(opening: Opening, interface: Reading) -> Controller:
-    joints = opening.fitting("joints", interface)
-    subscription = opening.wiring.subscribe(opening.topic("command"), JointTrajectory, lambda message: message)
+def _controller(setup: ControllerSetup, interface: Reading) -> Controller:
+    joints = setup.fitting("joints", interface)
+    subscription = setup.wiring.subscribe(setup.topic("command"), JointTrajectory, lambda message: message)
     if interface != "position":
-        opening.wiring.warn(f"the controller '{opening.parameters.space}': {SERVO_NOTE}")
-    follower = TrajectoryFollower(opening, joints, subscription)
+        setup.wiring.warn(f"the controller '{setup.parameters.space}': {SERVO_NOTE}")
+    follower = TrajectoryFollower(setup, joints, subscription)
     return Controller(INTERFACES[interface], joints, follower, subscriptions=(subscription,), begin=follower.begin)
 
 
@@ -35,9 +35,9 @@ open_on_effort: Final = partial(_controller, interface="effort")
 class TrajectoryFollower:
     """Follows the last trajectory. Before the first one and after its end, the joints hold still."""
 
-    def __init__(self, opening: Opening, joints: tuple[str, ...], subscription: Subscription) -> None:
-        self._joints: Mapping[str, Joint] = {name: opening.wiring.model.joints_by_name[name] for name in joints}
-        self._warn, self._subscription, self._count = opening.wiring.warn, subscription, 0
+    def __init__(self, setup: ControllerSetup, joints: tuple[str, ...], subscription: Subscription) -> None:
+        self._joints: Mapping[str, Joint] = {name: setup.wiring.model.joints_by_name[name] for name in joints}
+        self._warn, self._subscription, self._count = setup.wiring.warn, subscription, 0
         self._curves: dict[str, JointCurve] = {}
 
     def begin(self) -> None:
