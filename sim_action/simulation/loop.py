@@ -16,7 +16,7 @@ from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
-from sim_action.simulation.overlap_checks import Arrivals, moved_while_settling, refuse_bad_start
+from sim_action.simulation.start_checks import Arrivals, moved_while_settling, refuse_bad_start
 from sim_action.simulation.recorder import Footage
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.watchdog import Watchdog
