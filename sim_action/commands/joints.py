@@ -32,6 +32,29 @@ from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene
 
 
+class JointPoint(FrozenModel):
+    """Where some joints shall be, how fast they shall move or how hard their motors shall push at one time."""
+
+    at: Annotated[NonNegativeSeconds, Field(description="sim time; each point is later than the one before")]
+    position: Annotated[dict[str, JointPosition], Field(description="of joints, by name")] = Field(default_factory=dict)
+    velocity: Annotated[dict[str, JointVelocity], Field(description="of joints, by name")] = Field(default_factory=dict)
+    effort: Annotated[dict[str, JointEffort], Field(description="of joints' motors, by name")] = Field(
+        default_factory=dict
+    )
+
+    @model_validator(mode="after")
+    def _names_a_joint(self) -> Self:
+        if not any(targets for _, targets in self.groups()):
+            raise ValueError("a point names at least one joint, below 'position', 'velocity' or 'effort'")
+        return self
+
+    def groups(self) -> Iterator[tuple[Reading, Mapping[str, float | str]]]:
+        """What is wanted, and of which joints."""
+        yield "position", self.position
+        yield "velocity", self.velocity
+        yield "effort", self.effort
+
+
 class JointCommands(CommandSource):
     """Moves joints through points in time: by position, by velocity or by effort.
 
@@ -187,29 +210,6 @@ class JointPath:
         start, value = self.times[before], self.values[before]
         share = (time - start) / (self.times[after] - start)
         return value + (self.values[after] - value) * self.blend.share(share)
-
-
-class JointPoint(FrozenModel):
-    """Where some joints shall be, how fast they shall move or how hard their motors shall push at one time."""
-
-    at: Annotated[NonNegativeSeconds, Field(description="sim time; each point is later than the one before")]
-    position: Annotated[dict[str, JointPosition], Field(description="of joints, by name")] = Field(default_factory=dict)
-    velocity: Annotated[dict[str, JointVelocity], Field(description="of joints, by name")] = Field(default_factory=dict)
-    effort: Annotated[dict[str, JointEffort], Field(description="of joints' motors, by name")] = Field(
-        default_factory=dict
-    )
-
-    @model_validator(mode="after")
-    def _names_a_joint(self) -> Self:
-        if not any(targets for _, targets in self.groups()):
-            raise ValueError("a point names at least one joint, below 'position', 'velocity' or 'effort'")
-        return self
-
-    def groups(self) -> Iterator[tuple[Reading, Mapping[str, float | str]]]:
-        """What is wanted, and of which joints."""
-        yield "position", self.position
-        yield "velocity", self.velocity
-        yield "effort", self.effort
 
 
 @dataclass(frozen=True, slots=True)

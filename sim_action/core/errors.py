@@ -81,7 +81,7 @@ class Fault(SimActionError):
         """What to say of an exception that nobody expected."""
         from traceback import format_exception
 
-        what = f"a fault of sim-action: {type(error).__name__}: {error}; please report it"
+        what = f"an internal error of sim-action: {type(error).__name__}: {error}; please report it"
         return cls(what, "".join(format_exception(error)))
 
 

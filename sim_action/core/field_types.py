@@ -152,7 +152,7 @@ class Placement(FrozenModel):
 
     x: Coordinate = 0.0
     y: Coordinate = 0.0
-    z: Annotated[Coordinate | None, Field(description="left out: it stands on the ground")] = None
+    z: Annotated[Coordinate | None, Field(description="default: it stands on the ground")] = None
     roll: Radians = 0.0
     pitch: Radians = 0.0
     yaw: Radians = 0.0

@@ -27,8 +27,8 @@ _MOST_REMEMBERED: Final = 16
 # Of a traceback: a recursion has a thousand.
 _MOST_FRAMES: Final = 10
 _MODULES: Final = (
-    "scripts run in sim-action's own Python, which has numpy and finds the files beside them; "
-    "a controller that needs more is a 'process', with a Python of yours"
+    "scripts run in sim-action's own Python, which has numpy and can import files from their folder; "
+    "a controller that needs other packages runs as a 'process', with your own Python"
 )
 _OURS: Final = str(Path(__file__).parent.parent / "_").removesuffix("_")
 
@@ -70,7 +70,7 @@ class Script:
 def read_script(path: Path) -> Script:
     """Raises OSError, ScriptProblem."""
     if (source := read_at_most(path, _MOST_BYTES)) is None:
-        raise ScriptProblem(f": a script of more than {_MOST_BYTES // 1000} kB is not read")
+        raise ScriptProblem(f": the script is larger than {_MOST_BYTES // 1000} kB, the maximum")
     found = _parsed(source)
     if isinstance(found, str):
         raise ScriptProblem(found)

@@ -36,8 +36,8 @@ def scripts_refused(choice: AllowScripts, environment: Mapping[str, str]) -> str
     event = environment.get("GITHUB_EVENT_NAME", "")
     if choice == "auto" and event in _PRIVILEGED_EVENTS:
         return (
-            f"scripts are not run on {event}: whoever opens a pull request could run code with the secrets of this "
-            "repository; run simulations on pull_request, or set allow-scripts to true if no stranger's files are here"
+            f"scripts are not run on {event}: a pull request from a fork could run code with the secrets of this "
+            "repository; run simulations on pull_request, or set allow-scripts to true if all files here can be trusted"
         )
     return None
 
@@ -73,14 +73,14 @@ class Workspace:
         root = (repository or (here if named.is_relative_to(here) else named)).resolve()
         file = scenario_file.resolve()
         if not allow_outside and not file.is_relative_to(root):
-            raise PathError(f"is a link to {file}, outside the workspace {root}; --allow-outside lifts this")
+            raise PathError(f"is a link to {file}, outside the workspace {root}; allow it with --allow-outside")
         return cls(file.parent, root, allow_outside, updates_golden)
 
     def file(self, path: str) -> Path:
         """The absolute path of a file that a scenario names. Raises PathError."""
         found, is_folder = self._found(path)
         if is_folder:
-            raise PathError(f"'{path}' is a folder (looked for {found})")
+            raise PathError(f"'{path}' is a folder, not a file (looked for {found})")
         return found
 
     def file_or_folder(self, path: str) -> Path:
@@ -93,19 +93,19 @@ class Workspace:
         Raises PathError.
         """
         if not path.isprintable():
-            raise PathError(f"{path!r} cannot be a file")
+            raise PathError(f"{path!r} is not a valid path")
         new = Path(os.path.normpath(self.directory / path))
         try:
             links = [place for place in (new, *new.parents) if place.is_relative_to(self.root) and place.is_symlink()]
             is_folder = new.is_dir()
         except OSError as error:  # too long
-            raise PathError(f"{path!r} cannot be a file: {error}") from None
+            raise PathError(f"{path!r} is not a valid path: {error}") from None
         if not new.is_relative_to(self.root) or ".git" in new.relative_to(self.root).parts:
-            raise PathError(f"'{path}' is not written: it is outside the workspace {self.root}")
+            raise PathError(f"'{path}' cannot be written: it is outside the workspace {self.root}")
         if links:
-            raise PathError(f"'{path}' is not written: {links[-1]} is a link; remove it")
+            raise PathError(f"'{path}' cannot be written: {links[-1]} is a link; remove it")
         if is_folder:
-            raise PathError(f"'{path}' is a folder (looked for {new})")
+            raise PathError(f"'{path}' is a folder, not a file (looked for {new})")
         return new
 
     def may_make(self, path: str) -> bool:
@@ -121,9 +121,9 @@ class Workspace:
             found = (self.directory / path).resolve()
             is_file, is_folder = found.is_file(), found.is_dir()
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
-            raise PathError(f"{path!r} cannot be a file: {error}") from None
+            raise PathError(f"{path!r} is not a valid path: {error}") from None
         if not self.allow_outside and not found.is_relative_to(self.root):
-            raise PathError(f"'{path}' is outside the workspace {self.root}; --allow-outside lifts this")
+            raise PathError(f"'{path}' is outside the workspace {self.root}; allow it with --allow-outside")
         if not is_file and not is_folder:
             raise PathError(f"'{path}' does not exist (looked for {found})")
         return found, is_folder

@@ -106,7 +106,7 @@ class _Reader:
             self._note(mark, f"not valid YAML: {' '.join(filter(None, (error.context, error.problem)))}")
         except yaml.reader.ReaderError as error:
             where = location_after(self._file, text[: error.position])
-            message = f"the control character U+{ord(text[error.position]):04X} is not allowed; take it out"
+            message = f"the control character U+{ord(text[error.position]):04X} is not allowed; remove it"
             self._problems.append(Problem(where, message))
         if self._problems:
             raise InvalidScenario(self._problems)
@@ -120,7 +120,7 @@ class _Reader:
                 yield event
         except (ValueError, OverflowError):
             # PyYAML's own: an escape such as "\UFFFFFFFF", a version of 5,000 digits.
-            self._note(mark, "not valid YAML: what follows has an escape or a number out of range")
+            self._note(mark, "not valid YAML: an escape or a number after this place is out of range")
             raise _Refused from None
 
     def _document(self) -> object:
@@ -130,7 +130,7 @@ class _Reader:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise self._refuse(event, "a second document; a file holds one scenario")
+                    raise self._refuse(event, "found a second YAML document; a file holds one scenario")
                 data, _ = self._value(next(self._events), ())
         return data
 
@@ -138,7 +138,7 @@ class _Reader:
         """The value that begins with an event, and how many values it holds with aliases written out."""
         self._marks.setdefault(path, self._at(event.start_mark))
         if len(path) > MAX_DEPTH:
-            raise self._refuse(event, f"more than {MAX_DEPTH} maps and lists inside each other")
+            raise self._refuse(event, f"more than {MAX_DEPTH} nested maps and lists")
         if isinstance(event, yaml.AliasEvent):
             built = self._alias(event)
         else:
@@ -150,7 +150,7 @@ class _Reader:
     def _node(self, event: yaml.Event, path: KeyPath) -> tuple[object, int]:
         if (tag := getattr(event, "tag", None)) is not None:
             written = tag.replace("tag:yaml.org,2002:", "!!")
-            raise self._refuse(event, f"the tag '{written}' is not supported; leave it out")
+            raise self._refuse(event, f"the tag '{written}' is not supported; remove it")
         self._count(event, 1)
         if isinstance(event, yaml.MappingStartEvent):
             return self._map(path)
@@ -161,7 +161,7 @@ class _Reader:
 
     def _alias(self, event: yaml.AliasEvent) -> tuple[object, int]:
         if event.anchor not in self._anchors:
-            raise self._refuse(event, f"the alias '*{event.anchor}' stands for nothing that came before it")
+            raise self._refuse(event, f"the alias '*{event.anchor}' has no anchor before it")
         value, size = self._anchors[event.anchor]
         self._count(event, size)
         return value, size
@@ -172,7 +172,7 @@ class _Reader:
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             key = self._key(event)
             if key in values:
-                self._note(event.start_mark, f"the key '{key}' is there twice")
+                self._note(event.start_mark, f"the key '{key}' is used twice")
             self._marks[(*path, key)] = self._at(event.start_mark)
             values[key], inner = self._value(next(self._events), (*path, key))
             size += inner
@@ -197,7 +197,7 @@ class _Reader:
 
     def _scalar(self, event: yaml.ScalarEvent) -> object:
         if _SURROGATE.search(event.value):
-            raise self._refuse(event, "half of a surrogate pair is no character; write the character itself")
+            raise self._refuse(event, "half of a surrogate pair is not a character; write the character itself")
         return self._plain(event) if event.style is None else event.value
 
     def _plain(self, event: yaml.ScalarEvent) -> object:
@@ -206,7 +206,7 @@ class _Reader:
             return _CONSTANTS[text]
         whole, based = _INT.fullmatch(text), _OCTAL_OR_HEX.fullmatch(text)
         if (whole or based) and len(text) > MAX_DIGITS:
-            raise self._refuse(event, f"a number of {len(text)} digits; at most {MAX_DIGITS} are read")
+            raise self._refuse(event, f"a number of {len(text)} digits; the maximum is {MAX_DIGITS}")
         if whole:
             return int(text)
         if based:
@@ -216,7 +216,7 @@ class _Reader:
     def _count(self, event: yaml.Event, values: int) -> None:
         self._values += values
         if self._values > MAX_VALUES:
-            raise self._refuse(event, f"more than {MAX_VALUES} values, with aliases written out")
+            raise self._refuse(event, f"more than {MAX_VALUES} values; each alias counts as a copy of its anchor")
 
     def _at(self, mark: _Mark | None) -> Location:
         return Location(self._file, mark.line + 1, mark.column + 1) if mark else Location(self._file, 1, 1)

@@ -79,7 +79,7 @@ _SENTENCES = {
     "greater_than_equal": "must be at least {ge}, found {found}",
     "less_than": "must be less than {lt}, found {found}",
     "less_than_equal": "must be at most {le}, found {found}",
-    "string_pattern_mismatch": "expected text that fits {pattern}, found {found}",
+    "string_pattern_mismatch": "expected text that matches {pattern}, found {found}",
     "too_long": "expected a list of {max_length}, found {found}",
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
@@ -111,7 +111,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hint
     key = details["loc"][-1] if details["loc"] else ""
     if kind == "missing":
         # A list of a fixed length reports its entries as pydantic's models report their keys.
-        return f"the list ends before entry {key + 1}" if isinstance(key, int) else f"the key '{key}' is missing"
+        return f"entry {key + 1} of the list is missing" if isinstance(key, int) else f"the key '{key}' is missing"
     if kind == "extra_forbidden":
         hint = did_you_mean(str(key), _keys_at(model, details["loc"][:-1])) if hinted.one_more() else ""
         return f"unknown key{hint}"

@@ -117,7 +117,7 @@ class Packages:
                 found = Path(unquote(str(path))).resolve()
             is_file, is_folder, is_there = found.is_file(), found.is_dir(), found.exists()
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
-            raise PackageError("bad-reference", f"{reference!r} cannot be a file: {error}") from None
+            raise PackageError("bad-reference", f"{reference!r} is not a valid path: {error}") from None
         if not self.admits(found):
             elsewhere = "; a path from the file that refers to it, or of a package, is there on every machine"
             is_absolute = reference.startswith(("/", "file:"))
@@ -167,7 +167,7 @@ class Packages:
 
     def _outside(self, what: str, found: Path, advice: str = "") -> PackageError:
         where = f"is outside the workspace {self.workspace.root} (it is {found})"
-        return PackageError("outside-workspace", f"{what} {where}; --allow-outside lifts this{advice}")
+        return PackageError("outside-workspace", f"{what} {where}; allow it with --allow-outside{advice}")
 
     def _missing(self, kind: str, name: str, here: Path, variables: Iterable[str]) -> PackageError:
         inside, root = self._inside, self.workspace.root

@@ -64,7 +64,7 @@ def store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
 
         make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
     except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
-        return (f"there is no replay of it: {escaped_line(str(error))}",)
+        return (f"there is no replay: {escaped_line(str(error))}",)
     return ()
 
 
@@ -249,8 +249,8 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: Footage, progress:
     closed = [f"{number} ({what})" for number, what in own.items() if not _is_open(number)]
     if closed:
         raise ScriptError(
-            f"the controller has closed descriptors that are not its own: {', '.join(closed)}; "
-            "what was printed is lost, and may be in other files"
+            f"the controller closed file descriptors of sim-action: {', '.join(closed)}; "
+            "printed output is lost, or is in other files"
         )
     return run
 

@@ -77,13 +77,13 @@ def made_with(backend: str) -> Provenance:
 
 def interrupted(loaded: LoadedScenario) -> Outcome:
     """The outcome of a scenario that the call did not come to, or not to the end of."""
-    message = "the run was interrupted before this scenario was over"
+    message = "the run was interrupted before this scenario ended"
     return without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
 
 
 def skipped(loaded: LoadedScenario) -> Outcome:
     """The outcome of a scenario that was not begun, as another had failed."""
-    note = "not run, as another scenario had not passed (--fail-fast)"
+    note = "not run: another scenario did not pass (--fail-fast)"
     return _unjudged(loaded).model_copy(update={"status": "skipped", "notes": (note,)})
 
 
@@ -128,20 +128,20 @@ def _afterwards(child: ChildProcess, ending: Ending) -> Iterator[str]:
     yield from _left_behind(child)
     if ending != 0:
         by = ending if isinstance(ending, str) else _signal_name(ending) or f"exit {ending}"
-        yield f"what was to be recorded of it was cut off: {by}"
+        yield f"the recordings were cut off: {by}"
 
 
 def _left_behind(child: ChildProcess) -> tuple[str, ...]:
     if not child.left:
         return ()
     which = "a process" if child.left == 1 else f"{child.left} processes"
-    return (f"ended {which} that its script had left behind",)
+    return (f"ended {which} that its script left behind",)
 
 
 def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
     place = _stuck_at(child.job) if ending == "wall limit" else None
     kind, title, cause = _cause(child, ending, output, place)
-    message = "; ".join((cause, f"it was last heard of at {child.sim_time:.2f} s of sim time", *_left_behind(child)))
+    message = "; ".join((cause, f"its last report was at {child.sim_time:.2f} s of sim time", *_left_behind(child)))
     if place is None and ending == "wall limit":
         place = _limiting_key(child.job.loaded.document)
     return Failure(kind=kind, title=title, message=message, location=place, details=_last_words(output))
@@ -175,12 +175,12 @@ def _cause(child: ChildProcess, ending: Ending, output: str, place: Location | N
     scenario = child.job.loaded.scenario
     if ending == "wall limit":
         limit = f"no verdict after {scenario.wall_seconds:g} s of wall time (wall_limit)"
-        return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child, place), 'too low a limit'))}"
+        return "wall limit", "wall limit", f"{limit}: {' or '.join((*_stuck(child, place), 'a limit that is too low'))}"
     if ending == "output limit":
         printed = f"more than {units.display(scenario.output_bytes, 'B')} were printed"
         return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
     if (by := _signal_name(ending)) is None:
-        hint = "; has its script called os._exit()?" if scenario.runs_user_code else ""
+        hint = "; did its script call os._exit()?" if scenario.runs_user_code else ""
         message = f"the process of this scenario ended by itself, with exit code {ending} and no verdict{hint}"
         return "crash", f"exit {ending}", message
     return _cause_of_signal(child, by, output)
@@ -190,10 +190,10 @@ def _stuck(child: ChildProcess, place: Location | None) -> Iterator[str]:
     """What may hold a scenario up for ever; `place`: the line that is known to have been at work."""
     scenario = child.job.loaded.scenario
     if place is not None:
-        yield f"{place} does not end"
+        yield f"{place} did not return"
         return
     if scenario.robot.is_xacro and not child.sim_time:
-        yield "xacro that does not end"
+        yield "xacro that does not terminate"
     if any(source.runs_user_code for source in scenario.commands):
         yield "a stuck controller"
     if any(assertion.runs_user_code for assertion in scenario.assertions):
@@ -216,14 +216,14 @@ _CRASHES: Final = ("SIGSEGV", "SIGBUS", "SIGABRT")
 # The limit is on address space; of that, libraries take so much and use little.
 _UNTOUCHED: Final = 256 << 20
 
-_NATIVE: Final = ", which a fault in native code brings about: in the engine, or a library of the script"
+_NATIVE: Final = ": native code crashed, in the engine or in a library of the script"
 _MEANINGS: Final[Mapping[str, str]] = {
     "SIGSEGV": _NATIVE,
     "SIGBUS": _NATIVE,
     "SIGILL": _NATIVE,
     "SIGFPE": _NATIVE,
-    "SIGABRT": ", by which native code gives up: the engine, or a library of the script",
-    "SIGKILL": ": it did so itself, or the machine ran short of memory",
+    "SIGABRT": ": native code aborted, in the engine or in a library of the script",
+    "SIGKILL": ": it killed itself, or the machine ran out of memory",
     "STATUS_ACCESS_VIOLATION": _NATIVE,
     "STATUS_STACK_OVERFLOW": _NATIVE,
 }

@@ -48,7 +48,7 @@ def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path
 
 def _alone(outcome: Outcome) -> Outcome:
     """Of a scenario that asks for agreement, where the call has named one engine."""
-    note = "agreement was not judged: the call names one engine"
+    note = "agreement was not judged: the command line selects one engine"
     return outcome.model_copy(update={"notes": (*outcome.notes, note)})
 
 
@@ -85,7 +85,7 @@ class _Comparison:
         for difference in apart:
             yield self._expectation(self._name(difference), self._verdict(difference))
         if not apart and self._asked and self.other.has_verdict:
-            message = f"there is no moment at which both have a position: nothing to compare with {self._engine}"
+            message = f"the two runs have no moment in common, so there is no position to compare with {self._engine}"
             yield self._expectation(
                 f"the same position as {self._engine}", Verdict(False, None, None, None, "", None, message)
             )
@@ -121,12 +121,12 @@ class _Comparison:
 
     def _different_verdicts(self) -> Iterator[str]:
         if not self.other.has_verdict:
-            yield f"{self._engine} came to no verdict"
+            yield f"{self._engine} gave no verdict"
             return
         for ours, theirs in zip(self.last.expectations, self.other.expectations, strict=True):
             if ours.verdict.passed != theirs.verdict.passed:
                 held, failed = (self.last, self.other) if ours.verdict.passed else (self.other, self.last)
-                yield f"'{ours.name}' holds in {held.engine}, and not in {failed.engine}"
+                yield f"'{ours.name}' passes in {held.engine} and fails in {failed.engine}"
 
     def _apart(self) -> Iterator[_Apart]:
         ours, theirs = self._trace(self.last), self._trace(self.other)
@@ -153,10 +153,10 @@ class _Comparison:
         worst = int(apart.difference.argmax())
         measured, time = float(apart.difference[worst]), float(apart.time[worst])
         margin = None if apart.limit is None else apart.limit - measured
-        message = f"at most {units.display(measured, apart.unit)} apart from {self._engine} in {apart.what}"
-        message += f" at {time:.2f} s"
+        message = f"{apart.what} differs from {self._engine} by at most {units.display(measured, apart.unit)}"
+        message += f", at {time:.2f} s"
         if apart.limit is not None:
-            message += f", of {units.display(apart.limit, apart.unit)} allowed"
+            message += f"; allowed: {units.display(apart.limit, apart.unit)}"
         return Verdict(margin is None or margin >= 0, measured, apart.limit, margin, apart.unit, time, message)
 
 

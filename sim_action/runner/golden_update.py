@@ -73,7 +73,7 @@ def _planned(plan: Plan, writers: Mapping[Path, list[str]]) -> Plan:
     for path, expected, matches in goldens:
         if len(runs := writers[path]) > 1:
             others = f"{matches.trace} would be written {len(runs)} times, by '{runs[0]}' and '{runs[1]}'"
-            ways = "have $variation in its name, or choose one run with --only or --backend"
+            ways = "put $variation into its name, or select one run with --only or --backend"
             return plan[0].source.refused(_refusal(expected, f"{others}; {ways}"))
     return tuple(run.traced_at_every_step() for run in plan) if goldens else plan
 
@@ -90,7 +90,7 @@ def _written(scene: Scene, trace: Trace, expected: Expectation, matches: Matches
     except (PathError, ValueError) as error:
         raise _refusal(expected, str(error)) from None
     rows = f"{len(golden.rows)} rows, to {golden.time[-1]:.2f} s"
-    return f"wrote {name}: {rows}" if is_new else f"{name} says the same as before: {rows}"
+    return f"wrote {name}: {rows}" if is_new else f"{name} is unchanged: {rows}"
 
 
 def _refusal(expected: Expectation, message: str) -> InvalidScenario:

@@ -75,5 +75,5 @@ def out_of_memory(job: Job) -> str:
     """What to say of a scenario that has come to its limit of memory."""
     scenario = job.loaded.scenario
     if not job.memory_is_limited:
-        return "it needs more memory than there is on this machine"
-    return f"it needs more than the {scenario.memory_bytes / 2**30:.4g} GiB of memory that it may take (memory_limit)"
+        return "it needs more memory than this machine has"
+    return f"it needs more than the {scenario.memory_bytes / 2**30:.4g} GiB of memory that it is allowed (memory_limit)"

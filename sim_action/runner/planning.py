@@ -41,7 +41,7 @@ def _on_its_own(loaded: LoadedScenario, backend: str | None) -> LoadedScenario:
     """A model that only MuJoCo can read runs there, or not at all."""
     scenario = loaded.scenario
     if scenario.agreement is not None:
-        message = f"{scenario.robot.model} is a model for MuJoCo alone: there is no other engine to agree with"
+        message = f"{scenario.robot.model} is a model for MuJoCo only: there is no other engine to agree with"
         raise InvalidScenario([loaded.document.problem(("agreement",), message)])
     if "pybullet" in (backend, scenario.backend if backend is None else None):
         message = "PyBullet reads most of MJCF without its joints; run it on MuJoCo, or convert it to URDF"
@@ -58,7 +58,7 @@ def _several() -> tuple[str, ...]:
     if len(engines) < 2:
         missing = "; ".join(how for engine, how in INSTALLING.items() if engine not in engines)
         only = f"there is only {engines[0]}" if engines else "there is none"
-        raise UsageError(f"it takes two engines to compare, and {only} ({missing})")
+        raise UsageError(f"a comparison needs two engines, but {only} ({missing})")
     return engines
 
 

@@ -21,11 +21,11 @@ from sim_action.state.trace_storage import TraceError, load_trace
 from sim_action.state.verdict import Verdict
 
 _CAUSES: Final = (
-    "look in its code for the wall clock, for random numbers of a generator of its own, for the order of a set or of "
+    "look in its code for the wall clock, for a random generator without a fixed seed, for the order of a set or of "
     "hashes and ids, for threads and processes that it does not wait for, and for files that an earlier run has left"
 )
 _NO_CODE: Final = (
-    "no code of yours runs in it, so that this is for us to mend: please report it, with the engine and CPU"
+    "the scenario runs none of your code, so this is a bug of sim-action: please report it, with the engine and CPU"
 )
 
 
@@ -45,7 +45,7 @@ def repeated(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: Path) 
         told, kept = _told(loaded, runs, folder)
     _remove(folder, [one for one in outcomes if all(one is not other for other in kept)])
     if len(runs) < len(outcomes) and told.status == "passed":
-        note = f"run {len(runs)} of {len(outcomes)} times, as another scenario had not passed (--fail-fast)"
+        note = f"run {len(runs)} of {len(outcomes)} times: another scenario did not pass (--fail-fast)"
         return told.model_copy(update={"status": "skipped", "expectations": (), "notes": (note,)})
     return told
 
@@ -98,7 +98,7 @@ def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[O
         )
     )
     failure = Failure(kind="flaky", title="flaky", message=message, time=parted.time if parted else None)
-    note = f"the trace of run {first.number} is here, that of run {other.number} in {other.outcome.trace}"
+    note = f"the trace of run {first.number} is stored here, the trace of run {other.number} in {other.outcome.trace}"
     flaky = {"status": "flaky", "failures": (failure,), "expectations": (), "notes": (*first.outcome.notes, note)}
     return first.outcome.model_copy(update=about | flaky), [first.outcome, other.outcome]
 
@@ -114,7 +114,7 @@ def _parting(first: _Run, other: _Run, folder: Path) -> Divergence | None:
 def _differences(first: _Run, other: _Run, parted: Divergence | None) -> Iterator[str]:
     """What tells one run from another."""
     if parted is not None:
-        yield f"run {other.number} left run {first.number} {_where(parted)}"
+        yield f"run {other.number} differs from run {first.number} {_where(parted)}"
     if first.outcome.digest == other.outcome.digest or first.outcome.status != other.outcome.status:
         yield from _endings(first, other)
 
@@ -126,7 +126,7 @@ def _endings(first: _Run, other: _Run) -> Iterator[str]:
     for ours, theirs in zip(first.outcome.expectations, other.outcome.expectations, strict=True):
         if ours != theirs:
             yield (
-                f"the robot did the same, and '{ours.name}' judged it in two ways: run {first.number} "
+                f"the robot moved identically, but '{ours.name}' judged it differently: run {first.number} "
                 f"{_judged(ours.verdict)}, run {other.number} {_judged(theirs.verdict)}"
             )
             return
@@ -142,7 +142,7 @@ def _where(found: Divergence) -> str:
     """Such as "at 0.304 s, in x of base_position_xyz: 0.25 and not 0.26"."""
     ours, theirs = found.values
     if not found.column:
-        return f"at {found.time:.6g} s, where one was over: they ended at {theirs:.6g} s and {ours:.6g} s"
+        return f"at {found.time:.6g} s, where one run ended: they ended at {theirs:.6g} s and {ours:.6g} s"
     return f"at {found.time:.6g} s, in {found.column}: {theirs!r} and not {ours!r}"
 
 

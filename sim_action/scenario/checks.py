@@ -205,7 +205,7 @@ def source_problems(scenario: Scenario, scene: Scene, command_paths: Sequence[Ke
         for joint in sorted(moved):
             if (owner := owners.setdefault(joint, path)) is not path:
                 message = f"joint '{joint}' is moved by {_dotted(owner)} already"
-                yield path, f"{message}; sources that act at the same time move different joints"
+                yield path, f"{message}; command sources must move different joints"
                 break
 
 

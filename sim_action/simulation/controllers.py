@@ -24,8 +24,8 @@ Look = Callable[[int], Observation]
 Told = Callable[[float, Twist], None]
 """Hears of every twist that the base is given, with the sim time in s."""
 
-NO_WHEELS: Final = "a controller gave a twist, but which joints are wheels is not known; name them: robot.drive"
-TWO_WAYS: Final = "a controller gave a twist at the same tick as a target for joint"
+NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are unknown; name them in robot.drive"
+TWO_WAYS: Final = "a controller sent, at the same tick, a twist and a target for joint"
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +167,7 @@ class Controls:
             return
         named = {name for command in commands if isinstance(command, JointTargets) for name in command.names()}
         if wheels := self._motion.joints & named:
-            raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive turns for a twist; leave out one of them")
+            raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive moves; send only one of them")
 
     def _drive(self, source: _Source) -> None:
         """Makes the base the source's own, and its wheels. Raises ScriptError."""
@@ -176,7 +176,9 @@ class Controls:
         driver = self._driver = self._driver or source
         if driver is not source:
             first, second = sorted((driver.index, source.index))
-            raise ScriptError(f"commands.{first} and commands.{second} both drive the base; one source at a time does")
+            raise ScriptError(
+                f"commands.{first} and commands.{second} both drive the base; only one command source can do so"
+            )
         self._claim(source, self._motion.joints)
 
     def _claim(self, source: _Source, joints: set[str] | frozenset[str]) -> None:
@@ -189,7 +191,7 @@ class Controls:
                 first, second = sorted((owner.index, source.index))
                 raise ScriptError(
                     f"commands.{first} and commands.{second} both move joint '{joint}'; "
-                    "sources that act at the same time move different joints"
+                    "command sources must move different joints"
                 )
         source.moved.update(joints)
 

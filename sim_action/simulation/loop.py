@@ -16,9 +16,9 @@ from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
-from sim_action.simulation.start_checks import Arrivals, moved_while_settling, refuse_bad_start
 from sim_action.simulation.recorder import Footage
 from sim_action.simulation.sensors import Sensing
+from sim_action.simulation.start_checks import Arrivals, moved_while_settling, refuse_bad_start
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import Trace
@@ -27,7 +27,7 @@ from sim_action.state.verdict import Verdict
 from sim_action.world import World
 from sim_action.world.scene import Scene
 
-BOLTED: Final = "the base is fixed: twists turn the wheels, and the robot stays where it is"
+BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
 
 Progress = Callable[[float], None]
 """Told the sim time in s as the run goes on."""
@@ -195,7 +195,9 @@ class _Loop:
             if speed < _REST_SPEED:
                 return
         if limit:
-            self._notes.append(f"not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0")
+            self._notes.append(
+                f"the robot was not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0"
+            )
 
     def _advance(self, period: float, progress: Progress) -> tuple[Trace, RunError | None]:
         """The moments of the next period in s, and what ended it early; the run may have been over before that."""

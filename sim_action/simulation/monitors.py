@@ -111,5 +111,5 @@ def _undecided(monitor: Window, verdict: Verdict) -> Verdict:
     """Of a run that an expectation ended, the verdict on any: what this cut off is not the reason to look for."""
     if verdict.passed or monitor.over or monitor.state is State.BROKEN:
         return verdict
-    told = ", when the run was over" if monitor.state is State.PENDING else ""
+    told = ", when the run ended" if monitor.state is State.PENDING else ""
     return replace(verdict, message=f"{verdict.message}{told}", cut_off=True)

@@ -47,7 +47,7 @@ def moved_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
         return None
     ways = [f"tilted by {units.display(tilted, 'rad')}"] if tilted >= _TILTED else []
     ways += [f"came {units.display(sunk, 'm')} down"] if sunk >= _SUNK else []
-    return f"while it settled, before t = 0, the base link '{scene.model.root}' {' and '.join(ways)}"
+    return f"while the robot settled, before t = 0, its base link '{scene.model.root}' {' and '.join(ways)}"
 
 
 def _tilt(pose: Pose) -> float:
@@ -66,9 +66,9 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
         if depth <= DEPTH or body in told or (link in bolted and body in fixed):
             continue
         told.add(body)
-        where = f"the robot's link '{link}' begins {units.display(depth, 'm')} deep in "
+        where = f"the robot's link '{link}' starts {units.display(depth, 'm')} inside "
         if body == GROUND:
-            or_not = "" if scene.robot.pose.z is None else ", or leave z out: then it stands on the ground"
+            or_not = "" if scene.robot.pose.z is None else ", or leave z out to place it on the ground"
             yield ("robot", "pose"), f"{where}the ground; raise its z{or_not}"
         else:
             yield ("robot", "pose"), f"{where}'{body}'; move it, or world.objects[{indices[body]}].pose"
@@ -85,7 +85,7 @@ def _buried(scene: Scene, at: Pose) -> SpecProblems:
             height = height_at(part, ahead, left)
             if height is not None and up < height:
                 deep = units.display(height - up, "m")
-                yield ("robot", "pose"), f"the robot begins {deep} below the surface of '{body.name}'; raise its z"
+                yield ("robot", "pose"), f"the robot starts {deep} below the surface of '{body.name}'; raise its z"
 
 
 def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
@@ -131,7 +131,7 @@ class Arrivals:
         if blocked:
             body, inside, depth = max(blocked, key=lambda each: each[2])
             raise RunError(
-                f"body '{body}' appears at {step / rate:.4g} s, {units.display(depth, 'm')} deep in {inside}, and one "
-                "would throw the other away; let it appear at another place or time",
+                f"body '{body}' appears at {step / rate:.4g} s, {units.display(depth, 'm')} inside {inside}, and the "
+                "engine would throw them apart; let it appear at another place or time",
                 keys=("world", "objects", self.indices[body], "appears"),
             )

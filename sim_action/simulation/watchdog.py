@@ -31,12 +31,12 @@ _IN_EACH_DIRECTION: Final = 1 / math.sqrt(3) - 1e-9
 _ANY_NUMBER: Final = float(np.finfo(np.float64).max)
 
 _EXPLODES: Final = (
-    "usual causes: an inertia too small for the forces on it, time steps too long (raise physics.rate), "
+    "usual causes: an inertia that is too small for the forces, time steps that are too long (raise physics.rate), "
     "the gains of a controller"
 )
 _SINKS: Final = (
-    "usual causes: no collision shape that carries it, a start below the ground (robot.pose.z), "
-    "an inertia far from that of its mass and size, time steps too long (raise physics.rate)"
+    "usual causes: no collision shape that carries the robot, a start below the ground (robot.pose.z), "
+    "an inertia that does not fit mass and size, time steps that are too long (raise physics.rate)"
 )
 
 
@@ -69,7 +69,7 @@ class _Watch:
         if not math.isfinite(value):
             return f"first in {self.where}: its state is not a number; {self.causes}"
         measured = f"{value:.4g} {self.unit}, and the bound is {self.bound:.4g} {self.unit.split()[0]}"
-        remedy = f"if it is meant to be so, set {self.key}" if self.bound < self.most else "no engine here goes faster"
+        remedy = f"if this is intended, raise {self.key}" if self.bound < self.most else "no engine allows more"
         return f"first in {self.where}: {measured}; {self.causes}; {remedy}"
 
 
@@ -144,7 +144,7 @@ class Watchdog:
     def _when(self, time: float) -> str:
         if time > 0:
             return f"at t = {time:.3f} s (step {round(time * self.physics.rate)})"
-        return f"while it settled, {self.physics.settle + time:.3f} s after it was let go"
+        return f"while the robot settled, {self.physics.settle + time:.3f} s after its release"
 
 
 def _safe(physics: Physics, joints: tuple[Joint, ...]) -> FloatArray:

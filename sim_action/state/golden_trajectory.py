@@ -105,7 +105,7 @@ class Golden:
 
         data = read_at_most(path, _MOST_BYTES)
         if data is None:
-            raise GoldenError(f"1: more than {_MOST_BYTES // 1_000_000} MB are not read")
+            raise GoldenError(f"1: the file is larger than {_MOST_BYTES // 1_000_000} MB, the maximum")
         lines = data.decode("utf-8-sig", errors="replace").splitlines()
         _check_title(lines[0] if lines else "", form)
         return cls(form, np.array(list(_read_rows(lines, form)), dtype=np.float64))
@@ -124,7 +124,7 @@ class Golden:
         """Writes the file, and folders above it; returns whether it says something new. Raises OSError, ValueError."""
         data = self.text().encode()
         if len(data) > _MOST_BYTES:
-            raise ValueError(f"more than {_MOST_BYTES // 1_000_000} MB are not written; give a lower 'rate'")
+            raise ValueError(f"the file would be larger than {_MOST_BYTES // 1_000_000} MB; use a lower 'rate'")
         if path.is_file() and path.read_bytes() == data:
             return False
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -179,9 +179,9 @@ def _check_title(line: str, form: GoldenForm) -> None:
         _refuse(1, f"expected '{form.title}', found {shown(line)}")
     version, _, robot = line.removeprefix(TITLE).partition(": ")
     if version != VERSION:
-        _refuse(1, f"it is of version {shown(version)} of the format; this sim-action knows {VERSION}")
+        _refuse(1, f"the file has format version {shown(version)}; this sim-action reads version {VERSION}")
     if robot != escaped_line(form.robot):
-        _refuse(1, f"it is of the robot {shown(robot)}; this scenario's is {shown(form.robot)}")
+        _refuse(1, f"the file belongs to the robot {shown(robot)}; the robot of this scenario is {shown(form.robot)}")
 
 
 def _read_rows(lines: Sequence[str], form: GoldenForm) -> Iterator[tuple[float, ...]]:
@@ -194,7 +194,7 @@ def _read_rows(lines: Sequence[str], form: GoldenForm) -> Iterator[tuple[float, 
         for row in table:
             numbers = _numbers(row, len(columns), table.line_num + 1)
             if not numbers[0] > earlier:
-                _refuse(table.line_num + 1, f"its time {row[0]} s does not come after that of the line before")
+                _refuse(table.line_num + 1, f"the time {row[0]} s is not later than in the line before")
             earlier = numbers[0]
             yield numbers
     except csv.Error as error:

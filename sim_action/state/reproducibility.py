@@ -44,7 +44,7 @@ class Divergence:
 def first_divergence(first: Trace, second: Trace) -> Divergence | None:
     """Bit by bit, moment by moment; None: they are the same. Raises ValueError for traces of different robots."""
     if first.joint_names != second.joint_names:
-        raise ValueError("these traces are of different joints")
+        raise ValueError("the traces have different joints")
     common = min(len(first), len(second))
     # As a digest has it: zeros with different signs are different.
     ours, theirs = (np.ascontiguousarray(trace.state[:common]) for trace in (first, second))

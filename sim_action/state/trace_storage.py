@@ -57,7 +57,7 @@ def _refuse_too_large(stored: Any) -> None:
     """A stranger's file may be small and hold much."""
     size = sum(member.file_size for member in stored.zip.infolist())
     if size > _MOST_BYTES:
-        raise ValueError(f"it holds {size // 1_000_000} MB, more than a trace has")
+        raise ValueError(f"it holds {size // 1_000_000} MB; a trace holds at most {_MOST_BYTES // 1_000_000} MB")
 
 
 def _contact_arrays(trace: Trace) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, Cleara
         pairs = tuple((link, body) for link, body in stored[f"{start}pairs"].tolist())
         record = ClearanceRecord(pairs, *(stored[f"{start}{name}"] for name in _CLEARANCE_COLUMNS))
         if not record.is_whole:
-            raise ValueError(f"the columns of '{start}' do not fit each other")
+            raise ValueError(f"the columns of '{start}' have different lengths")
         records[ClearanceWatch(links, bodies, within, bool(always))] = record
         index += 1
     return records
@@ -148,6 +148,6 @@ def _body_records(stored: Mapping[str, Any]) -> dict[str, BodyRecord]:
     for index, name in enumerate(stored["body_names"].tolist() if "body_names" in stored else ()):
         record = BodyRecord(*(stored[f"body_{index}_{column}"] for column in _BODY_COLUMNS))
         if not record.is_whole:
-            raise ValueError(f"the columns of 'body_{index}' do not fit each other")
+            raise ValueError(f"the columns of 'body_{index}' have different lengths")
         records[str(name)] = record
     return records

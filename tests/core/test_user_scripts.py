@@ -30,7 +30,7 @@ def test_names_are_those_outside_of_functions_and_classes(tmp_path: Path) -> Non
     [
         ("def f(:\n", "^:1: not valid Python"),
         ("x = 1\0", "not valid Python"),
-        ("#" * 1_000_001, "more than 1000 kB"),
+        ("#" * 1_000_001, "larger than 1000 kB"),
         ("(" * 5000, "not valid Python"),
     ],
 )
@@ -42,7 +42,7 @@ def test_what_is_no_python(tmp_path: Path, text: str, message: str) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no such files")
 def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.py")
-    with pytest.raises(OSError, match="it is no regular file"):
+    with pytest.raises(OSError, match="it is not a regular file"):
         read_script(tmp_path / "a.py")
 
 

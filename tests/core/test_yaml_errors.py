@@ -102,7 +102,7 @@ ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, p
         ({"near": "10 km"}, "near", "must be less than 10,000 m, found '10 km'"),
         ({"count": "1"}, "count", "expected a whole number, found '1'"),
         ({"flag": "on"}, "flag", "expected true or false, found 'on'"),
-        ({"pair": (1,)}, "pair.1", "the list ends before entry 2"),
+        ({"pair": (1,)}, "pair.1", "entry 2 of the list is missing"),
         ({"pair": (1, 2, 3)}, "pair", "expected a list of 2, found a list of 3"),
         ({"named": {"a.b": "1 s"}}, "named.a.b", "'s' is not a unit of length; use one of: m, mm, cm, km"),
         ({"named": ("a",)}, "named", "expected a map of keys, found a list of 1"),

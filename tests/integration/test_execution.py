@@ -160,7 +160,10 @@ def test_where_no_controller_runs_none_is_stuck(tmp_path: Path, run: Run) -> Non
     (outcome,) = run([path], tmp_path)
     (failure,) = outcome.failures
     assert failure.kind == "wall limit"
-    assert "after 2 s of wall time (wall_limit): xacro that does not end or too low a limit;" in failure.message
+    assert (
+        "after 2 s of wall time (wall_limit): xacro that does not terminate or a limit that is too low;"
+        in failure.message
+    )
 
 
 WITHOUT_VERDICT: Mapping[str, tuple[str, str, str]] = {
@@ -217,7 +220,7 @@ def test_an_assertion_that_does_not_end_is_told_with_its_line(tmp_path: Path, ru
     (failure,) = outcome.failures
     assert failure.kind == "wall limit"
     assert failure.location == Location(str(tmp_path / "level.py"), 10)
-    assert "level.py:10 does not end or too low a limit" in failure.message
+    assert "level.py:10 did not return or a limit that is too low" in failure.message
 
 
 def test_a_controller_that_does_not_end_is_told_with_its_line(tmp_path: Path, run: Run) -> None:
@@ -421,8 +424,8 @@ def test_a_robot_that_begins_inside_something_is_told_on_the_line_to_change_and_
     assert (passed.status, refused.status, refused.name, refused.exit_code) == ("passed", "error", "bad", 2)
     (wall_failure, ground_failure) = refused.failures
     assert wall_failure.kind == ground_failure.kind == "invalid"
-    assert "m deep in 'wall'; move it, or world.objects[0].pose" in wall_failure.message
-    assert "0.02 m deep in the ground" in ground_failure.message
+    assert "m inside 'wall'; move it, or world.objects[0].pose" in wall_failure.message
+    assert "0.02 m inside the ground" in ground_failure.message
     assert wall_failure.location is not None
     assert (Path(wall_failure.location.file).name, wall_failure.location.line) == ("bad.sim.yml", 5)
 

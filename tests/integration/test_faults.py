@@ -35,7 +35,7 @@ if __name__ == "__main__":
     ASSERTIONS.paths["faulty"] = "faulty:Faulty"
     sys.exit(call(sys.argv[1:]))
 """
-SAID: Final = "a fault of sim-action: KeyError: 'nowhere'; please report it"
+SAID: Final = "an internal error of sim-action: KeyError: 'nowhere'; please report it"
 
 
 @pytest.fixture

@@ -56,27 +56,27 @@ os.abort()
 
 # Name -> what the script does when it is asked, the limits of the scenario, the kind of the error, and its cause.
 KILLERS: Final = {
-    "segfault": ("os.kill(os.getpid(), signal.SIGSEGV)", "", "crash", "ended by SIGSEGV, which a fault in native code"),
+    "segfault": ("os.kill(os.getpid(), signal.SIGSEGV)", "", "crash", "ended by SIGSEGV: native code crashed"),
     "abort": ("print('last words', flush=True); os.abort()", "", "crash", "ended by SIGABRT"),
     "endless loop": ("while True: pass", "wall_limit: 1 s", "wall limit", "no verdict after 1 s of wall time"),
     "memory hog": (
         "hog = [bytearray(1 << 26) for _ in range(1000)]",
         "memory_limit: 1 GiB",
         "memory",
-        "more than the 1 GiB of memory that it may take (memory_limit)",
+        "more than the 1 GiB of memory that it is allowed (memory_limit)",
     ),
-    "exit": ("os._exit(0)", "", "crash", "with exit code 0 and no verdict; has its script called os._exit()?"),
+    "exit": ("os._exit(0)", "", "crash", "with exit code 0 and no verdict; did its script call os._exit()?"),
     "forks and leaves": (
         "if os.fork() == 0: time.sleep(600)\nos._exit(7)",
         "",
         "crash",
-        "it was last heard of at 0.00 s of sim time; ended a process that its script had left behind",
+        "its last report was at 0.00 s of sim time; ended a process that its script left behind",
     ),
     "leaves a session": (
         LEAVES_A_SESSION,
         "",
         "crash",
-        "ended 8 processes that its script had left behind",
+        "ended 8 processes that its script left behind",
     ),
     "endless output": (
         "while True: print('flood ' * 100)",
@@ -89,7 +89,7 @@ KILLERS: Final = {
         "os.closerange(0, 4096)",
         "",
         "script",
-        "the controller has closed descriptors that are not its own: 1 (standard output), 2 (standard error)",
+        "the controller closed file descriptors of sim-action: 1 (standard output), 2 (standard error)",
     ),
 }
 
@@ -217,7 +217,7 @@ BAD_STARTS: Final = {
     "endless output": ("while True: print('flood ' * 100)", "crash", "more than 1 MB were printed (output_limit)"),
     "exits": ("os._exit(0)", "crash", "with exit code 0 and no verdict"),
     "system exit": ("raise SystemExit(3)", "script", "the controller raised SystemExit: 3"),
-    "forks": ("os.fork() or time.sleep(600); os._exit(7)", "crash", "ended a process that its script had left behind"),
+    "forks": ("os.fork() or time.sleep(600); os._exit(7)", "crash", "ended a process that its script left behind"),
 }
 
 
@@ -279,7 +279,7 @@ def test_what_a_script_leaves_behind_is_ended_and_said_and_costs_no_verdict(tmp_
     (outcome,) = outcomes(tmp_path).values()
     assert processes_of(tmp_path) == []
     assert outcome.status == "passed"
-    assert "ended 2 processes that its script had left behind" in outcome.notes
+    assert "ended 2 processes that its script left behind" in outcome.notes
 
 
 HYDRA = """\
@@ -353,7 +353,7 @@ def test_a_script_that_leaves_the_engine_no_memory_is_out_of_memory(tmp_path: Pa
     (outcome,) = outcomes(tmp_path).values()
     (failure,) = outcome.failures
     assert failure.kind == "memory"
-    assert "more than the 0.5 GiB of memory that it may take (memory_limit)" in failure.message
+    assert "more than the 0.5 GiB of memory that it is allowed (memory_limit)" in failure.message
 
 
 def test_native_code_without_memory_is_out_of_memory(tmp_path: Path) -> None:

@@ -342,7 +342,7 @@ def test_a_body_that_appears_in_a_robot_leaves_the_run_without_a_verdict(engine:
         "world: {objects: [{name: rock, sphere: {radius: 10 cm}, pose: {x: 0.5}, appears: APPEARS}]}\n"
     )
     loaded = load(tmp_path, text.replace("APPEARS", "2.5 s"))
-    with pytest.raises(RunError, match=r"body 'rock' appears at 2.5 s, .* deep in the robot's link 'base"):
+    with pytest.raises(RunError, match=r"body 'rock' appears at 2.5 s, .* inside the robot's link 'base"):
         simulate(loaded.scenario, build_scene(loaded), lambda _: None)
     # It has passed by then.
     loaded = load(tmp_path, text.replace("APPEARS", "4.5 s"))
@@ -389,7 +389,7 @@ def test_a_body_that_appears_in_another_leaves_the_run_without_a_verdict(engine:
     )
     for mass in ("", "mass: 1 kg, "):
         loaded = load(tmp_path, text.replace("MASS", mass))
-        with pytest.raises(RunError, match=r"body 'rock' appears at 1 s, .* deep in 'crate'"):
+        with pytest.raises(RunError, match=r"body 'rock' appears at 1 s, .* inside 'crate'"):
             simulate(loaded.scenario, build_scene(loaded), lambda _: None)
     loaded = load(tmp_path, text.replace("MASS", "mass: 1 kg, ").replace("98 cm", "1.2 m"))
     assert simulate(loaded.scenario, build_scene(loaded), lambda _: None).verdicts[0].passed

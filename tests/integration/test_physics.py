@@ -130,7 +130,9 @@ def test_a_robot_that_sinks_while_it_settles_is_told_of(tmp_path: Path) -> None:
     path.write_text("name: leg\nrobot: {model: leg.urdf}\nexpect: [upright]\ntime_limit: 1 s\n")
     loaded = load_scenario(path)
     run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
-    assert any(note.startswith("while it settled, before t = 0, the base link 'base' tilted by") for note in run.notes)
+    assert any(
+        note.startswith("while the robot settled, before t = 0, its base link 'base' tilted by") for note in run.notes
+    )
 
 
 def settled(folder: Path, pose: str, physics: str) -> SimulationRun:

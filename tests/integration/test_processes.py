@@ -335,7 +335,7 @@ def test_what_a_program_leaves_behind_is_ended_and_costs_no_verdict(tmp_path: Pa
     outcomes = run(tmp_path)
     assert processes_of(tmp_path) == []
     assert outcomes["untidy"].status == "passed"
-    assert any("that its script had left behind" in note for note in outcomes["untidy"].notes)
+    assert any("that its script left behind" in note for note in outcomes["untidy"].notes)
 
 
 def test_a_program_that_stays_after_the_end_is_ended_and_costs_no_verdict(tmp_path: Path) -> None:

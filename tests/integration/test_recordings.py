@@ -153,4 +153,4 @@ def test_a_verdict_stands_though_to_record_it_takes_too_long(folder: Path, monke
     stored = outcome()
     assert stored["status"] == "passed"
     assert stored["recordings"] == ["recordings/drives-at-a-wall.tum"]
-    assert stored["notes"][-1] == "what was to be recorded of it was cut off: wall limit"
+    assert stored["notes"][-1] == "the recordings were cut off: wall limit"

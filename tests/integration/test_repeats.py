@@ -98,7 +98,7 @@ def test_what_differs_from_run_to_run_is_flaky(cause: str, times: int, tmp_path:
     assert told.repeats.digests > 1
     [failure] = told.failures
     assert failure.kind == "flaky"
-    assert re.search(r"run \d left run \d at 0\.\d+ s, in \S+ of \S+: \S+ and not \S+; ", failure.message)
+    assert re.search(r"run \d differs from run \d at 0\.\d+ s, in \S+ of \S+: \S+ and not \S+; ", failure.message)
     assert "wall clock" in failure.message
     assert "1 flaky" in found.stdout
     assert re.search(rf"the same in \d of {times} runs|no two of {times} runs the same", found.stdout)
@@ -179,7 +179,7 @@ def test_judgements_that_differ_of_the_same_run_are_flaky(tmp_path: Path) -> Non
     found = ran(tmp_path, controller("return 0.1"), "--repeat", "3", scenario=text)
     told = outcome(tmp_path)
     assert (found.returncode, told.status) == (1, "flaky"), found.stdout
-    assert "the robot did the same, and 'assertion Judge' judged it in two ways" in told.failures[0].message
+    assert "the robot moved identically, but 'assertion Judge' judged it differently" in told.failures[0].message
     assert re.search(r"run 1 passed: holds \(measured \d+\.0\), run 2 passed", told.failures[0].message)
     assert told.repeats
     assert told.repeats.digests == 1
@@ -225,7 +225,7 @@ def test_fail_fast_leaves_no_scenario_green_that_was_not_run_as_often(tmp_path: 
     assert found.returncode == 1
     told = Results.read(tmp_path / "sim-results/results.json").outcomes
     assert [one.status for one in told] == ["skipped", "failed"]
-    assert told[0].notes == ("run 1 of 3 times, as another scenario had not passed (--fail-fast)",)
+    assert told[0].notes == ("run 1 of 3 times: another scenario did not pass (--fail-fast)",)
 
 
 def test_a_golden_trajectory_is_not_written_by_several_runs(tmp_path: Path) -> None:

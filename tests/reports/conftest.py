@@ -54,7 +54,7 @@ CUT_OFF = TRAVEL.model_copy(
     update={
         "location": Location(WALL, 8, 5),
         "verdict": Verdict(
-            False, 1.2, 1.5, -0.3, "m", 3.2, "travelled 1.2 m of 1.5 m in 3.2 s, when the run was over", cut_off=True
+            False, 1.2, 1.5, -0.3, "m", 3.2, "travelled 1.2 m of 1.5 m in 3.2 s, when the run ended", cut_off=True
         ),
     }
 )
@@ -82,7 +82,7 @@ SKIPPED = Outcome(
     file="scenarios/circle.sim.yml",
     line=7,
     status="skipped",
-    notes=("not run, as another scenario had not passed (--fail-fast)",),
+    notes=("not run: another scenario did not pass (--fail-fast)",),
 )
 
 
@@ -120,11 +120,14 @@ FLAKY = PASSED.model_copy(
             Failure(
                 kind="flaky",
                 title="flaky",
-                message="3 of 5 runs agree; run 2 left run 1 at 0.3042 s, in x of base_position_xyz: 0.25 and not 0.26",
+                message=(
+                    "3 of 5 runs agree; "
+                    "run 2 differs from run 1 at 0.3042 s, in x of base_position_xyz: 0.25 and not 0.26"
+                ),
                 time=0.3042,
             ),
         ),
-        "notes": ("the trace of run 1 is here, that of run 2 in traces/burger-wanders-2.npz",),
+        "notes": ("the trace of run 1 is stored here, the trace of run 2 in traces/burger-wanders-2.npz",),
     }
 )
 
@@ -225,7 +228,7 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                 Failure(
                     kind="interrupted",
                     title="interrupted",
-                    message="the run was interrupted before this scenario was over",
+                    message="the run was interrupted before this scenario ended",
                 ),
             ),
         ),

@@ -48,7 +48,7 @@ def test_worst_stands_last(samples: Samples, options: ReportOptions) -> None:
 
 def test_what_ended_a_run_stands_before_what_that_cut_off(samples: Samples, options: ReportOptions) -> None:
     text = printed(samples["cut"], options)
-    assert text.index("touched wall") < text.index("when the run was over")
+    assert text.index("touched wall") < text.index("when the run ended")
 
 
 def test_quiet_is_one_line_if_all_passed(samples: Samples, options: ReportOptions) -> None:

@@ -69,7 +69,7 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
         ("absent.urdf", "'absent.urdf' does not exist"),
         ("../box.urdf", "is outside the workspace"),
         (".", "'.' is a folder"),
-        ("a\0.urdf", "cannot be a file"),
+        ("a\0.urdf", "is not a valid path"),
         ("model://absent", "refers to the model 'absent', which is not there"),
         ("model://", "names no file"),
         ("ant.xml", "a robot is one body with what hangs on it, this has 0 bodies in its world"),

@@ -64,7 +64,7 @@ def test_one_outcome_stays_as_it_is(tmp_path: Path) -> None:
 def test_agreement_that_was_asked_and_not_judged_is_noted(tmp_path: Path) -> None:
     alone = ran(tmp_path, "pybullet", FIRST)
     (noted,) = compared(loaded(tmp_path, ASKED), (alone,), tmp_path)
-    assert noted.notes == ("agreement was not judged: the call names one engine",)
+    assert noted.notes == ("agreement was not judged: the command line selects one engine",)
 
 
 def test_what_agrees_is_told_with_the_largest_difference_and_when(tmp_path: Path) -> None:
@@ -74,7 +74,9 @@ def test_what_agrees_is_told_with_the_largest_difference_and_when(tmp_path: Path
     assert position.verdict.measured == pytest.approx(0.01)
     assert position.verdict.margin == pytest.approx(0.02)
     assert position.verdict.time == 0.2
-    assert position.verdict.message == "at most 0.01 m apart from pybullet 1.0 in position at 0.20 s, of 0.03 m allowed"
+    assert (
+        position.verdict.message == "position differs from pybullet 1.0 by at most 0.01 m, at 0.20 s; allowed: 0.03 m"
+    )
     assert yaw.verdict.measured == pytest.approx(0.034907, abs=1e-6)
     assert yaw.location.line == 4
 
@@ -97,7 +99,7 @@ def test_what_nobody_asked_is_told_and_fails_nothing(tmp_path: Path) -> None:
     assert [(one.failed, one.warned, one.verdict.limit) for one in added] == [(False, False, None)] * 3
     names = ["the same verdicts as pybullet 1.0", "distance to pybullet 1.0", "difference in yaw to pybullet 1.0"]
     assert [one.name for one in added] == names
-    assert added[1].verdict.message == "at most 0.05 m apart from pybullet 1.0 in position at 0.20 s"
+    assert added[1].verdict.message == "position differs from pybullet 1.0 by at most 0.05 m, at 0.20 s"
 
 
 @pytest.mark.parametrize(("more", "severity"), [("", "warning"), (ASKED, "error")])
@@ -106,7 +108,7 @@ def test_verdicts_that_differ_are_a_warning_unless_agreement_was_asked(
 ) -> None:
     _, (verdicts, *_) = held_against(tmp_path, NEAR, more, holds=False)
     assert (verdicts.verdict.passed, verdicts.severity) == (False, severity)
-    assert verdicts.verdict.message == "'travel' holds in pybullet 1.0, and not in mujoco 1.0"
+    assert verdicts.verdict.message == "'travel' passes in pybullet 1.0 and fails in mujoco 1.0"
 
 
 @pytest.mark.parametrize("place", [0, 1])
@@ -119,7 +121,7 @@ def test_an_engine_without_a_verdict_is_told_at_the_one_that_has_one(place: int,
     assert after[place] == broken
     (verdicts,) = after[1 - place].expectations[1:]
     assert verdicts.failed
-    assert verdicts.verdict.message == f"{('pybullet', 'mujoco')[place]} came to no verdict"
+    assert verdicts.verdict.message == f"{('pybullet', 'mujoco')[place]} gave no verdict"
 
 
 def test_two_without_a_verdict_have_nothing_to_compare(tmp_path: Path) -> None:

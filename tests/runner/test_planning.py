@@ -83,7 +83,7 @@ def test_on_several_each_run_has_the_name_of_its_engine(more: str, backend: str 
     ("more", "message"),
     [
         ("backend: mujoco", "4:1: backend: the engine mujoco is not installed here; there is pybullet"),
-        ("agreement: {yaw: 1}", "4:1: agreement: it takes two engines to compare, and there is only pybullet"),
+        ("agreement: {yaw: 1}", "4:1: agreement: a comparison needs two engines, but there is only pybullet"),
     ],
 )
 def test_an_engine_that_the_file_asks_for_and_is_not_there_is_told_on_its_line(
@@ -134,7 +134,7 @@ def test_a_model_of_mujocos_own_runs_there(backend: str | None, tmp_path: Path) 
     [
         ("", "pybullet", "2:9: robot.model: PyBullet reads most of MJCF without its joints"),
         ("backend: pybullet", None, "2:9: robot.model: PyBullet reads most of MJCF without its joints"),
-        ("agreement: {yaw: 1}", None, "4:1: agreement: ant.xml is a model for MuJoCo alone"),
+        ("agreement: {yaw: 1}", None, "4:1: agreement: ant.xml is a model for MuJoCo only"),
     ],
 )
 def test_a_model_of_mujocos_own_runs_nowhere_else(more: str, backend: str | None, message: str, tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_model_of_mujocos_own_is_told_where_mujoco_is_missing(tmp_path: Path) 
 
 def test_a_model_of_mujocos_own_is_not_read_before_it_runs(tmp_path: Path) -> None:
     assert ant(tmp_path).unchecked == (
-        "ant.xml is read by MuJoCo when it runs: until then, what is said of links and joints is not checked",
+        "links and joints of ant.xml are not checked yet: MuJoCo reads the file when the scenario runs",
     )
 
 

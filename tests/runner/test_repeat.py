@@ -53,12 +53,12 @@ def test_the_most_that_agree_are_held_against_the_first_that_does_not(loaded: Lo
     assert (told.repeats.count, told.repeats.agreed, told.repeats.digests) == (5, 3, 3)
     message = told.failures[0].message
     assert message.startswith(
-        "3 of 5 runs agree; run 1 left run 2 at 0.25 s, in x of base_position_xyz: 0.0 and not 1.0;"
+        "3 of 5 runs agree; run 1 differs from run 2 at 0.25 s, in x of base_position_xyz: 0.0 and not 1.0;"
     )
     assert told.failures[0].time == 0.25
     assert told.trace == "traces/2.npz"
     assert sorted(path.name for path in (tmp_path / "traces").iterdir()) == ["1.npz", "2.npz"]
-    assert told.notes == ("the trace of run 2 is here, that of run 1 in traces/1.npz",)
+    assert told.notes == ("the trace of run 2 is stored here, the trace of run 1 in traces/1.npz",)
 
 
 def test_where_no_code_of_the_users_runs_it_is_for_us_to_mend(loaded: LoadedScenario, tmp_path: Path) -> None:

@@ -100,10 +100,10 @@ def test_a_built_in_robot_of_a_base_in_another_folder_stays_that(
         ),
         ("a.sim.yml", "goes in a circle: a.sim.yml -> a.sim.yml"),
         ("loop.base.yml", "goes in a circle: a.sim.yml -> loop.base.yml -> a.sim.yml"),
-        ("/etc/hostname", "'/etc/hostname' is outside the workspace {folder}; --allow-outside lifts this"),
-        ("../x.base.yml", "'../x.base.yml' is outside the workspace {folder}; --allow-outside lifts this"),
+        ("/etc/hostname", "'/etc/hostname' is outside the workspace {folder}; allow it with --allow-outside"),
+        ("../x.base.yml", "'../x.base.yml' is outside the workspace {folder}; allow it with --allow-outside"),
         ("[b.base.yml]", "expected the path of one file, found a list of 1"),
-        (".", "'.' is a folder (looked for {folder})"),
+        (".", "'.' is a folder, not a file (looked for {folder})"),
         ("", "expected the path of one file, found nothing"),
     ],
 )

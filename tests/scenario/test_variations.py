@@ -224,7 +224,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ("{robot.pose.x: {normal: [0, 0], samples: 2}}", "the standard deviation must be above 0"),
         ("{robot.pose.x: {normal: [0, 1]}}", "the key 'samples' is missing"),
         ("{robot.pose.x: {normal: [0, 1], samples: 0}}", "must be at least 1, found 0"),
-        ("{robot.pose.x: {normal: [0], samples: 1}}", "the list ends before entry 2"),
+        ("{robot.pose.x: {normal: [0], samples: 1}}", "entry 2 of the list is missing"),
         ("{robot.pose.x: {normal: [far, 1], samples: 1}}", "expected a finite number, maybe with a unit, found 'far'"),
         ("{robot.pose.x: {normal: ['1 |', '1 |'], samples: 1}}", "a finite number, maybe with a unit, found '1 |'"),
         ('{"robot.args.\\n::error::x": [1]}', "runs are named after it: it is plain text"),

@@ -134,12 +134,12 @@ def test_two_sources_for_one_joint_are_an_error_that_names_it(
     assert raised.value.source == 1
     assert str(raised.value) == (
         f"at 0.1 s of sim time, commands.0 and commands.1 both move joint '{joint}'; "
-        "sources that act at the same time move different joints"
+        "command sources must move different joints"
     )
 
 
 def test_a_twist_and_targets_for_its_wheels_do_not_go_together(tmp_path: Path) -> None:
-    with pytest.raises(ScriptError, match="target for joint 'wheel_left_joint', which the drive turns for a twist"):
+    with pytest.raises(ScriptError, match="target for joint 'wheel_left_joint', which the drive moves"):
         first(controls(tmp_path, script("twist_and_left")))
 
 
@@ -211,7 +211,7 @@ def test_a_joint_that_another_moves_is_told_on_its_line(tmp_path: Path) -> None:
     (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", f"{{{joint}}}"))
     assert problem == (
         "6:5: commands.1: joint 'wheel_left_joint' is moved by commands.0 already; "
-        "sources that act at the same time move different joints"
+        "command sources must move different joints"
     )
 
 
@@ -223,7 +223,7 @@ def test_two_controllers_that_drive_the_base_are_told_so(tmp_path: Path) -> None
 def test_a_twist_takes_wheels_that_are_known(tmp_path: Path) -> None:
     (tmp_path / "ctl.py").write_text(SCRIPT)
     loaded = load(tmp_path, scenario_of(script("both_ways")))
-    with pytest.raises(ScriptError, match=r"which joints are wheels is not known; name them: robot\.drive"):
+    with pytest.raises(ScriptError, match=r"the wheels of the robot are unknown; name them in robot\.drive"):
         Controls(loaded.scenario, build_scene(loaded), None).plan(0, 240, look)
 
 

@@ -171,14 +171,14 @@ def test_the_end_is_the_same_however_the_blocks_are_cut(
 def test_a_goal_that_something_else_cut_short_says_so() -> None:
     panel, _ = seen_by(scenario(FAR_GOAL, BREAKS), ride())
     undecided, broken = panel.verdicts()
-    assert undecided.message == "travelled 6 m of 100 m in 6.0 s, when the run was over"
+    assert undecided.message == "travelled 6 m of 100 m in 6.0 s, when the run ended"
     assert broken.message == "travelled 6 m at 6.00 s, more than 5 m"
     assert (undecided.cut_off, broken.cut_off) == (True, False)
 
 
 def test_that_the_run_was_over_is_told_once() -> None:
     panel, _ = seen_by(scenario(expectation(Stl(formula="eventually travel > 99 m")), BREAKS), ride())
-    assert [verdict.message.count("the run was over") for verdict in panel.verdicts()] == [1, 0]
+    assert [verdict.message.count("the run ended") for verdict in panel.verdicts()] == [1, 0]
 
 
 def test_a_goal_that_the_time_limit_cut_short_is_itself_to_blame() -> None:

@@ -64,7 +64,7 @@ def settled(down: float, pitch: float, z: float | None = None, base: str = "free
 def test_a_base_that_has_moved_before_the_run_begins_is_told(
     down: float, pitch: float, z: float | None, said: str | None
 ) -> None:
-    expected = said and f"while it settled, before t = 0, the base link 'base' {said}"
+    expected = said and f"while the robot settled, before t = 0, its base link 'base' {said}"
     assert settled(down, pitch, z) == expected
     assert settled(down, pitch, z, base="fixed") is None
 
@@ -85,19 +85,19 @@ def test_what_touches_may_begin() -> None:
 
 def test_what_is_inside_an_object_is_told_with_what_to_move() -> None:
     assert told(Overlap("hand", "wall", 0.12)) == [
-        "robot.pose: the robot's link 'hand' begins 0.12 m deep in 'wall'; move it, or world.objects[1].pose"
+        "robot.pose: the robot's link 'hand' starts 0.12 m inside 'wall'; move it, or world.objects[1].pose"
     ]
 
 
 def test_what_is_below_the_ground_is_told_how_to_stand_on_it() -> None:
     (message,) = told(Overlap("base", GROUND, 0.3))
-    assert "0.3 m deep in the ground" in message
+    assert "0.3 m inside the ground" in message
     assert "leave z out" in message
 
 
 def test_what_is_bolted_at_the_height_of_the_world_has_no_z_to_leave_out() -> None:
     (message,) = told(Overlap("hand", GROUND, 0.3), base="fixed", z=None)
-    assert message.endswith("deep in the ground; raise its z")
+    assert message.endswith("inside the ground; raise its z")
 
 
 def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
@@ -108,8 +108,8 @@ def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
         Overlap("hand", "crate", 0.3),
     )
     assert [message.split(";")[0] for message in found] == [
-        "robot.pose: the robot's link 'hand' begins 0.3 m deep in 'crate'",
-        "robot.pose: the robot's link 'upper' begins 0.2 m deep in 'wall'",
+        "robot.pose: the robot's link 'hand' starts 0.3 m inside 'crate'",
+        "robot.pose: the robot's link 'upper' starts 0.2 m inside 'wall'",
     ]
 
 
@@ -145,7 +145,7 @@ def test_a_robot_below_a_heightfield_is_told_though_it_touches_nothing(x: float,
     if not is_buried:
         refuse_bad_start(scene, Pose((x, 0, z)), (), ())
         return
-    with pytest.raises(BadStart, match=r"begins 0.1 m below the surface of 'hill'"):
+    with pytest.raises(BadStart, match=r"starts 0.1 m below the surface of 'hill'"):
         refuse_bad_start(scene, Pose((x, 0, z)), (), ())
 
 
@@ -218,14 +218,12 @@ def test_what_was_there_before_is_not_told(arrivals: Arrivals) -> None:
 
 def test_the_deepest_is_told(arrivals: Arrivals) -> None:
     links = (Overlap("base", "second", 0.01), Overlap("wheel", "second", 0.02), Overlap("arm", "ever", 1.0))
-    with pytest.raises(
-        RunError, match=r"'second' appears at 0.5042 s, 0.02 m deep in the robot's link 'wheel'"
-    ) as told:
+    with pytest.raises(RunError, match=r"'second' appears at 0.5042 s, 0.02 m inside the robot's link 'wheel'") as told:
         refuse(arrivals, 121, Inside(links))
     assert told.value.keys == ("world", "objects", 1, "appears")
 
 
 @pytest.mark.parametrize("clash", [Clash("ever", "third", 0.03), Clash("third", "ever", 0.03)])
 def test_bodies_are_inside_each_other_either_way(arrivals: Arrivals, clash: Clash) -> None:
-    with pytest.raises(RunError, match=r"'third' appears at 0.5042 s, 0.03 m deep in 'ever', and one would"):
+    with pytest.raises(RunError, match=r"'third' appears at 0.5042 s, 0.03 m inside 'ever', and the engine would"):
         refuse(arrivals, 121, Inside(bodies=(clash,)))

@@ -82,11 +82,11 @@ def test_the_first_step_beyond_a_bound_is_named(moments: Trace, what: str) -> No
 @pytest.mark.parametrize(
     ("moments", "advice"),
     [
-        (trace([1.0], velocity=[2000]), "if it is meant to be so, set physics.max_turn_rate"),
-        (trace([1.0], x=[2e4]), "if it is meant to be so, set physics.max_distance"),
+        (trace([1.0], velocity=[2000]), "if this is intended, raise physics.max_turn_rate"),
+        (trace([1.0], x=[2e4]), "if this is intended, raise physics.max_distance"),
         (trace([1.0], z=[-20]), "a start below the ground (robot.pose.z)"),
-        (trace([1.0], z=[-20]), "if it is meant to be so, set physics.max_depth"),
-        (trace([1.0], speed=[math.nan]), "an inertia too small for the forces on it"),
+        (trace([1.0], z=[-20]), "if this is intended, raise physics.max_depth"),
+        (trace([1.0], speed=[math.nan]), "an inertia that is too small for the forces"),
     ],
 )
 def test_it_says_what_to_do(moments: Trace, advice: str) -> None:
@@ -109,7 +109,7 @@ def test_of_several_in_one_step_a_joint_is_named_before_the_base_and_the_worst_j
 
 def test_the_highest_bound_is_where_engines_stop() -> None:
     highest = watchdog(Physics(max_turn_rate=FASTEST))
-    assert "no engine here goes faster" in fault(trace([1.0], velocity=[FASTEST]), highest)
+    assert "no engine allows more" in fault(trace([1.0], velocity=[FASTEST]), highest)
 
 
 def test_bounds_are_those_of_the_scenario() -> None:
@@ -118,7 +118,7 @@ def test_bounds_are_those_of_the_scenario() -> None:
     fine = trace(TIMES, x=[0, 3.9, 0, 0], z=[0, 0, -0.49, 0], speed=[0, 1.9, 0, 0], velocity=[0, 0, 2.9, 0])
     assert dog.watch(fine) == (fine, None)
     assert "2 m/s, and the bound is 2 m/s" in fault(trace(TIMES, speed=[0, 2, 0, 0]), dog)
-    assert "set physics.max_speed" in fault(trace(TIMES, speed=[0, 2, 0, 0]), dog)
+    assert "raise physics.max_speed" in fault(trace(TIMES, speed=[0, 2, 0, 0]), dog)
     assert f"joint {LEFT}: 3 rad/s" in fault(trace(TIMES, velocity=[0, 3, 0, 0]), dog)
     assert "4.1 m from where it began" in fault(trace(TIMES, x=[0, 4.1, 0, 0]), dog)
     assert "0.5 m below the ground, and the bound is 0.5 m" in fault(trace(TIMES, z=[0, -0.5, 0, 0]), dog)
@@ -175,7 +175,7 @@ def test_a_joint_that_slides_is_bounded_in_m() -> None:
 
 def test_settling_is_told_by_the_time_since_it_was_let_go() -> None:
     moments = trace([-1.55, -1.54], z=[0.0, -9.0])
-    assert "unstable while it settled, 0.460 s after it was let go, first in" in fault(moments)
+    assert "unstable while the robot settled, 0.460 s after its release, first in" in fault(moments)
 
 
 def test_nothing_is_no_reason() -> None:
@@ -258,17 +258,19 @@ def test_gains_that_explode_are_an_error_that_names_the_joint(tmp_path: Path) ->
 
 def test_a_robot_that_nothing_carries_is_an_error_although_it_stays_upright(tmp_path: Path) -> None:
     message = unstable(tmp_path, shape="")
-    assert "while it settled, 0.450 s after it was let go, first in the base link base: 1.00" in message
+    assert "while the robot settled, 0.450 s after its release, first in the base link base: 1.00" in message
 
 
 def test_a_start_below_the_ground_is_an_error(tmp_path: Path) -> None:
     below = ", pose: {z: -5}"
-    assert "0.004 s after it was let go, first in the base link base" in unstable(tmp_path, below, shape="")
-    with pytest.raises(BadStart, match=r"begins 5\.05 m deep in the ground"):
+    assert "0.004 s after its release, first in the base link base" in unstable(tmp_path, below, shape="")
+    with pytest.raises(BadStart, match=r"starts 5\.05 m inside the ground"):
         pendulum(tmp_path, below)
 
 
 # MuJoCo bears these.
 @pytest.mark.pybullet
 def test_steps_that_are_too_long_are_an_error(tmp_path: Path) -> None:
-    assert "time steps too long (raise physics.rate)" in unstable(tmp_path, ", pose: {z: 4}", "physics: {rate: 5}")
+    assert "time steps that are too long (raise physics.rate)" in unstable(
+        tmp_path, ", pose: {z: 4}", "physics: {rate: 5}"
+    )

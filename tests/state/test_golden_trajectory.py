@@ -103,15 +103,18 @@ HEAD = "# sim-action golden trajectory 1: burger\ntime_s,x_m,y_m,z_m,yaw_rad\n"
     [
         ("", "1: expected '# sim-action golden trajectory 1: burger', found ''"),
         ("time_s,x_m\n0,0\n", "1: expected '# sim-action golden trajectory 1: burger', found 'time_s,x_m'"),
-        (HEAD.replace(" 1:", " 2:"), "1: it is of version '2' of the format; this sim-action knows 1"),
-        (HEAD.replace("burger", "waffle"), "1: it is of the robot 'waffle'; this scenario's is 'burger'"),
+        (HEAD.replace(" 1:", " 2:"), "1: the file has format version '2'; this sim-action reads version 1"),
+        (
+            HEAD.replace("burger", "waffle"),
+            "1: the file belongs to the robot 'waffle'; the robot of this scenario is 'burger'",
+        ),
         (HEAD.replace("yaw_rad", "yaw_deg"), "2: expected the columns time_s,x_m,y_m,z_m,yaw_rad, found 'time_s"),
         (HEAD, "3: expected a row of numbers, found the end of the file"),
         (HEAD + "0,0,0,0\n", "3: expected 5 numbers, found 4"),
         (HEAD + "0,0,0,0,0\n1,0,a,0,0\n", "4: expected 5 numbers, found '1,0,a,0,0'"),
         (HEAD + "0,0,0,0,0\n1,0,nan,0,0\n", "4: expected 5 numbers, found '1,0,nan,0,0'"),
         (HEAD + "0,0,0,0,0\n<<<<<<< HEAD\n", "4: expected 5 numbers, found 1"),
-        (HEAD + "1,0,0,0,0\n1,0,0,0,0\n", "4: its time 1 s does not come after that of the line before"),
+        (HEAD + "1,0,0,0,0\n1,0,0,0,0\n", "4: the time 1 s is not later than in the line before"),
         (HEAD + "\n", "3: expected 5 numbers, found 0"),
     ],
 )
@@ -124,7 +127,7 @@ def test_what_is_no_such_file_is_told_with_its_line(text: str, told: str, tmp_pa
 def test_a_file_without_end_is_not_read(tmp_path: Path) -> None:
     with (tmp_path / "x.csv").open("wb") as file:
         file.truncate(1 << 40)
-    with pytest.raises(GoldenError, match="more than 20 MB"):
+    with pytest.raises(GoldenError, match="larger than 20 MB"):
         Golden.read(tmp_path / "x.csv", FORM)
 
 

@@ -163,5 +163,5 @@ def test_readings_are_stored_whatever_the_sensors_name(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no such files")
 def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "trace.npz")
-    with pytest.raises(TraceError, match="it is no regular file"):
+    with pytest.raises(TraceError, match="it is not a regular file"):
         load_trace(tmp_path / "trace.npz")

@@ -151,7 +151,7 @@ def test_more_rows_than_any_log_has_are_not_read(tmp_path: Path, monkeypatch: py
 def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
     pipe = tmp_path / "monday.csv"
     os.mkfifo(pipe)
-    with pytest.raises(RecordingError, match=r"monday\.csv: cannot be read: it is no regular file"):
+    with pytest.raises(RecordingError, match=r"monday\.csv: cannot be read: it is not a regular file"):
         read_header(pipe, "monday.csv")
 
 

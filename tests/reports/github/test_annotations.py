@@ -46,7 +46,7 @@ def test_a_failure_stands_on_the_line_of_its_assertion(samples: Samples, options
 def test_what_ended_a_run_comes_before_what_that_cut_off(samples: Samples, options: ReportOptions) -> None:
     cause, cut_off = lines(samples["cut"], options)
     assert "title=burger hits the wall%3A no_collision::base_link touched wall" in cause
-    assert cut_off.endswith("when the run was over")
+    assert cut_off.endswith("when the run ended")
 
 
 def test_each_problem_of_an_invalid_scenario(samples: Samples, options: ReportOptions) -> None:

@@ -49,7 +49,7 @@ def test_the_row_of_a_scenario_tells_what_ended_it_not_what_that_cut_off(
     samples: Samples, options: ReportOptions
 ) -> None:
     overview, table = (line for line in summary(samples["cut"], options).splitlines() if "touched wall" in line)
-    assert "when the run was over" not in overview
+    assert "when the run ended" not in overview
     assert table.startswith("| ❌ | **no_collision**")
 
 

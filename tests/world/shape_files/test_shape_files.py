@@ -117,7 +117,7 @@ def test_maps_that_are_too_large_too_ragged_or_empty_are_told(tmp_path: Path) ->
     (tmp_path / "list.yaml").write_text("[1, 2]")
     assert "holds no map of keys" in wrong(tmp_path, map={"file": "list.yaml"})
     (tmp_path / "twice.yaml").write_text("image: a\nimage: b\n")
-    assert "twice.yaml:2:1: the key 'image' is there twice" in wrong(tmp_path, map={"file": "twice.yaml"})
+    assert "twice.yaml:2:1: the key 'image' is used twice" in wrong(tmp_path, map={"file": "twice.yaml"})
     assert "outside the workspace" in wrong(tmp_path, map={"file": "../map.yaml"})
 
 
