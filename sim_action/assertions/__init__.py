@@ -1,7 +1,7 @@
-"""Assertions: what must come true (goals) and what must hold throughout (invariants).
+"""Assertions: goals, which must come true, and invariants, which must hold throughout.
 
-An assertion is a frozen spec whose fields are the YAML keys. Its monitor is a value too: a fold over traces, which
-the simulation loop feeds block by block and a stored trace in one piece, with the same result.
+An assertion is a frozen spec whose fields are the YAML keys. `Assertion.monitor` opens its monitor, which watches the
+run.
 """
 
 from __future__ import annotations
@@ -29,75 +29,75 @@ _MAX_TITLE: Final = 100
 
 
 class Assertion(FrozenModel):
-    """What all assertions are."""
+    """The base class of all assertions."""
 
     key: ClassVar[str]
-    """Its name in YAML."""
+    """The name in YAML."""
 
     bare_value: ClassVar[str | None] = None
-    """The key whose value, a text, may stand alone in the place of all keys."""
+    """The key whose text may replace the whole map in YAML; None if there is none."""
 
     runs_user_code: ClassVar[bool] = False
-    """Whether its monitor runs code of the user's: such a scenario gets an interpreter of its own."""
+    """True if the monitor runs user code. Such a scenario gets an interpreter of its own."""
 
     @property
     def channels(self) -> Channels:
-        """What its monitor reads beside the state of the robot; it is computed only when asked for."""
+        """The data that the monitor reads in addition to the robot's state. Only these channels are computed."""
         return Channels()
 
     @property
     @abstractmethod
     def title(self) -> str:
-        """What is asked, in a few words: "travel at least 1.5 m"."""
+        """The requirement in a few words, such as "travel at least 1.5 m"."""
 
     @property
     def inner_title(self) -> str:
-        """Its title where it stands in that of another."""
+        """The title as it appears inside the title of another assertion."""
         return self.title
 
     @abstractmethod
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """The fold's beginning; `start` is the settled state at t = 0."""
+        """Open the monitor. `start` is the settled state at t = 0."""
 
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
     ) -> tuple[Signal, ...]:
-        """What it looked at over time, with its limits: the curve of what is measured first.
+        """Return the curves that the assertion judges, with their limits. The measured quantity comes first.
 
-        `trace` is the whole run, and may be decimated; `after` and `before`, in s of sim time, are the expectation's.
+        `trace` is the whole run and may be decimated. `after` and `before`, in s of sim time, bound the time window.
         """
         from sim_action.assertions.monitors.window import signals_of
 
         return signals_of(self.monitor(scene, start), trace, after, before)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """Where in the world that is, if it is somewhere."""
+        """Return the places in the world that belong to the assertion, for the 3-D view."""
         return ()
 
     @property
     def python_file(self) -> str | None:
-        """Path of the user's code that runs beside the robot, from the scenario."""
+        """Path of a Python file by the user that runs next to the robot, relative to the scenario."""
         return None
 
     @property
     def reads_file(self) -> bool:
-        """Whether it names a file of the user's, which takes time to read."""
+        """True if the assertion names a file that must be read."""
         return False
 
     def file_problems(self, workspace: Workspace) -> SpecProblems:
-        """What is wrong with the files it names; nothing of the user's is run."""
+        """Yield problems with the files that the assertion names. No user code runs."""
         yield from ()
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """What does not fit the scene."""
+        """Yield everything that does not fit the scene."""
         yield from ()
 
     def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
-        """What does not fit the scenario's sensors: name -> kind of each."""
+        """Yield everything that does not fit the sensors of the scenario. `kinds` maps sensor name to kind."""
         yield from ()
 
     def leaves(self) -> Iterator[Assertion]:
-        """The assertions that it consists of, which look at the robot: itself, if it is not made of others."""
+        """Yield the assertions that judge the robot: the parts of a combined assertion, or the assertion itself."""
         yield self
 
 

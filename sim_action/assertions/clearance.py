@@ -1,4 +1,4 @@
-"""`clearance: {at_least: 20 cm, to: [wall]}`: how near the robot comes to what surrounds it."""
+"""`clearance: {at_least: 20 cm, to: [wall]}`: the distance between the robot and bodies of the world."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
 
 
 class Clearance(Assertion):
-    """The least distance between the robot and bodies of the world is not below a bound, or comes down to one.
+    """The least distance between the robot and bodies of the world stays above a bound, or falls to one.
 
-    It is the distance between collision shapes, in space, at every physics step; inside of each other it is
-    negative. The ground counts only where `to` names it. Of two engines, PyBullet rounds the edges of boxes by
-    1 mm, and tells distances from them that are up to 0.7 mm greater.
+    It is the 3-D distance between collision shapes at every physics step; shapes that overlap have a negative distance.
+    The ground counts only if `to` names it. PyBullet rounds the edges of boxes by 1 mm, so its distances to edges are
+    up to 0.7 mm greater than those of MuJoCo.
     """
 
     key: ClassVar[str] = "clearance"
 
-    at_least: Annotated[PositiveMetres | None, Field(description="an invariant: nothing may come nearer than this")] = (
-        None
-    )
-    at_most: Annotated[PositiveMetres | None, Field(description="a goal: something must come as near as this")] = None
+    at_least: Annotated[PositiveMetres | None, Field(description="an invariant: minimum distance")] = None
+    at_most: Annotated[PositiveMetres | None, Field(description="a goal: the distance must fall to this value")] = None
     to: Annotated[
         tuple[str, ...] | None, Field(min_length=1, description="names of bodies; left out: all but the ground")
     ] = None
-    links: Annotated[tuple[str, ...] | None, Field(min_length=1, description="of the robot; left out: all")] = None
+    links: Annotated[tuple[str, ...] | None, Field(min_length=1, description="links of the robot; left out: all")] = (
+        None
+    )
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> Self:
@@ -61,7 +61,7 @@ class Clearance(Assertion):
 
     @property
     def watch(self) -> ClearanceWatch:
-        """What it reads of a trace."""
+        """The distances that the monitor reads from a trace."""
         return ClearanceWatch(self.links, self.to)
 
     @property
@@ -70,10 +70,10 @@ class Clearance(Assertion):
         return Channels(clearances=frozenset({self.watch}))
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Names that are none of bodies, or of links, and nothing to be clear of."""
+        """Yield unknown bodies and links, and a world without objects."""
         bodies = [body.name for body in scene.world.objects]
         if self.to is None and not bodies:
-            yield (), "the world has no objects to be clear of; put some below world.objects"
+            yield (), "the world has no objects to keep clear of; add some to world.objects"
         hinted = FirstFew()
         for index, name in enumerate(self.to or ()):
             if name not in (*bodies, GROUND):
@@ -92,11 +92,11 @@ class Clearance(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class ClearanceMonitor:
-    """Folds distances against both bounds; keeps what was nearest to what when it decided.
+    """The fold of the least distance against both bounds, with the links and bodies that decided.
 
     Attributes:
-        at_goal, at_worst: the moments that the two folds are about.
-        end: sim time in s of the last moment seen.
+        at_goal, at_worst: the least distances at the steps of the two folds.
+        end: sim time of the last step, in s.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -115,7 +115,7 @@ class ClearanceMonitor:
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided: what was near enough is, unless it may come too near."""
+        """See DecidingMonitor.is_decided. A distance below `at_most` decides if there is no `at_least`."""
         return self.state is State.BROKEN or (self.spec.at_least is None and self.state is State.HOLDS)
 
     def observe(self, trace: Trace) -> Self:
@@ -139,13 +139,13 @@ class ClearanceMonitor:
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: distances are told only where they are less than any before."""
+        """See PlottableMonitor.signals. A trace holds only distances that are less than all before."""
         name = "least distance" + (f" to {', '.join(self.spec.to)}" if self.spec.to else "")
         time, distance = least_so_far(trace, self.spec.watch)
         return (Signal(name, "m", time, distance, self.spec.at_least, self.spec.at_most),) if len(time) else ()
 
     def verdict(self) -> Verdict:
-        """The bound that decides: a broken one, else the goal, else the one that held."""
+        """Return the verdict on a broken lower bound, else on the goal, else on the lower bound."""
         if self.spec.at_most is None or self.invariant.state is State.BROKEN:
             return self._kept_clear()
         return self._came_near(self.spec.at_most)
@@ -153,28 +153,27 @@ class ClearanceMonitor:
     def _kept_clear(self) -> Verdict:
         limit, near, passed = self.spec.at_least, self.at_worst, self.invariant.state is State.HOLDS
         if limit is None or near is None:
-            return Verdict(passed, None, limit, None, "m", None, "no moment to measure")
+            return Verdict(passed, None, limit, None, "m", None, "no physics step to measure")
         distance, least = units.display_apart(near.distance, limit, "m")
-        message = f"{_told(near, distance)} at {near.time:.2f} s, " + (
-            "at the nearest" if passed else f"less than {least}"
-        )
+        message = f"{_told(near, distance)} at {near.time:.2f} s"
+        message = f"closest approach: {message}" if passed else f"{message}, less than {least}"
         return Verdict(passed, near.distance, limit, self.invariant.margin, "m", near.time, message)
 
     def _came_near(self, limit: float) -> Verdict:
         near, passed = self.at_goal, self.goal.state is State.HOLDS
         if near is None:
-            return Verdict(False, None, limit, None, "m", None, "no moment to measure")
+            return Verdict(False, None, limit, None, "m", None, "no physics step to measure")
         distance, _ = units.display_apart(near.distance, limit, "m")
         message = (
             f"{_told(near, distance)} at {near.time:.2f} s"
             if passed
-            else f"{_told(near, distance)} at the nearest, at {near.time:.2f} s, in {self.end:.1f} s"
+            else f"closest approach in {self.end:.1f} s: {_told(near, distance)} at {near.time:.2f} s"
         )
         return Verdict(passed, near.distance, limit, self.goal.margin, "m", near.time, message)
 
 
 def _links_with_shapes(model: RobotModel) -> list[str]:
-    # What is in MuJoCo's own format tells its shapes to the engine alone.
+    # Only the engine knows the shapes of an MJCF model.
     return [link.name for link in model.links if link.collisions or model.mjcf]
 
 

@@ -1,4 +1,4 @@
-"""Assertions that consist of others: their specs, and the fold of several at once."""
+"""`any_of`, `all_of` and `not`: assertions that consist of other assertions."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ Place = tuple[str | int, ...]
 
 
 class Combined(Assertion):
-    """An assertion whose value in YAML is one assertion or more."""
+    """The base class of assertions whose YAML value is one assertion or several."""
 
     @classmethod
     @abstractmethod
     def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
-        """Each assertion in the value, with the keys that lead to it. Raises ValueError for what is no such value."""
+        """Return each assertion in the YAML value with its keys. Raises ValueError for another kind of value."""
 
     @classmethod
     @abstractmethod
     def made_of(cls, parts: tuple[Assertion, ...]) -> Self:
-        """The spec, of what the entries were read as."""
+        """Return the spec made of the assertions that were read from `entries`."""
 
     @classmethod
     @abstractmethod
     def value_schema(cls, part: dict[str, Any]) -> dict[str, Any]:
-        """The JSON Schema of the value, from that of a part."""
+        """Return the JSON Schema of the YAML value, given the schema of a part."""
 
     @property
     @abstractmethod
     def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
-        """Its parts, with the keys that lead to each."""
+        """The parts with the keys that lead to each."""
 
     def leaves(self) -> Iterator[Assertion]:
         """See Assertion.leaves."""
@@ -66,53 +66,53 @@ class Combined(Assertion):
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
     ) -> tuple[Signal, ...]:
-        """Those of its parts."""
+        """Return the signals of all parts."""
         parts = (part for _, part in self.placed_parts)
         return tuple(signal for part in parts for signal in part.signals(scene, start, trace, after, before))
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """Those of its parts."""
+        """Return the marks of all parts."""
         return tuple(mark for _, part in self.placed_parts for mark in part.marks(scene, start))
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Those of its parts."""
+        """Yield the problems of all parts."""
         for place, part in self.placed_parts:
             for path, message in part.problems(scene):
                 yield (*place, part.key, *path), message
 
     def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
-        """Those of its parts."""
+        """Yield the sensor problems of all parts."""
         for place, part in self.placed_parts:
             for path, message in part.sensor_problems(kinds):
                 yield (*place, part.key, *path), message
 
     def file_problems(self, workspace: Workspace) -> SpecProblems:
-        """Those of its parts."""
+        """Yield the file problems of all parts."""
         for place, part in self.placed_parts:
             for path, message in part.file_problems(workspace):
                 yield (*place, part.key, *path), message
 
 
 def is_decided(monitor: Monitor, began: State) -> bool:
-    """Whether no later moment can change what a monitor says that began in a state."""
+    """Return True if no later step can change the result of a monitor that began in the state `began`."""
     if is_deciding(monitor):
         return monitor.is_decided
     return monitor.state is State.BROKEN or (began is State.PENDING and monitor.state is State.HOLDS)
 
 
 def begun(monitor: Monitor, trace: Trace) -> Monitor:
-    """A monitor after the moments before its window, if it wants to see them."""
+    """Return the monitor after the steps before its window, if it is cumulative."""
     return monitor.begin(trace) if is_cumulative(monitor) else monitor
 
 
 @dataclass(frozen=True)
 class Combination:
-    """All of several folds (`every`), or any of them.
+    """The monitor of several assertions: all of them must hold (`every`), or at least one.
 
-    Its state is worked out once, however often those around it ask: anew, each layer would double the work.
+    The state is cached, because each level of nesting would otherwise double the work.
 
     Attributes:
-        began: the state of each before the first moment.
+        began: the state of each monitor before the first step.
     """
 
     titles: tuple[str, ...]
@@ -122,7 +122,7 @@ class Combination:
 
     @classmethod
     def of(cls, parts: tuple[Assertion, ...], scene: Scene, start: Observation, *, every: bool) -> Self:
-        """The fold before the first moment."""
+        """Return the monitor before the first step."""
         monitors = tuple(part.monitor(scene, start) for part in parts)
         return cls(tuple(part.inner_title for part in parts), monitors, tuple(m.state for m in monitors), every)
 
@@ -152,7 +152,7 @@ class Combination:
         return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))
 
     def verdict(self) -> Verdict:
-        """That of the part which decides, said of all of them."""
+        """Return the verdict of the deciding part, with a message about all parts."""
         verdicts = [monitor.verdict() for monitor in self.monitors]
         good = [verdict.passed for verdict in verdicts]
         passed = all(good) if self.every else any(good)
@@ -167,7 +167,7 @@ class Combination:
 
 
 def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: bool, last: bool) -> int:
-    """By the margins, if all of them are of one unit; else the one that was decided last, or first."""
+    """Return the index of the deciding verdict: by margin if the units agree, else by time."""
     margins = {n: margin for n in candidates if (margin := verdicts[n].margin) is not None}
     if len(margins) == len(candidates) and len({verdicts[n].unit for n in candidates}) == 1:
         return (min if least else max)(margins, key=margins.__getitem__)
@@ -176,15 +176,15 @@ def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: 
 
 
 class Several(Combined):
-    """What `any_of` and `all_of` have in common."""
+    """The base class of `any_of` and `all_of`."""
 
-    parts: Annotated[tuple[Assertion, ...], Field(min_length=1, description="the list itself, which is the value")]
+    parts: Annotated[tuple[Assertion, ...], Field(min_length=1, description="the list, which is the whole value")]
 
     @classmethod
     def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
         """See Combined.entries."""
         if not isinstance(data, tuple) or not data:
-            raise ValueError(f"expected a list of assertions, each of which begins with '- ', found {shown(data)}")
+            raise ValueError(f"expected a list of assertions, each starting with '- ', found {shown(data)}")
         return [((index,), entry) for index, entry in enumerate(data)]
 
     @classmethod
@@ -209,18 +209,18 @@ class Several(Combined):
 
     @property
     def inner_title(self) -> str:
-        """In parentheses: else what follows would read as one part more."""
+        """The title in parentheses, so that the next part is not read as one of this list."""
         return f"({self.title})"
 
 
 class AllOf(Several):
-    """Several assertions must hold, all of them.
+    """All assertions of a list must hold.
 
-    Beside `expect` itself, which asks the same of its entries, it is of use inside of `any_of` and `not`, and
-    where several have one `name`, `after`, `before` and `severity`. It is a goal if one of them is; it is broken
-    as soon as one of them is. Margin, limit and time are those of the assertion that decides, which the message
-    names: the one with the least margin, if all are measured in the same unit; else the last that came true, or
-    the first that does not hold.
+    `expect` itself asks the same of its entries. `all_of` is useful inside `any_of` and `not`, and to give several
+    assertions one `name`, `after`, `before` and `severity`. It is a goal if one of its parts is a goal. It breaks as
+    soon as one part breaks. Margin, limit and time are those of the deciding part, which the message names. If all
+    parts have the same unit, this is the part with the smallest margin. Otherwise it is the part that came true last,
+    or the first part that does not hold.
     """
 
     key: ClassVar[str] = "all_of"
@@ -231,13 +231,13 @@ class AllOf(Several):
 
 
 class AnyOf(Several):
-    """One assertion of several must hold, whichever it is.
+    """At least one assertion of a list must hold.
 
-    It is a goal if one of them is: the run waits for the first that comes true, or else for its end, and what is
-    then not broken holds. Of invariants alone it is an invariant, broken when the last of them is. Margin, limit
-    and time are those of the assertion that decides, which the message names: of those that hold, or of all if
-    none does, the one with the greatest margin, if all are measured in the same unit; else, of those that hold,
-    the first. `after`, `before`, `name` and `severity` stand beside `any_of`.
+    It is a goal if one of its parts is a goal: the run waits until a goal comes true. If none does, a part that is not
+    broken at the end of the run holds. If all parts are invariants, it is an invariant, and it breaks when the last
+    part breaks. Margin, limit and time are those of the deciding part, which the message names. The candidates are the
+    parts that hold, or all parts if none holds. If all candidates have the same unit, the one with the greatest margin
+    decides, otherwise the first. `after`, `before`, `name` and `severity` are written next to `any_of`.
     """
 
     key: ClassVar[str] = "any_of"
@@ -250,15 +250,15 @@ class AnyOf(Several):
 class Negation(Combined):
     """An assertion must not hold.
 
-    The contrary of a goal is an invariant, which is broken when the goal comes true: `not: {reach: ...}` keeps
-    the robot away. The contrary of an invariant is a goal, which comes true when that is broken: `not:
-    no_collision` asks for one. What is goal and invariant at once is judged at the end of the run. The margin is
-    that of the assertion with the other sign.
+    The negation of a goal is an invariant: `not: {reach: ...}` keeps the robot away and breaks when the goal comes
+    true. The negation of an invariant is a goal: `not: no_collision` asks for a collision and comes true when the
+    invariant breaks. An assertion that is both goal and invariant is judged at the end of the run. The margin is that
+    of the inner assertion with the opposite sign.
     """
 
     key: ClassVar[str] = "not"
 
-    part: Annotated[Assertion, Field(description="the assertion itself, which is the value")]
+    part: Annotated[Assertion, Field(description="the assertion, which is the whole value")]
 
     @classmethod
     def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
@@ -290,11 +290,11 @@ class Negation(Combined):
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
     ) -> tuple[Signal, ...]:
-        """Those of its part, with the limits the other way round."""
+        """Return the signals of the part, with inverted limits."""
         return tuple(signal.contrary() for signal in super().signals(scene, start, trace, after, before))
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor; the contrary of a contrary is told in the words of what that is of."""
+        """See Assertion.monitor. A double negation is the inner assertion itself."""
         if isinstance(self.part, Negation):
             return self.part.part.monitor(scene, start)
         monitor = self.part.monitor(scene, start)
@@ -303,11 +303,11 @@ class Negation(Combined):
 
 @dataclass(frozen=True)
 class NegationMonitor:
-    """The fold of the assertion itself, read the other way round; its state is worked out once, as of a Combination.
+    """The monitor of the inner assertion with the opposite result. The state is cached, as in Combination.
 
     Attributes:
-        began: its state before the first moment.
-        seen: whether there was a moment.
+        began: the state of the inner monitor before the first step.
+        seen: True if there was at least one step.
     """
 
     monitor: Monitor
@@ -337,10 +337,10 @@ class NegationMonitor:
         return replace(self, monitor=self.monitor.observe(trace), seen=self.seen or len(trace) > 0)
 
     def verdict(self) -> Verdict:
-        """That of the assertion, the other way round: what it has found is the same, and right or wrong."""
+        """Return the verdict of the inner assertion with the opposite result."""
         verdict = self.monitor.verdict()
         if not self.seen:
-            return replace(verdict, passed=False, message="no moment to measure")
+            return replace(verdict, passed=False, message="no physics step to measure")
         margin = None if verdict.margin is None else 0.0 - verdict.margin
-        message = f"{verdict.message}, which must not be so" if verdict.passed else verdict.message
+        message = f"{verdict.message}, but 'not' requires the opposite" if verdict.passed else verdict.message
         return replace(verdict, passed=not verdict.passed, margin=margin, message=message)

@@ -35,27 +35,28 @@ if TYPE_CHECKING:
 
 _PATTERN: Final = re.compile(r"[*?\[]")
 
-# s: what is pushed along is out of touch for up to five steps at a time, in MuJoCo.
-_LOST_TOUCH: Final = 0.05
+# In MuJoCo, a body that is pushed loses contact for up to five steps at a time.
+_MAX_CONTACT_GAP_S: Final = 0.05
 
 
 class Touch(Assertion):
-    """A goal: the robot touches a body of the world; an invariant: never with more than a force.
+    """A goal: the robot touches a body of the world. With `at_most` also an invariant: the force stays below a limit.
 
-    The force is what presses them together, over all points at which they touch in one physics step: a blow lasts for
-    few of these, so it is large. What is pushed along bounces: a touch lasts on where it is lost for 50 ms or less.
+    The force is the sum over all contact points of the two in one physics step. An impact lasts only a few steps, so
+    its force is large. A body that is pushed bounces: a loss of contact for 50 ms or less does not interrupt the
+    contact.
     """
 
     key: ClassVar[str] = "contact"
 
     body: Annotated[str, Field(alias="with", min_length=1, description="name of the object")]
     link: Annotated[
-        str | None, Field(min_length=1, description="of the robot, or a pattern such as '*_finger'; left out: any")
+        str | None, Field(min_length=1, description="link of the robot, or a pattern such as '*_finger'; left out: any")
     ] = None
-    at_least: Annotated[PositiveNewtons | None, Field(description="a goal: what is less does not count")] = None
+    at_least: Annotated[PositiveNewtons | None, Field(description="a goal: smaller forces do not count")] = None
     at_most: Annotated[PositiveNewtons | None, Field(description="an invariant: must not be exceeded")] = None
     span: Annotated[
-        PositiveSeconds | None, Field(alias="for", description="how long it has to last; left out: one physics step")
+        PositiveSeconds | None, Field(alias="for", description="required duration; left out: one physics step")
     ] = None
 
     @model_validator(mode="after")
@@ -65,7 +66,7 @@ class Touch(Assertion):
 
     @property
     def watch(self) -> ClearanceWatch | None:
-        """Tells how near it came, for the robot that does not touch; None for links that only the model tells."""
+        """The distances that are recorded in case of no contact; None for a pattern of links."""
         if self.link is not None and _PATTERN.search(self.link):
             return None
         return ClearanceWatch(None if self.link is None else (self.link,), (self.body,))
@@ -84,13 +85,13 @@ class Touch(Assertion):
         return f"contact{by} with {self.body} {', '.join(asked)}".rstrip()
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """A body or a link that is not there."""
+        """Yield a body or a link that does not exist."""
         bodies = [body.name for body in scene.world.objects]
         if self.body == GROUND:
-            yield ("with",), "contacts with the ground are not watched; name an object"
+            yield ("with",), "contacts with the ground are not recorded; name an object"
         elif self.body not in bodies:
             yield ("with",), f"the world has no body '{self.body}'{did_you_mean(self.body, bodies)}"
-        # What is in MuJoCo's own format tells its shapes to the engine alone.
+        # Only the engine knows the shapes of an MJCF model.
         links = [link.name for link in scene.model.links if link.collisions or scene.model.mjcf]
         if self.link is not None and not any(self._is_of(link) for link in links):
             yield (
@@ -102,7 +103,7 @@ class Touch(Assertion):
         return self.link is None or link == self.link or fnmatchcase(link, self.link)
 
     def is_meant(self, contact: Contact) -> bool:
-        """Whether it is between the right two."""
+        """Return True if the contact is between the named link and body."""
         return contact.body == self.body and self._is_of(contact.link)
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
@@ -114,17 +115,17 @@ class Touch(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class TouchMonitor:
-    """Folds the force of each step that has a touch; a stored trace has fewer moments than that.
+    """The fold of the contact force over all steps with a contact; a stored trace may have fewer steps than contacts.
 
     Attributes:
-        step: s of sim time.
-        force: the fold against `at_least`, or against nothing.
+        step: duration of a physics step in s of sim time.
+        force: the fold against `at_least`, or against 0 N.
         limit: the fold against `at_most`.
-        touches: whether there was one at all.
-        last: sim time in s of the last one that is strong enough.
-        nearest: how near it came.
-        instead: another contact: of the body with another link, or else the first of all others.
-        end: sim time in s of the last moment seen.
+        touches: True if there was any contact.
+        last: sim time in s of the last contact that is strong enough.
+        nearest: the least distance.
+        instead: another contact: of the body with another link if there is one, else the first of all.
+        end: sim time of the last step, in s.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -147,7 +148,7 @@ class TouchMonitor:
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided: a touch is, unless there is a force that it must not exceed."""
+        """See DecidingMonitor.is_decided. A contact decides, unless there is a force limit."""
         return self.state is State.BROKEN or (self.state is State.HOLDS and self.spec.at_most is None)
 
     def observe(self, trace: Trace) -> Self:
@@ -160,13 +161,13 @@ class TouchMonitor:
         return seen.touched(time, force) if len(time) else seen
 
     def _instead_of(self, others: list[Contact]) -> Contact | None:
-        """The first of those that come nearest to what was meant."""
+        """Return the contact to name in the message if the expected one is missing."""
         known = others if self.instead is None else [self.instead, *others]
         of_body = (contact for contact in known if contact.body == self.spec.body)
         return next(of_body, next(iter(known), None))
 
     def touched(self, time: FloatArray, force: FloatArray) -> Self:
-        """The fold after these steps with a touch, (N,) s and (N,) N."""
+        """Return the fold after these steps with a contact, (N,) s and (N,) N."""
         enough = force - (self.spec.at_least or 0.0)
         limit = self.limit if self.spec.at_most is None else self.limit.observe(time, self.spec.at_most - force)
         seen = replace(self, force=self.force.observe(time, enough), limit=limit, touches=True)
@@ -174,21 +175,21 @@ class TouchMonitor:
         return seen.lasted(strong) if len(strong) else seen
 
     def lasted(self, time: FloatArray) -> Self:
-        """The fold after these steps whose touch is strong enough, (N,) s."""
+        """Return the fold after these steps with a contact that is strong enough, (N,) s."""
         return replace(self, stretch=self.stretch.observe(*self._touching(time)), last=float(time[-1]))
 
     def _touching(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Moments in s, and whether there is a touch: at all of `time`, and not at the step before each new one."""
+        """Return times in s and True for contact: all of `time`, and False one step before each new contact."""
         import numpy as np
 
-        longest = max(_LOST_TOUCH, 1.5 * self.step)
+        longest = max(_MAX_CONTACT_GAP_S, 1.5 * self.step)
         begins = np.flatnonzero(np.diff(time, prepend=-np.inf if self.last is None else self.last) > longest)
-        # The steps without a touch are not in the list: one stands for all of them, where a touch begins anew.
+        # `time` has no steps without contact: insert one before each new contact.
         moments = np.insert(time, begins, time[begins] - self.step)
         return moments, np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: the force, the duration of the touch, and touch or no touch."""
+        """See PlottableMonitor.signals. Returns duration, force, contact (0 or 1) and least distance."""
         import numpy as np
 
         spec, body = self.spec, self.spec.body
@@ -213,7 +214,7 @@ class TouchMonitor:
             yield Signal(f"least distance to {self.spec.body}", "m", time, distance)
 
     def verdict(self) -> Verdict:
-        """Of the force that was too much; else of what is missing; else of the strictest that was asked."""
+        """Return the verdict on an exceeded force, else on a missing requirement, else on the strictest one."""
         spec, passed = self.spec, self.state is State.HOLDS
         if self.limit.state is State.BROKEN or (passed and spec.at_least is None and spec.span is None):
             return self._at_most() if spec.at_most is not None else self._counted()
@@ -223,7 +224,7 @@ class TouchMonitor:
 
     def _counted(self) -> Verdict:
         if self.end is None and not self.touches:
-            return Verdict(False, None, 1.0, None, "contacts", None, "no moment to measure")
+            return Verdict(False, None, 1.0, None, "contacts", None, "no physics step to measure")
         if not self.touches:
             message = f"did not touch {self.spec.body} in {self.end:.1f} s; {self._near()}{self._instead()}"
             return Verdict(False, 0.0, 1.0, -1.0, "contacts", self.end, message)

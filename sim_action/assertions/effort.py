@@ -1,4 +1,4 @@
-"""`effort: {joints: [elbow], at_most: 5 N m}`: what the motors exert."""
+"""`effort: {joints: [elbow], at_most: 5 N m}`: limits on the effort of motors."""
 
 from __future__ import annotations
 
@@ -26,21 +26,22 @@ if TYPE_CHECKING:
 
 
 class Effort(Assertion):
-    """Each motor exerts no more than a limit, either way: at any moment, or as root mean square over the run.
+    """The effort of each motor stays below a limit in both directions: at any step, or as RMS over the run.
 
-    The root mean square is what heats a motor; it is judged when the run is over, or at `before`. Efforts are what the
-    engine's motors exert, within the limits of the model. At each tick of its commands a joint is told another speed,
-    and jumps to it: where peaks matter, let joints be told at every physics step (`rate` of the command).
+    The root mean square (RMS) is a measure of motor heating. It is judged at the end of the run or at `before`. Efforts
+    are those of the engine's motors, within the effort limits of the model. A velocity command changes the target in
+    steps, once per tick of the command, which causes peaks. If peaks matter, set the `rate` of the command to the
+    physics rate.
     """
 
     key: ClassVar[str] = "effort"
 
     joints: Annotated[
-        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; left out: all that move")
+        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; left out: all moving joints")
     ] = ()
     at_most: Annotated[JointEffort | None, Field(description="an invariant: must not be exceeded")] = None
     rms_at_most: Annotated[
-        JointEffort | None, Field(description="must not be exceeded by the root mean square over the run")
+        JointEffort | None, Field(description="upper limit of the root mean square over the run")
     ] = None
 
     @model_validator(mode="after")
@@ -67,12 +68,12 @@ class Effort(Assertion):
         return shortened_title(f"{self.key}{of} {', '.join(limits)}")
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Joints that are not there, and limits in the unit of another kind of joint."""
+        """Yield unknown joints, and limits whose unit does not fit the joint."""
         yield from choice_problems(scene.model, self.joints)
         for key, written in self._limits().items():
             for joint in chosen(scene.model, self.joints):
                 if (misfit := unit_problem(joint, "effort", written)) is not None:
-                    hint = "" if self.joints else "; name in 'joints' those that are meant"
+                    hint = "" if self.joints else "; select joints of one kind with 'joints'"
                     yield (key,), f"{misfit}{hint}"
                     break
 
@@ -95,7 +96,7 @@ class Effort(Assertion):
 
 
 def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatArray]:
-    """The signal, of (T,), without its sign."""
+    """Return the absolute value of a signal, (T,)."""
     import numpy as np
 
     return lambda trace: np.abs(signal(trace))
@@ -103,10 +104,10 @@ def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatA
 
 @dataclass(frozen=True, slots=True)
 class RootMeanSquareMonitor:
-    """Adds up the squares of a signal; judged at the end, as later moments may mend it.
+    """The fold of the squares of a signal. It is judged at the end, because later steps can lower the RMS.
 
     Attributes:
-        squares: their sum, over `moments`, the last of which is at sim time `end` in s.
+        squares: sum of the squares over `moments` steps, up to sim time `end` in s.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -133,9 +134,9 @@ class RootMeanSquareMonitor:
         return replace(self, squares=squares, moments=self.moments + len(trace), end=float(trace.time[-1]))
 
     def verdict(self) -> Verdict:
-        """Measured is the root mean square so far."""
+        """Return the verdict on the RMS so far."""
         if self.end is None:
-            return Verdict(True, None, self.limit, None, self.unit, None, "no moment to measure")
+            return Verdict(True, None, self.limit, None, self.unit, None, "no physics step to measure")
         measured = math.sqrt(self.squares / self.moments)
         passed = measured <= self.limit
         value, limit = units.display_apart(measured, self.limit, self.unit)
@@ -143,15 +144,15 @@ class RootMeanSquareMonitor:
         return Verdict(passed, measured, self.limit, self.limit - measured, self.unit, self.end, message)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: of all moments up to each, of which the last counts."""
+        """See PlottableMonitor.signals. Each value is the RMS up to that step; the last one counts."""
         import numpy as np
 
         means = self._squares(trace) / (self.moments + np.arange(1, len(trace) + 1))
         return (Signal(self.name, self.unit, trace.time, np.sqrt(means), upper=self.limit).at_end(),)
 
     def _squares(self, trace: Trace) -> FloatArray:
-        """(T,) their sum up to each moment."""
+        """Return (T,) the sum of squares up to each step."""
         import numpy as np
 
-        # One after the other, from what came before: otherwise it would round differently for every way to cut a trace.
+        # One running sum: otherwise rounding would depend on the block size.
         return np.asarray(np.cumsum(np.concatenate(([self.squares], self.signal(trace) ** 2)))[1:], dtype=np.float64)

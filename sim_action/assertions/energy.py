@@ -1,4 +1,4 @@
-"""`energy: {at_most: 5 J}`: how much work the motors do."""
+"""`energy: {at_most: 5 J}`: the mechanical work of the motors."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ Braking = Literal["free", "costs", "regained"]
 
 
 class Energy(Assertion):
-    """Mechanical work of the motors since `after`, added up over joints and physics steps, stays below a limit.
+    """The mechanical work of the motors since `after`, summed over joints and physics steps, stays below a limit.
 
-    A motor does work when it pushes the way its joint moves; when it pushes against it, it brakes. `braking` says what
-    that is: free (only work counts), as dear as driving (the magnitude of each motor's power counts), or regained (it
-    is taken off). Heat, and what holding still takes, is not in it: see `effort`.
+    A motor does positive work if its effort has the direction of the motion, and negative work if it brakes. `braking`
+    sets how negative work counts: "free" ignores it, "costs" adds its magnitude, "regained" subtracts it. Heat and
+    holding torque are not included: see `effort`.
     """
 
     key: ClassVar[str] = "energy"
 
     at_most: Annotated[NonNegativeJoules, Field(description="an invariant: must not be exceeded")]
     joints: Annotated[
-        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; left out: all that move")
+        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; left out: all moving joints")
     ] = ()
-    braking: Annotated[Braking, Field(description="what it takes to slow down, or to let a load down")] = "free"
+    braking: Annotated[Braking, Field(description="how negative work counts")] = "free"
 
     @property
     def title(self) -> str:
@@ -49,7 +49,7 @@ class Energy(Assertion):
         return shortened_title(f"{self.key}{of} at most {units.display(self.at_most, 'J')}")
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Joints that are not there."""
+        """Yield unknown joints."""
         yield from choice_problems(scene.model, self.joints)
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
@@ -61,12 +61,12 @@ class Energy(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class EnergyMonitor:
-    """Carries the work so far, and the moment that it goes on from.
+    """The fold of the work so far.
 
     Attributes:
-        time: s of sim time.
-        velocities: of the joints at that time, in rad/s or m/s.
-        work: J.
+        time: sim time of the last step, in s.
+        velocities: velocity of each joint at that time, in rad/s or m/s.
+        work: the work so far, in J.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -84,7 +84,7 @@ class EnergyMonitor:
         return self.bounds.state
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin: the work until the window opens does not count."""
+        """See CumulativeMonitor.begin. Work before the window does not count."""
         if not len(trace):
             return self
         velocities = tuple(trace.joint_velocity[-1, self._columns(trace)].tolist())
@@ -102,10 +102,10 @@ class EnergyMonitor:
         return (self.bounds.drawn("work", trace.time, self._work_until(trace)),)
 
     def _work_until(self, trace: Trace) -> FloatArray:
-        """(T,) J, up to each moment."""
+        """Return (T,) J, the work up to each step."""
         import numpy as np
 
-        # The sum begins with what came before: added afterwards, it would round differently for every cut.
+        # One running sum: otherwise rounding would depend on the block size.
         work = np.cumsum(np.concatenate(([self.work], self._works(trace))))[1:]
         return np.asarray(work, dtype=np.float64)
 
@@ -114,7 +114,7 @@ class EnergyMonitor:
         return self.bounds.verdict()
 
     def _works(self, trace: Trace) -> FloatArray:
-        """(T,) J, of each step: its effort, times the way that the mean of the velocities about it makes."""
+        """Return (T,) J, the work of each step: effort times mean velocity times step duration, over all joints."""
         import numpy as np
 
         columns = self._columns(trace)
@@ -122,7 +122,7 @@ class EnergyMonitor:
         seconds = np.diff(trace.time, prepend=self.time)
         works = trace.joint_effort[:, columns] * (velocities[1:] + velocities[:-1]) / 2 * seconds[:, None]
         counted = {"free": np.clip(works, 0.0, None), "costs": np.abs(works), "regained": works}[self.braking]
-        # One joint after the other, for the same reason.
+        # Sum the joints in order, for the same reason.
         return np.asarray(np.cumsum(counted, axis=1)[:, -1], dtype=np.float64)
 
     def _columns(self, trace: Trace) -> list[int]:

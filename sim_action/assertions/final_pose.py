@@ -1,4 +1,4 @@
-"""`final_pose: {x: 2 m, y: 0, yaw: 90 deg}`: where the robot is when the run is over."""
+"""`final_pose: {x: 2 m, y: 0, yaw: 90 deg}`: the pose of the robot at the end of the run."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 
 class FinalPose(Assertion):
-    """Where the base link is, and heads, when the run is over; or at `before`, if that is earlier.
+    """The pose of the base link at the end of the run, or at `before` if that is earlier.
 
-    It neither ends a run nor keeps it going: a run is over at its `duration`, or once all goals of the scenario are
-    met, where that is when the robot passes by. Ask for `settled`, or give a `duration`, to let it stop first. What is
-    left out of `x`, `y`, `z` and `yaw` is free.
+    It neither ends a run nor prolongs it. A run ends at its `duration`, or as soon as all goals of the scenario are
+    met; the robot may still be moving then. To let it stop first, add `settled` or a `duration`. Any of `x`, `y`, `z`
+    and `yaw` may be omitted; then it is not checked.
     """
 
     key: ClassVar[str] = "final_pose"
@@ -36,10 +36,10 @@ class FinalPose(Assertion):
     y: Annotated[Metres | None, Field(description="left out: any")] = None
     z: Annotated[Metres | None, Field(description="left out: any")] = None
     yaw: Annotated[Radians | None, Field(description="left out: any heading")] = None
-    tolerance: Annotated[PositiveMetres, Field(description="distance from the place")] = 0.05
+    tolerance: Annotated[PositiveMetres, Field(description="maximum distance from the place")] = 0.05
     yaw_tolerance: PositiveRadians = math.radians(5)
     relative: Annotated[
-        bool, Field(description="to where it stood at first, x being ahead and y to the left; else in the world frame")
+        bool, Field(description="relative to the start pose (x ahead, y to the left); else in the world frame")
     ] = False
 
     @model_validator(mode="after")
@@ -50,13 +50,13 @@ class FinalPose(Assertion):
 
     @property
     def place(self) -> dict[str, float]:
-        """Axis -> coordinate, of those that were given."""
+        """The given coordinates, by axis."""
         given = {"x": self.x, "y": self.y, "z": self.z}
         return {axis: value for axis, value in given.items() if value is not None}
 
     @property
     def place_text(self) -> str:
-        """Such as "(2, 0)", or "x = 2 m"; empty if it may be anywhere."""
+        """The place as text, such as "(2, 0)" or "x = 2 m"; empty if no coordinate is given."""
         if "x" in self.place and "y" in self.place:
             return f"({', '.join(f'{value:g}' for value in self.place.values())})"
         return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.place.items())
@@ -75,7 +75,7 @@ class FinalPose(Assertion):
         return FinalPoseMonitor(self, start.pose if self.relative else Pose(), nearest)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks: the place, or a line if it has only x or y."""
+        """See Assertion.marks. Returns the place, or a line if only x or y is given."""
         origin = start.pose if self.relative else Pose()
         begin_x, begin_y, _ = start.pose.position_xyz
         if self.x is None or self.y is None:
@@ -90,12 +90,12 @@ class FinalPose(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class FinalPoseMonitor:
-    """Knows the last moment, and how near the robot had come before.
+    """The monitor of the pose at the last step, and of the closest approach before it.
 
     Attributes:
-        origin: of the frame that the place is in.
-        distance, yaw_error: m and rad, at the last moment; 0 where any is right.
-        end: s of sim time.
+        origin: pose of the frame of the place, in the world.
+        distance, yaw_error: errors at the last step in m and rad; 0 where nothing is required.
+        end: sim time of the last step, in s.
     """
 
     is_momentary: ClassVar[bool] = True
@@ -109,7 +109,7 @@ class FinalPoseMonitor:
 
     @property
     def state(self) -> State:
-        """Where the robot is now says nothing of where it will be."""
+        """See Monitor.state. It stays open until the end, because the pose may still change."""
         return State.HOLDS
 
     def observe(self, trace: Trace) -> Self:
@@ -133,13 +133,13 @@ class FinalPoseMonitor:
         return tuple(curve.at_end() for curve in (curves if self.spec.place else curves[1:]))
 
     def verdict(self) -> Verdict:
-        """Of distance and heading, the one that is worse as a part of its tolerance."""
+        """Return the verdict on distance or heading, whichever is worse relative to its tolerance."""
         spec = self.spec
         errors = [(self.distance, spec.tolerance, "m")] if spec.place else []
         errors += [] if spec.yaw is None else [(self.yaw_error, spec.yaw_tolerance, "rad")]
         error, limit, unit = max(errors, key=lambda error: error[0] / error[1])
         if self.end is None:
-            return Verdict(False, None, limit, None, unit, None, "no moment to measure")
+            return Verdict(False, None, limit, None, unit, None, "no physics step to measure")
         passed = error <= limit
         message = f"ended {self._errors()} at {self.end:.2f} s{'' if passed else self._before()}"
         return Verdict(passed, error, limit, limit - error, unit, self.end, message)
@@ -151,14 +151,16 @@ class FinalPoseMonitor:
         return ", ".join(where + ([] if self.spec.yaw is None else [f"{off} off its heading"]))
 
     def _before(self) -> str:
-        """Whether it went too far, or not far enough."""
+        """Return the part of the message on the closest approach: overshoot or shortfall."""
         nearest = self.nearest
         if (nearest.distance, nearest.yaw_error) == (self.distance, self.yaw_error):
             return ""
-        return f"; it was {'there' if nearest.state is State.HOLDS else 'nearest'} at {nearest.goal.time:.2f} s"
+        return (
+            f"; it was {'within tolerance' if nearest.state is State.HOLDS else 'closest'} at {nearest.goal.time:.2f} s"
+        )
 
     def _distance(self, trace: Trace) -> FloatArray:
-        """Over the axes that were given, in the frame of `origin`."""
+        """Return (T,) m, over the given axes, in the frame of `origin`."""
         import numpy as np
 
         from_origin = trace.base_position_xyz - np.asarray(self.origin.position_xyz)

@@ -1,4 +1,4 @@
-"""`follow_path: {path: [{x: 0, y: 0}, {x: 2, y: 0}], max_error: 10 cm}`: how closely the robot keeps to a path."""
+"""`follow_path: {path: [{x: 0, y: 0}, {x: 2, y: 0}], max_error: 10 cm}`: the robot follows a path."""
 
 from __future__ import annotations
 
@@ -30,37 +30,45 @@ if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace
 
 
-_MOST_POINTS: Final = 10_000
-_MOST_DRAWN: Final = 2_000
-_MOST_BYTES: Final = 2_000_000
+_MAX_POINTS: Final = 10_000
+_MAX_DRAWN: Final = 2_000
+_MAX_BYTES: Final = 2_000_000
 
-# In m: where floats no longer tell millimetres apart once they are squared.
-_FURTHEST: Final = 1e6
+# Beyond this, squared floats cannot resolve millimetres.
+_MAX_COORDINATE_M: Final = 1e6
 
 
 class FollowPath(Assertion):
-    """The base keeps to a path, and comes to its end: the distance of its origin from the path on the ground.
+    """The base follows a path on the ground and reaches its end. The error is the distance of its origin from the path.
 
-    The path is in the world frame, wherever the robot begins: from point to point in straight lines, or with
-    `smooth` in curves. The robot is held against the place of the path that it has come to, which only ever moves on
-    along it: where a path crosses itself or leads back, the other branch does not count until its turn. Beyond the
-    last point, it is the distance from there. `max_error` is an invariant; `rms`, the root mean square over all
-    steps, is judged when the run is over; `end` is a goal, after which neither is looked at any more.
+    The path is in the world frame. Its points are joined by straight lines, or with `smooth` by curves. The error is
+    measured from the robot's progress on the path, which never goes back. So where a path crosses itself or returns,
+    only the current branch counts. Beyond the last point, the error is the distance from that point. `max_error` is an
+    invariant. `rms`, the root mean square over all steps, is judged at the end of the run. `end` is a goal; once it is
+    met, neither `max_error` nor `rms` is checked further.
     """
 
     key: ClassVar[str] = "follow_path"
 
     path: Annotated[
         tuple[PathPoint, ...] | None,
-        Field(min_length=2, max_length=_MOST_POINTS, description="points, in the order in which they are passed"),
+        Field(min_length=2, max_length=_MAX_POINTS, description="points, in driving order"),
     ] = None
     file: Annotated[
-        str | None, NamesFile(), Field(min_length=1, description="a CSV file instead, with the columns x and y, in m")
+        str | None,
+        NamesFile(),
+        Field(min_length=1, description="CSV file with the columns x and y in m, instead of 'path'"),
     ] = None
     smooth: Annotated[bool, Field(description="curves through the points instead of straight lines")] = False
-    max_error: Annotated[PositiveMetres | None, Field(description="an invariant: of the distance at any step")] = None
-    rms: Annotated[PositiveMetres | None, Field(description="of the distances at all steps, judged at the end")] = None
-    end: Annotated[PathEnd | None, Field(description="a goal: the last point must be reached, in order")] = None
+    max_error: Annotated[
+        PositiveMetres | None, Field(description="an invariant: maximum distance from the path at any step")
+    ] = None
+    rms: Annotated[
+        PositiveMetres | None, Field(description="maximum root mean square of the distance, judged at the end")
+    ] = None
+    end: Annotated[
+        PathEnd | None, Field(description="a goal: the end of the path must be reached, after all of the path")
+    ] = None
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Self:
@@ -69,7 +77,7 @@ class FollowPath(Assertion):
         if self.max_error is None and self.rms is None and self.end is None:
             raise ValueError("give 'max_error', 'rms', 'end' or several of them")
         if (twice := _twice([(point.x, point.y) for point in self.path or ()])) is not None:
-            raise ValueError(f"point {twice + 1} of the path is the same as the one before; leave one of them out")
+            raise ValueError(f"point {twice + 1} of the path equals the point before it; remove one of them")
         return self
 
     @property
@@ -87,7 +95,7 @@ class FollowPath(Assertion):
         return self.file is not None
 
     def file_problems(self, workspace: Workspace) -> SpecProblems:
-        """A file that is not there, or holds no path."""
+        """Yield a missing file, and a file that holds no valid path."""
         if self.file is None:
             return
         try:
@@ -107,7 +115,7 @@ class FollowPath(Assertion):
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See Assertion.marks."""
         points = self._points(scene)
-        coarse = points[: -1 : 1 + len(points) // _MOST_DRAWN]
+        coarse = points[: -1 : 1 + len(points) // _MAX_DRAWN]
         way = Polyline(tuple((x, y, 0.0) for x, y in (*coarse, points[-1])))
         return (way,) if self.end is None else (way, Circle(*points[-1], self.end.tolerance))
 
@@ -120,25 +128,25 @@ class FollowPath(Assertion):
 class PathPoint(FrozenModel):
     """A point of a path, in the world frame."""
 
-    x: Annotated[Metres, Field(ge=-_FURTHEST, le=_FURTHEST)]
-    y: Annotated[Metres, Field(ge=-_FURTHEST, le=_FURTHEST)]
+    x: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
+    y: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
 
 
 class PathEnd(FrozenModel):
-    """The goal of a path."""
+    """The goal at the end of a path."""
 
-    tolerance: Annotated[PositiveMetres, Field(description="from the last point")] = 0.1
+    tolerance: Annotated[PositiveMetres, Field(description="distance from the last point")] = 0.1
 
 
 def read_points(path: Path) -> list[Point]:
-    """The points of a CSV file. Raises OSError, ValueError and csv.Error with what is wrong with it."""
-    if (data := read_at_most(path, _MOST_BYTES)) is None:
-        raise ValueError(f"a path of more than {_MOST_BYTES // 1_000_000} MB is not read")
+    """Return the points of a CSV file. Raises OSError, ValueError and csv.Error with the reason."""
+    if (data := read_at_most(path, _MAX_BYTES)) is None:
+        raise ValueError(f"the file is larger than {_MAX_BYTES // 1_000_000} MB, the limit for a path")
     points = list(_rows(data.decode("utf-8-sig").splitlines()))
-    if not 2 <= len(points) <= _MOST_POINTS:
-        raise ValueError(f"expected 2 to {_MOST_POINTS} points, found {len(points)}")
+    if not 2 <= len(points) <= _MAX_POINTS:
+        raise ValueError(f"expected 2 to {_MAX_POINTS} points, found {len(points)}")
     if (twice := _twice(points)) is not None:
-        raise ValueError(f"point {twice + 1} is the same as the one before; leave one of them out")
+        raise ValueError(f"point {twice + 1} equals the point before it; remove one of them")
     return points
 
 
@@ -148,7 +156,7 @@ def _rows(lines: list[str]) -> Iterator[Point]:
     table.fieldnames = columns
     for name in ("x", "y"):
         if name not in columns:
-            raise ValueError(f"its first line names no column '{name}'{did_you_mean(name, columns)}")
+            raise ValueError(f"the first line has no column '{name}'{did_you_mean(name, columns)}")
     for row in table:
         yield (_number(row["x"], table.line_num), _number(row["y"], table.line_num))
 
@@ -158,20 +166,20 @@ def _number(text: str | None, line: int) -> float:
         value = float(text or "")
     except ValueError:
         value = math.nan
-    if not abs(value) <= _FURTHEST:
-        raise ValueError(f"line {line}: expected a number of m, at most {_FURTHEST:g}, found {shown(text)}")
+    if not abs(value) <= _MAX_COORDINATE_M:
+        raise ValueError(f"line {line}: expected a number in m, at most {_MAX_COORDINATE_M:g}, found {shown(text)}")
     return value
 
 
 def _twice(points: list[Point]) -> int | None:
-    """The first point that is the same as the one before."""
+    """Return the index of the first point that equals the one before, else None."""
     pairs = enumerate(pairwise(points), start=1)
     return next((index for index, (before, point) in pairs if before == point), None)
 
 
 @dataclass(frozen=True, slots=True)
 class PathLimits:
-    """What is asked, in m; None: nothing. `end` is the tolerance of the last point."""
+    """The limits in m; None: not required. `end` is the tolerance around the last point."""
 
     max_error: float | None = None
     rms: float | None = None
@@ -180,12 +188,12 @@ class PathLimits:
 
 @dataclass(frozen=True, slots=True)
 class PathMonitor:
-    """Follows the robot along its path until it has come to the end, if that is asked.
+    """The monitor of a robot along its path, up to the end of the path if `end` is required.
 
     Attributes:
-        worst: the greatest error, at which `worst_along` m of the path were behind it.
-        squares, moments: sum of the squares of all errors, in m^2, and how many they are.
-        end: sim time in s of the last moment seen.
+        worst: the fold of the greatest error; it occurred `worst_along` m along the path.
+        squares, moments: sum of the squared errors in m^2 and number of steps.
+        end: sim time of the last step, in s.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -204,7 +212,7 @@ class PathMonitor:
         """See Monitor.state."""
         if self.limits.end is None:
             return self.worst.state
-        # Once the end is reached, no moment comes that could mend the mean.
+        # After the end is reached, no later step can lower the RMS.
         is_over = self.goal.state is State.HOLDS and self.limits.rms is not None and self.mean_error > self.limits.rms
         return joined(self.worst.state, State.BROKEN if is_over else self.goal.state)
 
@@ -214,7 +222,7 @@ class PathMonitor:
         return self.state is State.BROKEN or self.goal.state is State.HOLDS
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin: the robot moves on along the path, and is not judged."""
+        """See CumulativeMonitor.begin. The progress advances; errors do not count."""
         progress = self.progress
         for x, y in trace.base_position_xyz[:, :2].tolist():
             progress = progress.to((x, y))
@@ -240,13 +248,13 @@ class PathMonitor:
         return later
 
     def with_worst(self, worst: Invariant, time: FloatArray, way: list[Progress]) -> Self:
-        """The fold with the greatest error so far, which may be one of these moments."""
+        """Return the fold with a new greatest error."""
         if worst is self.worst:
             return self
         return replace(self, worst=worst, worst_along=way[int((time == worst.time).argmax())].foot.along)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: up to the moment at which the end is reached."""
+        """See PlottableMonitor.signals. The curves end where the end of the path is reached."""
         import numpy as np
 
         way, limits = self._way(trace), self.limits
@@ -262,11 +270,11 @@ class PathMonitor:
         return tuple(curves)
 
     def verdict(self) -> Verdict:
-        """What failed decides: an error that was too great, an end not reached, the mean; else what was asked first."""
+        """Return the verdict on a failed limit: `max_error`, `end`, `rms`; else on the first limit that is set."""
         limits = self.limits
         if not self.moments:
             return Verdict(
-                False, None, limits.max_error or limits.rms or limits.end, None, "m", None, "no moment to measure"
+                False, None, limits.max_error or limits.rms or limits.end, None, "m", None, "no physics step to measure"
             )
         if limits.max_error is not None and self.worst.state is State.BROKEN:
             return self._of_error(limits.max_error)
@@ -294,7 +302,7 @@ class PathMonitor:
     def _of_mean(self, limit: float) -> Verdict:
         passed = self.mean_error <= limit
         error, allowed = units.display_apart(self.mean_error, limit, "m")
-        message = f"{error} off the path in the root mean square, {'limit' if passed else 'more than'} {allowed}"
+        message = f"RMS distance from the path {error}, {'limit' if passed else 'more than'} {allowed}"
         return Verdict(passed, self.mean_error, limit, limit - self.mean_error, "m", self.end, message)
 
     def _of_end(self, limit: float) -> Verdict:
@@ -303,15 +311,15 @@ class PathMonitor:
         length = units.display(self.progress.path.length, "m")
         short, _ = units.display_apart(limit - margin, limit, "m")
         message = (
-            f"came to the end of the path, within {short}, in {time:.2f} s"
+            f"reached the end of the path within {short} in {time:.2f} s"
             if passed
-            else f"came no nearer than {short} to the end of the path of {length}, by way of it, in {self.end:.1f} s; "
-            f"nearest at {time:.2f} s"
+            else f"came no closer than {short} to the end of the path of {length}, measured along it, in "
+            f"{self.end:.1f} s; closest at {time:.2f} s"
         )
         return Verdict(passed, limit - margin, limit, margin, "m", time, message)
 
     def _way(self, trace: Trace) -> list[Progress]:
-        """Of each moment, up to the one at which the end is reached."""
+        """Return the progress at each step, up to the step that reaches the end."""
         progress, way = self.progress, []
         end = -math.inf if self.limits.end is None else self.limits.end
         for x, y in trace.base_position_xyz[:, :2].tolist():

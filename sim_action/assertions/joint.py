@@ -1,4 +1,4 @@
-"""`joint: {name: elbow, near: 90 deg, tolerance: 1 deg}`: what a joint must do."""
+"""`joint: {name: elbow, near: 90 deg}` and `joint_within: {position: {elbow: [0 deg, 90 deg]}}`."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
 
 class JointReading(Assertion):
-    """A joint's position, velocity or motor effort reaches a bound or a value, or does not exceed a bound."""
+    """The position, velocity or motor effort of a joint reaches a bound or a value, or stays below a bound."""
 
     key: ClassVar[str] = "joint"
 
-    name: Annotated[str, Field(min_length=1, description="of the joint in the model")]
+    name: Annotated[str, Field(min_length=1, description="name of the joint in the model")]
     reading: Reading = "position"
     at_least: Annotated[JointQuantity | None, Field(description="a goal: must be reached")] = None
     at_most: Annotated[JointQuantity | None, Field(description="an invariant: must not be exceeded")] = None
     near: Annotated[JointQuantity | None, Field(description="a goal: must be reached within 'tolerance'")] = None
-    tolerance: Annotated[
-        JointQuantity | None, Field(description="required with 'near': how far from it is near enough")
-    ] = None
+    tolerance: Annotated[JointQuantity | None, Field(description="required with 'near': allowed distance from it")] = (
+        None
+    )
 
     @model_validator(mode="after")
     def _asks_for_one_thing(self) -> Self:
@@ -58,7 +58,7 @@ class JointReading(Assertion):
         return {"at_least": self.at_least, "at_most": self.at_most, "near": self.near, "tolerance": self.tolerance}
 
     def _magnitude(self, written: float | str | None) -> float | None:
-        """In SI units, whether the joint turns or slides."""
+        """Return the value in SI units, without checking it against the type of the joint."""
         return None if written is None else units.parse(written, *READINGS[self.reading])
 
     @property
@@ -72,7 +72,7 @@ class JointReading(Assertion):
         return f"joint {self.name} {self.reading} {wanted}"
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """A joint that is not there, or units that are not those of a joint that turns, or slides."""
+        """Yield an unknown joint, and units that do not fit its type."""
         moving = [joint.name for joint in scene.model.moving_joints]
         if self.name not in moving:
             yield ("name",), f"the model has no moving joint '{self.name}'{did_you_mean(self.name, moving)}"
@@ -99,7 +99,7 @@ class JointReading(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class NearMonitor:
-    """How near a reading came to a value."""
+    """The monitor of the distance of a reading from a value."""
 
     is_momentary: ClassVar[bool] = True
 
@@ -122,7 +122,7 @@ class NearMonitor:
         return self.nearest.drawn(f"{self.name} from {self.nearest.place}", trace.time, self._distance(trace))
 
     def verdict(self) -> Verdict:
-        """Measured is the least distance to the value, the limit its tolerance."""
+        """Return the verdict. `measured` is the least distance from the value, `limit` the tolerance."""
         return self.nearest.verdict()
 
     def _distance(self, trace: Trace) -> FloatArray:
@@ -137,7 +137,7 @@ _BOUNDS = "an invariant: name, or pattern such as '*_wheel_joint', to [lower, up
 class JointWithin(Assertion):
     """An invariant: positions, velocities and motor efforts of joints stay between bounds.
 
-    A pattern means every joint whose name it fits: `"*"` is all of them.
+    A pattern applies to every joint that matches it; `"*"` matches all.
     """
 
     key: ClassVar[str] = "joint_within"
@@ -160,12 +160,12 @@ class JointWithin(Assertion):
             lower, upper = (units.parse(bound, *READINGS[reading]) for bound in (written_lower, written_upper))
             if lower >= upper:
                 raise ValueError(
-                    f"the bounds of '{name}' are the wrong way round: {written_lower} is not below {written_upper}"
+                    f"the bounds of '{name}' are swapped or equal: {written_lower} is not less than {written_upper}"
                 )
         return self
 
     def asked(self) -> Iterator[tuple[Reading, str, tuple[Written, Written]]]:
-        """What is read, of which joints, and the bounds as they were written."""
+        """Yield each reading, joint name or pattern, and its bounds as written."""
         for name, bounds in self.position.items():
             yield "position", name, bounds
         for name, bounds in self.velocity.items():
@@ -182,7 +182,7 @@ class JointWithin(Assertion):
         )
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Joints that are not there, and units that are not those of a joint that turns, or slides."""
+        """Yield unknown joints, and units that do not fit their type."""
         hinted = FirstFew()
         for reading, name, bounds in self.asked():
             if (trouble := name_problem(scene.model, name, hinted)) is not None:

@@ -1,4 +1,4 @@
-"""Which joints of a robot an assertion is of: names, or patterns such as `*_wheel_joint`."""
+"""The joints that an assertion names: exact names, or patterns such as `*_wheel_joint`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:
-    """The moving joints that are named, in the order of the model; without a name: all of them."""
+    """Return the moving joints that match a name, in the order of the model; all of them if there are no names."""
     wanted = tuple(names) or ("*",)
     return tuple(joint for joint in model.moving_joints if any(_means(name, joint) for name in wanted))
 
@@ -26,7 +26,7 @@ def _means(name: str, joint: Joint) -> bool:
 
 
 def name_problem(model: RobotModel, name: str, hinted: FirstFew) -> str | None:
-    """What to say of a name that no moving joint has, with a hint for the first few; None if one has it."""
+    """Return the problem with a name that no moving joint matches, else None. The first few have a hint."""
     if chosen(model, (name,)):
         return None
     hint = did_you_mean(name, [joint.name for joint in model.moving_joints]) if hinted.one_more() else ""
@@ -34,7 +34,7 @@ def name_problem(model: RobotModel, name: str, hinted: FirstFew) -> str | None:
 
 
 def unit_problem(joint: Joint, reading: Reading, written: float | str) -> str | None:
-    """What to say of a quantity with a unit that is not the joint's; None if it fits."""
+    """Return the problem with a quantity whose unit does not fit the joint, else None."""
     try:
         units.parse(written, joint.dimension(reading))
     except units.UnitError as error:
@@ -44,7 +44,7 @@ def unit_problem(joint: Joint, reading: Reading, written: float | str) -> str | 
 
 
 def choice_problems(model: RobotModel, names: tuple[str, ...]) -> SpecProblems:
-    """Names in `joints` that no moving joint has, and a robot without any."""
+    """Yield names in `joints` that no moving joint matches, and a model without moving joints."""
     hinted = FirstFew()
     for index, name in enumerate(names):
         if (trouble := name_problem(model, name, hinted)) is not None:
@@ -54,12 +54,12 @@ def choice_problems(model: RobotModel, names: tuple[str, ...]) -> SpecProblems:
 
 
 def as_written(quantity: float | str) -> str:
-    """A quantity of a joint in a title, where it is not known whether the joint turns or slides."""
+    """Return a joint quantity for a title, where it is unknown if the joint rotates or slides."""
     return quantity if isinstance(quantity, str) else f"{quantity:.4g}"
 
 
 def reading_of(joint: str, reading: Reading) -> Callable[[Trace], FloatArray]:
-    """(T,) the position, velocity or motor effort of a joint."""
+    """Return a function from a trace to the position, velocity or effort of a joint, (T,) in SI units."""
 
     def signal(trace: Trace) -> FloatArray:
         columns = {

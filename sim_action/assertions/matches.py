@@ -1,4 +1,4 @@
-"""`matches: {trace: golden/x.csv, position: 2 cm, yaw: 3 deg}`: the run is the one that was committed."""
+"""`matches: {trace: golden/x.csv, position: 2 cm, yaw: 3 deg}`: the run matches a golden trajectory."""
 
 from __future__ import annotations
 
@@ -36,29 +36,29 @@ if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace
 
 
-# What is rounded must still match itself.
-_FINEST: Final = 2 * RESOLUTION
-_FINEST_YAW: Final = math.radians(0.02)
-_MOST_DRAWN: Final = 2_000
+# A tolerance must be greater than the rounding of the file.
+_MIN_TOLERANCE: Final = 2 * RESOLUTION
+_MIN_YAW_TOLERANCE: Final = math.radians(0.02)
+_MAX_DRAWN: Final = 2_000
 _PLACEHOLDER: Final = re.compile(r"\$\w*")
 _VARIATION: Final = "$variation"
 
-# Of what left the golden trajectory, in a message.
-_MOST_TOLD: Final = 3
+# Quantities named in a message.
+_MAX_NAMED: Final = 3
 
-# In s: golden times are written in milliseconds.
-_SAME_MOMENT: Final = 1e-3
+# Golden times are rounded to milliseconds.
+_SAME_TIME_S: Final = 1e-3
 
 
 class Matches(Assertion):
-    """The run is the same as one that was kept: its golden trajectory, a CSV file beside the scenario.
+    """The run matches a golden trajectory: a recorded run in a CSV file that is kept next to the scenario.
 
-    `sim-action run --update-golden` writes that file, of the run as it is then: commit it, and look at its diff when it
-    changes. From then on, at each of its moments, the base is held against where it was, and so are its heading and
-    joints if they are asked for. It is an invariant, but ends no run, so that its verdict can tell when the run first
-    left the golden one, and when it was farthest away. The run may be over a little earlier or later, as `duration`
-    says. With `after` and `before`, the file holds the time between them. Physics rates and engines may differ, as far
-    as the tolerances allow; variations share the file, unless `$variation` stands in its name.
+    `sim-action run --update-golden` writes the file from the current run. Commit it, and review its diff whenever it
+    changes. At each time of the file, the position of the base is compared with the golden run, and so are heading and
+    joints if they have a tolerance. It is an invariant, but it does not end the run, so the verdict reports when the
+    run first left the tolerance and the largest error. `duration` is the allowed difference in length. With `after` and
+    `before`, the file holds only the time between them. Physics rates and engines may differ as far as the tolerances
+    allow. All variations share one file, unless its name contains `$variation`.
     """
 
     key: ClassVar[str] = "matches"
@@ -66,29 +66,37 @@ class Matches(Assertion):
     trace: Annotated[
         str,
         NamesFile(),
-        Field(min_length=5, pattern=r"\.csv$", description="the golden file; $variation: its values, in the name"),
+        Field(
+            min_length=5,
+            pattern=r"\.csv$",
+            description="path of the golden file; '$variation' stands for the values of the variation",
+        ),
     ]
     position: Annotated[
-        PositiveMetres | None, Field(ge=_FINEST, description="of the base link from where it was, in space")
+        PositiveMetres | None, Field(ge=_MIN_TOLERANCE, description="tolerance of the base link's position, in space")
     ] = None
-    yaw: Annotated[PositiveRadians | None, Field(ge=_FINEST_YAW, description="of its heading")] = None
+    yaw: Annotated[PositiveRadians | None, Field(ge=_MIN_YAW_TOLERANCE, description="tolerance of its heading")] = None
     joints: Annotated[
         dict[str, JointPosition],
-        Field(description="name, or pattern such as '*_wheel_joint', to how far it may be off"),
+        Field(description="joint name, or pattern such as '*_wheel_joint', to its tolerance"),
     ] = Field(default_factory=dict)
-    duration: Annotated[NonNegativeSeconds, Field(description="how much earlier or later the run may be over")] = 0.2
-    rate: Annotated[PositiveHertz, Field(le=1000, description="rows in a second that --update-golden writes")] = 10.0
+    duration: Annotated[
+        NonNegativeSeconds, Field(description="allowed difference between the lengths of both runs")
+    ] = 0.2
+    rate: Annotated[PositiveHertz, Field(le=1000, description="rows per second that --update-golden writes")] = 10.0
 
     @model_validator(mode="after")
     def _compares_something(self) -> Self:
         if self.position is None and self.yaw is None and not self.joints:
-            raise ValueError("give 'position', 'yaw', 'joints' or several of them: how far the run may be off")
+            raise ValueError("give a tolerance: 'position', 'yaw', 'joints' or several of them")
         for name, written in self.joints.items():
-            if units.parse(written, units.ANGLE, units.LENGTH) < _FINEST:
-                raise ValueError(f"the tolerance of '{name}' must be at least {_FINEST:g}, found {shown(written)}")
+            if units.parse(written, units.ANGLE, units.LENGTH) < _MIN_TOLERANCE:
+                raise ValueError(
+                    f"the tolerance of '{name}' must be at least {_MIN_TOLERANCE:g}, found {shown(written)}"
+                )
         unknown = [found for found in _PLACEHOLDER.findall(self.trace) if found != _VARIATION]
         if unknown:
-            raise ValueError(f"{unknown[0]} stands for nothing in the name of a file; {_VARIATION} does")
+            raise ValueError(f"unknown placeholder {unknown[0]} in the name of a file; only {_VARIATION} is allowed")
         return self
 
     @property
@@ -105,22 +113,22 @@ class Matches(Assertion):
         return True
 
     def file_in(self, scene: Scene) -> str:
-        """The golden file of a scene, as it is seen from the scenario. Raises GoldenError."""
+        """Return the golden file of a scene, relative to the scenario. Raises GoldenError."""
         return self.file_of(scene.variation)
 
     def file_of(self, variation: str) -> str:
-        """The golden file of a variation, as `Scene.variation` has it. Raises GoldenError."""
+        """Return the golden file of a variation as named in `Scene.variation`. Raises GoldenError."""
         if _VARIATION in self.trace and not variation:
-            raise GoldenError(f"{_VARIATION} stands for nothing: the scenario has no variations; take it out")
+            raise GoldenError(f"the scenario has no variations, so {_VARIATION} has no value; remove it from the name")
         return self.trace.replace(_VARIATION, variation)
 
     def form_in(self, scene: Scene) -> GoldenForm:
-        """What its golden file is of."""
+        """Return the model and the joints that the golden file must have."""
         joints = dict.fromkeys(joint for joint, _ in self._tolerances(scene))
         return GoldenForm(scene.model.name, tuple((joint.name, joint.dimension("position").si) for joint in joints))
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Joints that are not there, and a golden file that is missing, damaged, or of something else."""
+        """Yield unknown joints, and a golden file that is missing, damaged or of another robot."""
         wrong = list(self._joint_problems(scene))
         yield from wrong
         if wrong:
@@ -135,20 +143,22 @@ class Matches(Assertion):
             yield ("trace",), str(error)
 
     def golden_in(self, scene: Scene) -> Golden:
-        """What the run is held against. Raises GoldenError."""
+        """Return the golden trajectory of a scene. Raises GoldenError."""
         from sim_action.state.golden_trajectory import Golden
 
-        name, write = self.file_in(scene), f"'sim-action run --update-golden {scene.file}' writes it"
+        name, command = self.file_in(scene), f"'sim-action run --update-golden {scene.file}'"
         try:
             path = scene.workspace.file(name)
         except PathError as error:
-            raise GoldenError(f"{error}; {write}" if scene.workspace.may_make(name) else str(error)) from None
+            raise GoldenError(
+                f"{error}; {command} writes it" if scene.workspace.may_make(name) else str(error)
+            ) from None
         try:
             return Golden.read(path, self.form_in(scene))
         except OSError as error:
             raise GoldenError(f"{name}: {error.strerror}") from None
         except GoldenError as error:
-            raise GoldenError(f"{name}:{error}; {write} anew") from None
+            raise GoldenError(f"{name}:{error}; {command} rewrites it") from None
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
@@ -166,15 +176,15 @@ class Matches(Assertion):
         return MatchesMonitor.at_start(name, golden, tuple(asked), self.duration, start)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks: the way of the golden run."""
+        """See Assertion.marks. Returns the path of the golden run."""
         if scene.workspace.updates_golden:
             return ()
         rows = self.golden_in(scene).rows
-        coarse = rows[: -1 : 1 + len(rows) // _MOST_DRAWN]
+        coarse = rows[: -1 : 1 + len(rows) // _MAX_DRAWN]
         return (Polyline(tuple((x, y, z) for x, y, z in (*coarse[:, 1:4].tolist(), rows[-1, 1:4].tolist()))),)
 
     def _tolerances(self, scene: Scene) -> Iterator[tuple[Joint, float]]:
-        """Each joint that is compared, in the order of the model, with how far it may be off."""
+        """Yield each compared joint with its tolerance, in the order of the model."""
         for joint in scene.model.moving_joints:
             for name, written in self.joints.items():
                 if joint in chosen(scene.model, (name,)):
@@ -192,12 +202,12 @@ class Matches(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """How far something may be off.
+    """The tolerance of one quantity.
 
     Attributes:
-        what: "position", "heading", or the name of a joint.
-        columns: of a golden trajectory, between which the distance is taken.
-        turns: whether a whole turn is no difference.
+        what: "position", "heading" or the name of a joint.
+        columns: the columns of a golden trajectory that make up the error.
+        turns: True for angles that repeat after a full turn.
     """
 
     what: str
@@ -207,7 +217,7 @@ class Tolerance:
     turns: bool = False
 
     def errors(self, rows: FloatArray, golden: FloatArray) -> FloatArray:
-        """(N,) distances between rows of the same times, in `unit`."""
+        """Return (N,) errors in `unit` between rows with the same times."""
         import numpy as np
 
         from sim_action.state.golden_trajectory import wrapped
@@ -219,11 +229,11 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """How far something was off.
+    """The fold of the error of one quantity.
 
     Attributes:
-        largest, time: the largest error, and the sim time in s at which it was.
-        left: the sim time in s at which it was first more than is allowed.
+        largest, time: the largest error and its sim time in s.
+        left: sim time in s at which the error first exceeded the tolerance.
     """
 
     tolerance: Tolerance
@@ -232,10 +242,10 @@ class Deviation:
     left: float | None = None
 
     def observe(self, time: FloatArray, errors: FloatArray) -> Self:
-        """The fold after these moments."""
+        """Return the fold after these rows; `time` in s and `errors` in the unit of the tolerance, each (N,)."""
         later = self
         index = int(errors.argmax())
-        if not errors[index] <= self.largest:  # what is not a number is off
+        if not errors[index] <= self.largest:  # NaN counts as an error
             later = replace(later, largest=float(errors[index]), time=float(time[index]))
         over = ~(errors <= self.tolerance.limit)
         if self.left is None and over.any():
@@ -244,12 +254,12 @@ class Deviation:
 
     @property
     def margin(self) -> float:
-        """Of the largest error, in its unit."""
+        """Margin of the largest error, in its unit."""
         return self.tolerance.limit - self.largest
 
     @property
     def text(self) -> str:
-        """Such as "5 cm off at 3.40 s, limit 2 cm", with what it is of."""
+        """The largest error as text, such as "at most 5 cm off, at 3.40 s, limit 2 cm"."""
         tolerance = self.tolerance
         error, allowed = units.display_apart(self.largest, tolerance.limit, tolerance.unit)
         what = "" if tolerance.what == "position" else f" in {tolerance.what}"
@@ -258,13 +268,13 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class MatchesMonitor:
-    """Holds each moment of a golden trajectory against the run, which it takes to be straight between two steps.
+    """The comparison of a run with a golden trajectory. The run is interpolated linearly between steps.
 
     Attributes:
-        name: of the golden file.
-        duration: how much earlier or later the run may be over, in s.
-        before: (1, 5 + J) the last moment seen.
-        next: the first row of the golden trajectory that has not been compared.
+        name: name of the golden file.
+        duration: the allowed difference in length, in s.
+        before: (1, 5 + J) the row of the last step.
+        next: index of the first golden row that has not been compared.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -280,7 +290,7 @@ class MatchesMonitor:
     def at_start(
         cls, name: str, golden: Golden, asked: tuple[Tolerance, ...], duration: float, start: Observation
     ) -> Self:
-        """Before the first step."""
+        """Return the monitor before the first step."""
         from sim_action.state.golden_trajectory import rows_of
         from sim_action.state.trace import Trace
 
@@ -289,7 +299,7 @@ class MatchesMonitor:
 
     @property
     def state(self) -> State:
-        """See Monitor.state: it ends no run, as the largest error may still come."""
+        """See Monitor.state. It never breaks, because the largest error may still come."""
         return State.HOLDS
 
     def begin(self, trace: Trace) -> Self:
@@ -305,7 +315,7 @@ class MatchesMonitor:
         return self._compared(np.concatenate((self.before, self._rows(trace))))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: how far off everything was, at the golden moments that the trace has."""
+        """See PlottableMonitor.signals. Returns the errors at the golden times that the trace has."""
         import numpy as np
 
         from sim_action.state.golden_trajectory import interpolated
@@ -315,7 +325,7 @@ class MatchesMonitor:
         due = due[(due[:, 0] >= rows[0, 0]) & (due[:, 0] <= rows[-1, 0])]
         after = np.clip(np.searchsorted(rows[:, 0], due[:, 0]), 1, len(rows) - 1)
         away = np.minimum(np.abs(rows[after, 0] - due[:, 0]), np.abs(rows[after - 1, 0] - due[:, 0]))
-        due = due[away <= _SAME_MOMENT]
+        due = due[away <= _SAME_TIME_S]
         if not len(due):
             return ()
         ours = interpolated(rows, due[:, 0])
@@ -325,35 +335,35 @@ class MatchesMonitor:
         )
 
     def verdict(self) -> Verdict:
-        """Of what left the golden trajectory, the first speaks; else of what came nearest to its limit."""
+        """Return the verdict on the quantity that left its tolerance first, else on the smallest relative margin."""
         seen = [one for one in self.deviations if one.largest >= 0 or one.left is not None]
         if not seen:
-            return Verdict(False, None, None, None, "", None, f"no moment to compare with {self.name}")
+            return Verdict(False, None, None, None, "", None, f"no physics step to compare with {self.name}")
         left = sorted((one for one in seen if one.left is not None), key=lambda one: one.left or 0.0)
         lasting = self._lasting
         if not left and lasting is not None:
             return lasting
         told = left[0] if left else min(seen, key=lambda one: one.margin / one.tolerance.limit)
         parts = [self._of_left(left)] if left else []
-        parts += [one.text for one in left[:_MOST_TOLD] or (told,)]
+        parts += [one.text for one in left[:_MAX_NAMED] or (told,)]
         message = "; ".join(parts if lasting is None else [*parts, lasting.message])
         limit, unit = told.tolerance.limit, told.tolerance.unit
         return Verdict(not left, told.largest, limit, told.margin, unit, told.time, message)
 
     def _of_left(self, left: list[Deviation]) -> str:
-        when = ", ".join(f"in {one.tolerance.what} at {one.left:.2f} s" for one in left[:_MOST_TOLD])
-        return f"left {self.name} {when}{', and in more' if len(left) > _MOST_TOLD else ''}"
+        when = ", ".join(f"in {one.tolerance.what} at {one.left:.2f} s" for one in left[:_MAX_NAMED])
+        return f"left {self.name} {when}{', and others' if len(left) > _MAX_NAMED else ''}"
 
     @property
     def _lasting(self) -> Verdict | None:
-        """On a run that was over too early or too late; None if it was not."""
+        """Return the verdict on a run that is too short or too long, else None."""
         end, golden_end = float(self.before[0, 0]), float(self.golden.time[-1])
         apart = abs(end - golden_end)
-        # What is written in whole milliseconds matches itself.
+        # Golden times are rounded to milliseconds.
         if apart <= self.duration + 1e-3:
             return None
-        which, how = ("shorter", "over at") if end < golden_end else ("longer", "still on at")
-        message = f"{apart:.2f} s {which} than {self.name}: {how} {end:.2f} s, and that ends at {golden_end:.2f} s"
+        which = "shorter" if end < golden_end else "longer"
+        message = f"{apart:.2f} s {which} than {self.name}: ended at {end:.2f} s instead of {golden_end:.2f} s"
         return Verdict(False, apart, self.duration, self.duration - apart, "s", end, message)
 
     def _rows(self, trace: Trace) -> FloatArray:
@@ -362,7 +372,7 @@ class MatchesMonitor:
         return rows_of(trace, self.golden.form.joint_names)
 
     def _compared(self, rows: FloatArray) -> Self:
-        """The fold after rows that begin with the last moment seen."""
+        """Return the monitor after rows; the first row is that of the last step before."""
         import numpy as np
 
         from sim_action.state.golden_trajectory import interpolated
@@ -380,7 +390,7 @@ class MatchesMonitor:
 
 @dataclass(frozen=True, slots=True)
 class GoldenRewrite:
-    """Takes the place of a comparison where the golden file is written anew: any run matches itself."""
+    """The monitor while a golden file is rewritten. It passes if there was at least one step."""
 
     name: str
     seen: bool = False
@@ -396,5 +406,5 @@ class GoldenRewrite:
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
-        message = f"{self.name} is written from this run" if self.seen else "no moment to write"
+        message = f"{self.name} is written from this run" if self.seen else "no physics step to write"
         return Verdict(self.seen, None, None, None, "", None, message)

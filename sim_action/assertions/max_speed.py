@@ -1,4 +1,4 @@
-"""`max_speed: {linear: 0.5 m/s}`: the robot is never faster."""
+"""`max_speed: {linear: 0.5 m/s}`: limits on the speed of the robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class MaxSpeed(Assertion):
-    """Limits on how fast the base link's origin moves and how fast the base turns, in any direction."""
+    """Limits on the speed of the base link's origin and on the turn rate of the base, in any direction."""
 
     key: ClassVar[str] = "max_speed"
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class NoCollision(Assertion):
-    """No link of the robot touches a body of the world, at any physics step; the ground never counts."""
+    """No link of the robot touches a body of the world at any physics step. The ground does not count."""
 
     key: ClassVar[str] = "no_collision"
 
@@ -44,7 +44,7 @@ class NoCollision(Assertion):
         return "no_collision" + (f" but {', '.join(self.allow)}" if self.allow else "")
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Names that are neither a link nor an object."""
+        """Yield names in `allow` that are neither a link nor an object."""
         names = {*scene.model.links_by_name, *(body.name for body in scene.world.objects), GROUND}
         hinted = FirstFew()
         for index, name in enumerate(self.allow):
@@ -59,7 +59,7 @@ class NoCollision(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class NoCollisionMonitor:
-    """Keeps the first contact that was not allowed, with the force of all of its points; `step`: s of sim time."""
+    """The monitor of the first forbidden contact, with the force of all its points. `step`: s of sim time."""
 
     is_momentary: ClassVar[bool] = True
 
@@ -77,7 +77,7 @@ class NoCollisionMonitor:
         """See Monitor.observe."""
         if self.first is not None:
             return self
-        # A stored trace has fewer moments than contacts: there may be contacts where there is no moment.
+        # A stored trace is decimated: it may have contacts between its steps, or no step at all.
         end = float(trace.time[-1]) if len(trace) else self.end
         return replace(self, first=self._first_in(trace.contacts), end=end)
 
@@ -90,7 +90,7 @@ class NoCollisionMonitor:
         return first._replace(force=force)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: whether it touches something at each step, and how strongly."""
+        """See PlottableMonitor.signals. Returns contact (0 or 1) and force at each step."""
         import numpy as np
 
         from sim_action.assertions.monitors.proximity import forces, with_zeros
@@ -106,7 +106,7 @@ class NoCollisionMonitor:
         return contact.link not in self.allowed and contact.body not in self.allowed and contact.body != GROUND
 
     def verdict(self) -> Verdict:
-        """Measured: contacts that were not allowed, up to the moment that decided."""
+        """Return the verdict. `measured` is the number of forbidden contacts, 0 or 1."""
         if self.first is None:
             return Verdict(
                 True, 0.0, 0.0, 0.0, "contacts", self.end, "touched nothing" + (" else" if self.allowed else "")

@@ -1,4 +1,4 @@
-"""`odometry_error: {position: 5 cm, drift: 2 %}`: how far the robot is from where its wheels say that it is."""
+"""`odometry_error: {position: 5 cm, drift: 2 %}`: the error of the wheel odometry."""
 
 from __future__ import annotations
 
@@ -28,29 +28,30 @@ if TYPE_CHECKING:
     from sim_action.state.trace_records import SensorRecord
 
 
-# In m: less of a way tells nothing of a drift.
-_SHORTEST_WAY: Final = 1.0
+# A shorter distance gives no meaningful drift.
+_MIN_DISTANCE_M: Final = 1.0
 
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
-_SAME_TIME: Final = 1e-9
+# Sim time is step / rate: two computations of the same time differ by rounding.
+_SAME_TIME_S: Final = 1e-9
 _NAMES: Final = {"position": "position error", "yaw": "heading error", "drift": "drift"}
 _UNITS: Final = {"position": "m", "yaw": "rad", "drift": ""}
 
 
 class OdometryError(Assertion):
-    """An invariant: the odometry sensor's pose is as near to where the base really is as is asked, on the ground.
+    """An invariant: the error of the odometry sensor against the true pose on the ground stays below limits.
 
-    Each of its readings is held against the truth at the same moment; it is read for this, whether or not a
-    controller listens. `drift` is the error in position as a share of the way that the robot has made since it began,
-    of which the first metre counts as a whole one.
+    Each reading is compared with the true pose at the same time. The sensor is read even if no controller uses it.
+    `drift` is the position error divided by the distance travelled since t = 0; the first metre counts as a full metre.
     """
 
     key: ClassVar[str] = "odometry_error"
 
-    position: Annotated[PositiveMetres | None, Field(description="the most that it may be off")] = None
-    yaw: Annotated[PositiveRadians | None, Field(description="the most that its heading may be off")] = None
-    drift: Annotated[PositiveShare | None, Field(description="the most that it may be off, of the way made")] = None
-    name: Annotated[str, Field(min_length=1, description="of the sensor in the scenario")] = "odometry"
+    position: Annotated[PositiveMetres | None, Field(description="maximum position error")] = None
+    yaw: Annotated[PositiveRadians | None, Field(description="maximum heading error")] = None
+    drift: Annotated[
+        PositiveShare | None, Field(description="maximum position error as a share of the distance travelled")
+    ] = None
+    name: Annotated[str, Field(min_length=1, description="name of the sensor in the scenario")] = "odometry"
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Self:
@@ -82,10 +83,10 @@ class OdometryError(Assertion):
         if self.name in kinds:
             yield (
                 ("name",),
-                f"'{self.name}' is no odometry but '{kinds[self.name]}'{did_you_mean(self.name, odometers)}",
+                f"'{self.name}' is not odometry but '{kinds[self.name]}'{did_you_mean(self.name, odometers)}",
             )
         elif not odometers:
-            yield (), "the scenario has no odometry; put it below sensors, such as sensors: [odometry]"
+            yield (), "the scenario has no odometry; add it to sensors, such as sensors: [odometry]"
         else:
             yield ("name",), f"the scenario has no sensor '{self.name}'{did_you_mean(self.name, odometers)}"
 
@@ -97,19 +98,19 @@ class OdometryError(Assertion):
 
 
 def _percent(share: float) -> str:
-    """As people read it."""
+    """Return a ratio as text in percent."""
     return f"{100 * share:.4g} %"
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryMonitor:
-    """Carries the truth of the last moment: a reading comes with the moments after it.
+    """The fold of odometry errors. It keeps the true pose of the last step, because readings follow later.
 
     Attributes:
-        limits: of each error that is asked for, by its name.
-        folds: of their margins.
-        truth: (4,) sim time in s, x and y in m, yaw in rad.
-        way: m on the ground up to then, since t = 0.
+        limits: the limit of each error, by name.
+        folds: the fold of each margin.
+        truth: (4,) the last step: sim time in s, x and y in m, yaw in rad.
+        way: distance travelled on the ground since t = 0, in m.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -122,7 +123,7 @@ class OdometryMonitor:
 
     @classmethod
     def opened(cls, sensor: str, limits: Mapping[str, float | None], start: Observation) -> Self:
-        """The fold before the first moment."""
+        """Return the monitor before the first step."""
         asked = tuple((name, limit) for name, limit in limits.items() if limit is not None)
         x, y, _ = start.pose.position_xyz
         return cls(sensor, asked, (Invariant(),) * len(asked), (start.time, x, y, start.pose.yaw))
@@ -133,7 +134,7 @@ class OdometryMonitor:
         return joined(*(fold.state for fold in self.folds))
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin: the robot makes its way, and nothing is judged."""
+        """See CumulativeMonitor.begin. The distance travelled counts; errors do not."""
         return self._moved(trace, self._ways(self._truths(trace))) if len(trace) else self
 
     def observe(self, trace: Trace) -> Self:
@@ -151,7 +152,7 @@ class OdometryMonitor:
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: at the sensor's own rate."""
+        """See PlottableMonitor.signals. The curves have the rate of the sensor."""
         record, truths = trace.sensors.get(self.sensor), self._truths(trace)
         if record is None or not len(record):
             return ()
@@ -161,7 +162,7 @@ class OdometryMonitor:
         )
 
     def _truths(self, trace: Trace) -> FloatArray:
-        """(1 + T, 4): the last moment, and those that follow."""
+        """Return (1 + T, 4): the last step before and the steps of the trace."""
         import numpy as np
 
         following = np.column_stack((trace.time, trace.base_position_xyz[:, :2], trace.yaw))
@@ -169,7 +170,7 @@ class OdometryMonitor:
         return truths
 
     def _ways(self, truths: FloatArray) -> FloatArray:
-        """(1 + T,) m made up to each moment: one sum, however the run is cut."""
+        """Return (1 + T,) m travelled up to each step; one running sum, so that block sizes do not matter."""
         import numpy as np
 
         steps = np.hypot(*np.diff(truths[:, 1:3], axis=0).T)
@@ -181,13 +182,13 @@ class OdometryMonitor:
         return replace(self, truth=(time, x, y, yaw), way=float(ways[-1]))
 
     def verdict(self) -> Verdict:
-        """The error that was too great first; else the one that came nearest to its limit."""
+        """Return the verdict on the limit that broke first, else on the smallest relative margin."""
         told = [(fold, name, limit) for fold, (name, limit) in zip(self.folds, self.limits, strict=True)]
         read = [(fold.margin, fold.time, fold, name, limit) for fold, name, limit in told]
         known = [one for one in read if one[0] is not None and one[1] is not None]
         if not known:
             name, limit = self.limits[0]
-            return Verdict(True, None, limit, None, _UNITS[name], None, f"{self.sensor}: nothing was read")
+            return Verdict(True, None, limit, None, _UNITS[name], None, f"{self.sensor}: no reading")
         broken = [one for one in known if one[2].state is State.BROKEN]
         margin, time, _, name, limit = (
             min(broken, key=lambda one: one[1] or 0.0)
@@ -196,8 +197,12 @@ class OdometryMonitor:
         )
         assert margin is not None, "it is known"
         error, allowed = _shown(limit - margin, limit, _UNITS[name])
-        what = {"position": f"{error} off", "yaw": f"{error} off its heading", "drift": f"{error} of its way off"}[name]
-        how = f"more than {allowed}" if broken else f"at the most, limit {allowed}"
+        what = {
+            "position": f"{error} off",
+            "yaw": f"{error} off its heading",
+            "drift": f"off by {error} of the distance travelled",
+        }[name]
+        how = f"more than {allowed}" if broken else f"the largest error; limit {allowed}"
         message = f"{self.sensor} was {what} at {time:.2f} s, {how}"
         return Verdict(not broken, limit - margin, limit, margin, _UNITS[name], time, message)
 
@@ -209,7 +214,7 @@ def _shown(error: float, limit: float, unit: str) -> tuple[str, str]:
 
 
 def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[str, FloatArray]:
-    """(N,) of each reading, by name. A stored trace has fewer moments than readings: between them goes a line."""
+    """Return (N,) errors of the readings, by name. The true pose is interpolated between the steps of the trace."""
     import numpy as np
 
     before, after, share = _around(record.time, truths[:, 0])
@@ -223,27 +228,26 @@ def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[
     return {
         "position": position,
         "yaw": np.abs(_turn(told_yaw - yaw)),
-        "drift": position / np.maximum(way, _SHORTEST_WAY),
+        "drift": position / np.maximum(way, _MIN_DISTANCE_M),
     }
 
 
 def _around(wanted: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """(N,) the moment before each time, the one after it, and how much of the way it is between them.
+    """Return, for each of (N,) times, the steps before and after it, and its position between them in [0, 1].
 
-    A time that is that of a moment is between it and itself: what is worked out then does not depend on its neighbours,
-    which are others if the run is cut there.
+    A time that equals that of a step has this step on both sides. So the result does not depend on the block size.
     """
     import numpy as np
 
     last = len(time) - 1
-    after = np.minimum(np.searchsorted(time, wanted - _SAME_TIME), last)
-    before = np.where(time[after] > wanted + _SAME_TIME, np.maximum(after - 1, 0), after)
+    after = np.minimum(np.searchsorted(time, wanted - _SAME_TIME_S), last)
+    before = np.where(time[after] > wanted + _SAME_TIME_S, np.maximum(after - 1, 0), after)
     span = time[after] - time[before]
     return before, after, np.where(span > 0, (wanted - time[before]) / np.where(span > 0, span, 1.0), 0.0)
 
 
 def _turn(angle: FloatArray) -> FloatArray:
-    """The same angles, in [-pi, pi)."""
+    """Return the angles wrapped to [-pi, pi)."""
     import numpy as np
 
     turned: FloatArray = np.remainder(angle + np.pi, 2 * np.pi) - np.pi

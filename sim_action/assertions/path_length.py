@@ -1,4 +1,4 @@
-"""`path_length: {at_most: 3 m}`: how long a way the robot made."""
+"""`path_length: {at_most: 3 m}`: the distance that the robot travels along its path."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
 
 class PathLength(LengthBounds):
-    """Arc length since `after` of the base link's way in space, added up over every physics step."""
+    """The arc length in space of the path of the base link since `after`, summed over every physics step."""
 
     key: ClassVar[str] = "path_length"
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        bounds = Bounds("went a way of", "m", self.at_least, self.at_most)
+        bounds = Bounds("covered", "m", self.at_least, self.at_most)
         return PathLengthMonitor(bounds, start.pose.position_xyz)
 
 
 @dataclass(frozen=True, slots=True)
 class PathLengthMonitor:
-    """Carries the length so far and the place that it ends at."""
+    """The fold of the arc length so far, and the last position."""
 
     is_momentary: ClassVar[bool] = False
 
@@ -50,7 +50,7 @@ class PathLengthMonitor:
         return self.bounds.is_decided
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin: the way to where the window opens does not count."""
+        """See CumulativeMonitor.begin. The path before the window does not count."""
         return replace(self, position_xyz=_last_position(trace)) if len(trace) else self
 
     def observe(self, trace: Trace) -> Self:

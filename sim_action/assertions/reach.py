@@ -1,4 +1,4 @@
-"""`reach: {x: 2 m, y: 0}`: the robot comes to a point, and may have to face somewhere there."""
+"""`reach: {x: 2 m, y: 0}`: the robot reaches a point, optionally with a heading."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Reach(Assertion):
 
     @property
     def place(self) -> str:
-        """The point, for messages."""
+        """The point as text."""
         return f"({', '.join(f'{value:g}' for value in (self.x, self.y, self.z) if value is not None)})"
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
@@ -57,7 +57,7 @@ class Reach(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class ReachMonitor:
-    """How near the base came to the place."""
+    """The monitor of the distance from the point."""
 
     is_momentary: ClassVar[bool] = True
 
@@ -82,7 +82,7 @@ class ReachMonitor:
         return self.nearest.verdict()
 
     def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
-        """(T,) m and rad; None where any heading is right."""
+        """Return (T,) m and (T,) rad; None instead of the heading error if no heading is required."""
         return self._distance(trace), None if self.spec.yaw is None else trace.yaw_error_to(self.spec.yaw)
 
     def _distance(self, trace: Trace) -> FloatArray:

@@ -1,4 +1,4 @@
-"""`sensor: {name: lidar, reading: ranges, which: min, at_least: 20 cm}`: what a sensor must tell."""
+"""`sensor: {name: lidar, reading: ranges, which: min, at_least: 20 cm}`: bounds on sensor readings."""
 
 from __future__ import annotations
 
@@ -40,22 +40,21 @@ _AXES: Final = "xyzw"
 
 
 class SensorReading(Assertion):
-    """What a sensor of the scenario tells stays within bounds, or with `once` comes within them.
+    """The readings of a sensor stay within bounds, or with `once` enter them at least once.
 
-    Every reading counts, at the sensor's own rate; it is read for this, whether or not a controller listens. What it
-    has are the columns that a trace keeps: `ranges` of a lidar; `depth` and `rgb` of a camera; `force` and
-    `touching` of a contact sensor; `linear_acceleration_xyz`, `angular_velocity_xyz` and `orientation_xyzw` of an IMU;
-    `position_xyz`, `orientation_xyzw`, `linear_xyz` and `angular_xyz` of odometry. Ranges and depths that are infinite
-    are not part of a mean.
+    Every reading counts, at the sensor's own rate. The sensor is read even if no controller uses it. The readings are
+    the columns of a trace: `ranges` of a lidar; `depth` and `rgb` of a camera; `force` and `touching` of a contact
+    sensor; `linear_acceleration_xyz`, `angular_velocity_xyz` and `orientation_xyzw` of an IMU; `position_xyz`,
+    `orientation_xyzw`, `linear_xyz` and `angular_xyz` of odometry. A mean ignores infinite ranges and depths.
     """
 
     key: ClassVar[str] = "sensor"
 
-    name: Annotated[str, Field(min_length=1, description="of the sensor in the scenario")]
+    name: Annotated[str, Field(min_length=1, description="name of the sensor in the scenario")]
     reading: Annotated[str, Field(min_length=1, description="a column of its readings")]
     which: Annotated[
         Which | None,
-        Field(description="of a reading of several numbers: an axis, the norm of all axes, or a statistic"),
+        Field(description="for readings with several numbers: an axis, the norm of all axes, or a statistic"),
     ] = None
     at_least: Annotated[SensorQuantity | None, Field(description="an invariant; with 'once' a goal")] = None
     at_most: Annotated[SensorQuantity | None, Field(description="an invariant; with 'once' a goal")] = None
@@ -79,7 +78,7 @@ class SensorReading(Assertion):
 
     @property
     def what(self) -> str:
-        """Such as "min of lidar's ranges"."""
+        """The reading as text, such as "min of lidar's ranges"."""
         return (f"{self.which} of " if self.which else "") + f"{self.name}'s {self.reading}"
 
     @property
@@ -116,25 +115,25 @@ class SensorReading(Assertion):
 
 
 def _trouble(column: ReadingColumn, which: str | None) -> str | None:
-    """Why this cannot be picked from a column."""
+    """Return the problem with the choice of `which` for a column, else None."""
     if column.is_single:
-        return "it is a single number; leave 'which' out" if which else None
+        return "the reading is a single number; remove 'which'" if which else None
     allowed = (*column.axes, "norm", *_STATISTICS) if column.axes else _STATISTICS
     if which is None:
-        return f"it has several numbers; say which, by 'which': {', '.join(allowed)}"
-    return None if which in allowed else f"it has no '{which}'{did_you_mean(which, allowed)}"
+        return f"the reading has several numbers; select one with 'which': {', '.join(allowed)}"
+    return None if which in allowed else f"the reading has no '{which}'{did_you_mean(which, allowed)}"
 
 
 @dataclass(frozen=True, slots=True)
 class SensorMonitor:
-    """Folds the margin to the nearer of both bounds.
+    """The fold of the margin to the closer of both bounds.
 
     Attributes:
-        sensor, reading, which: what is read.
-        what: the same, for people.
-        once: whether one reading is enough.
-        value: what was read at the moment that the fold is about.
-        unit: SI symbol; known once something was read.
+        sensor, reading, which: the value that is read.
+        what: the same as text.
+        once: True if one reading within the bounds is enough.
+        value: the reading at the deciding time.
+        unit: SI symbol; empty before the first reading.
     """
 
     is_momentary: ClassVar[bool] = True
@@ -175,7 +174,7 @@ class SensorMonitor:
         import numpy as np
 
         margin = np.full(len(values), math.inf)
-        # A bound that was not asked for is no infinite one: the value may be infinite, too.
+        # A missing bound is not an infinite one, because the value may be infinite too.
         if self.at_least is not None:
             margin = np.minimum(margin, values - self.at_least)
         if self.at_most is not None:
@@ -183,7 +182,7 @@ class SensorMonitor:
         return margin
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: at the sensor's own rate; nothing where a reading is infinite."""
+        """See PlottableMonitor.signals. The curve has the sensor's rate; infinite readings are left out."""
         import numpy as np
 
         record = trace.sensors.get(self.sensor)
@@ -197,16 +196,16 @@ class SensorMonitor:
         return READING_COLUMNS[record.kind][self.reading].dimension.si
 
     def verdict(self) -> Verdict:
-        """Measured is what was read at the moment that decides; None if it is infinite."""
+        """Return the verdict. `measured` is the reading at the deciding time; None if it is infinite."""
         fold, passed = self._fold, self.state is State.HOLDS
         limit, side = self._nearer_bound()
         if fold.time is None or fold.margin is None:
-            return Verdict(passed, None, limit, None, self.unit, None, f"{self.what}: nothing was read")
+            return Verdict(passed, None, limit, None, self.unit, None, f"{self.what}: no reading")
         value, bound = units.display_apart(self.value, limit, self.unit)
         holds = f"{self.what} was {value} at {fold.time:.2f} s"
         message = {
             (True, True): holds,
-            (True, False): f"{holds} at the nearest, never within its bounds; {side} {bound}",
+            (True, False): f"{holds}, the closest value; never within bounds: {side} {bound}",
             (False, True): f"{holds}, {'lowest' if side == 'at least' else 'highest'}; {side} {bound}",
             (False, False): f"{holds}, {'less' if side == 'at least' else 'more'} than {bound}",
         }[self.once, passed]
@@ -214,7 +213,7 @@ class SensorMonitor:
         return Verdict(passed, measured, limit, margin, self.unit, fold.time, message)
 
     def _nearer_bound(self) -> tuple[float, str]:
-        """The bound that the value is nearer to, or farther beyond."""
+        """Return the bound that the value is closer to, or exceeds by more."""
         if self.at_most is None or (
             self.at_least is not None and self.value - self.at_least < self.at_most - self.value
         ):
@@ -224,7 +223,7 @@ class SensorMonitor:
 
 
 def picked(column: Any, which: str | None) -> FloatArray:
-    """(N,) a number of each reading, from a column (N,) or (N, ...)."""
+    """Return (N,) one number per reading, from a column (N,) or (N, ...)."""
     import numpy as np
 
     values = np.asarray(column, dtype=np.float64)

@@ -26,26 +26,30 @@ if TYPE_CHECKING:
 
 
 class AtRest(Assertion):
-    """How slow, and for how long."""
+    """The definition of rest: the maximum speeds and the minimum duration."""
 
-    speed: Annotated[PositiveMetresPerSecond, Field(description="of the base, and of joints that slide")] = 0.01
-    turn_rate: Annotated[PositiveRadiansPerSecond, Field(description="of the base, and of joints that turn")] = (
-        math.radians(1)
+    speed: Annotated[PositiveMetresPerSecond, Field(description="maximum speed of the base and of sliding joints")] = (
+        0.01
     )
-    span: Annotated[PositiveSeconds, Field(alias="for", description="how long it stays at rest")] = 1.0
+    turn_rate: Annotated[
+        PositiveRadiansPerSecond, Field(description="maximum turn rate of the base and of rotating joints")
+    ] = math.radians(1)
+    span: Annotated[PositiveSeconds, Field(alias="for", description="required time at rest")] = 1.0
 
 
 class Settled(AtRest):
-    """A goal: the robot comes to rest, and stays at rest for some time.
+    """A goal: the robot comes to rest and stays at rest for some time.
 
-    At rest is what moves and turns no faster than two limits: the base, and the joints where they count. The time is
-    one stretch without a break; what the robot does after it is not asked. Before its first command the robot is at
-    rest, too: where it has to wait for one, say with `after` from when on this counts.
+    The robot is at rest if the base, and the joints if they count, move and turn no faster than two limits. The time
+    must be uninterrupted. Motion after it does not matter. The robot is also at rest before its first command. If it
+    waits for one, set `after` to begin the check later.
     """
 
     key: ClassVar[str] = "settled"
 
-    joints: Annotated[bool | None, Field(description="whether they count; left out: if the base is fixed")] = None
+    joints: Annotated[
+        bool | None, Field(description="true: joints must be at rest too; left out: only if the base is fixed")
+    ] = None
 
     @property
     def title(self) -> str:
@@ -62,7 +66,7 @@ class Settled(AtRest):
 
 
 class Motion(NamedTuple):
-    """One speed over time, (T,) in `unit`, and the limit below which it is rest."""
+    """One speed over time, (T,) in `unit`, and the limit below which it counts as rest."""
 
     name: str
     what: str
@@ -72,17 +76,17 @@ class Motion(NamedTuple):
 
     @property
     def last(self) -> str:
-        """What it is in the end, for messages."""
+        """The motion at the last step as text."""
         speed, _ = units.display_apart(float(self.speed[-1]), self.limit, self.unit)
         return f"{self.what} with {speed}"
 
 
 @dataclass(frozen=True, slots=True)
 class SettledMonitor:
-    """How long all motions were slow, and the one that is the least so at the end.
+    """The fold of the time at rest, and the fastest motion at the last step.
 
     Attributes:
-        joints: those that count, each with the unit of its velocity.
+        joints: the joints that count, each with the unit of its velocity.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -113,7 +117,7 @@ class SettledMonitor:
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: how long it has rested, and what has to be slow for that."""
+        """See PlottableMonitor.signals. Returns the time at rest and the speeds with their limits."""
         motions = list(self._motions(trace))
         rest = self.rest.lasting(trace.time, _are_slow(motions))
         return (
@@ -122,7 +126,7 @@ class SettledMonitor:
         )
 
     def _motions(self, trace: Trace) -> Iterator[Motion]:
-        """What must be slow: of the base, and of the joints."""
+        """Yield the speeds of the base and the joints."""
         spec = self.spec
         yield Motion("speed", "the base moved", trace.speed, spec.speed, "m/s")
         yield Motion("turn rate", "the base turned", trace.turn_rate, spec.turn_rate, "rad/s")
@@ -132,10 +136,10 @@ class SettledMonitor:
             yield Motion(f"{name} speed", f"{name} moved", speed, limit, unit)
 
     def verdict(self) -> Verdict:
-        """Measured is the longest rest, up to the one that was long enough."""
+        """Return the verdict. `measured` is the longest time at rest."""
         passed, rest = self.state is State.HOLDS, self.rest
         if self.end is None:
-            return Verdict(False, None, rest.wanted, None, "s", None, "no moment to measure")
+            return Verdict(False, None, rest.wanted, None, "s", None, "no physics step to measure")
         longest, wanted = units.display_apart(rest.longest, rest.wanted, "s")
         message = (
             f"at rest from {rest.began:.2f} s on, for {longest}"
@@ -149,7 +153,7 @@ class SettledMonitor:
 
 
 def _are_slow(motions: Sequence[Motion]) -> NDArray[np.bool_]:
-    """(T,) whether all are."""
+    """Return (T,) True where all motions are below their limits."""
     import numpy as np
 
     return np.asarray(np.all([motion.speed <= motion.limit for motion in motions], axis=0))

@@ -1,4 +1,4 @@
-"""`stay_within: {x: [-1 m, 2 m], y: [-20 cm, 20 cm]}`: the robot does not leave a box."""
+"""`stay_within: {x: [-1 m, 2 m], y: [-20 cm, 20 cm]}`: the robot stays inside a box."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Range = tuple[Metres, Metres]
 
 
 class StayWithin(Assertion):
-    """The base link's origin stays between bounds, in the world frame; an axis left out is free."""
+    """The base link's origin stays between bounds in the world frame. An omitted axis is not checked."""
 
     key: ClassVar[str] = "stay_within"
 
@@ -41,7 +41,7 @@ class StayWithin(Assertion):
 
     @property
     def intervals(self) -> dict[str, Range]:
-        """Axis -> bounds, of those that were given."""
+        """The given bounds, by axis."""
         given = {"x": self.x, "y": self.y, "z": self.z}
         return {axis: interval for axis, interval in given.items() if interval is not None}
 
@@ -61,7 +61,7 @@ class StayWithin(Assertion):
         return IntervalsMonitor(tuple(side for interval in intervals for side in interval.sides()))
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks: the area, or the lines that bound it on two sides."""
+        """See Assertion.marks. Returns a rectangle, or lines if only one axis is bounded."""
         if self.x is not None and self.y is not None:
             return (rectangle(self.x, self.y),)
         x, y, _ = start.pose.position_xyz

@@ -1,4 +1,4 @@
-"""`stl: always (speed < 0.5 m/s)`: signal temporal logic over what the robot does."""
+"""`stl: always (speed < 0.5 m/s)`: signal temporal logic over the motion of the robot."""
 
 from __future__ import annotations
 
@@ -34,28 +34,28 @@ _STEP_ROUNDING: Final = 1e-6
 
 
 class Stl(Assertion):
-    """Signal temporal logic: what must be true of signals over time.
+    """Signal temporal logic: a formula over signals and time must be true.
 
-    It is written as text. `speed < 0.5 m/s` compares signals: `time`, `x`, `y`, `z`, `roll`, `pitch`, `yaw`,
-    `tilt`, `speed`, `turn_rate`, `travel` (from where the robot settled, on the ground), and `position(JOINT)`,
-    `velocity(JOINT)`, `effort(JOINT)`; with `+`, `-`, `*`, `abs(...)`, and units as elsewhere. Comparisons are
-    joined by `not`, `and`, `or`, `implies`, and by `always`, `eventually`, `until`, each of which may have an
-    interval of sim time that counts from the moment it is judged at: `eventually[0 s, 2 s] (...)`, `always[3 s,
-    end] (...)`. It is judged at the first moment that counts, that is, at 0 or `after`.
+    The formula is text. `speed < 0.5 m/s` compares signals: `time`, `x`, `y`, `z`, `roll`, `pitch`, `yaw`, `tilt`,
+    `speed`, `turn_rate`, `travel` (distance on the ground from the settled pose), and `position(JOINT)`,
+    `velocity(JOINT)`, `effort(JOINT)`; with `+`, `-`, `*`, `abs(...)` and units. Comparisons are joined by `not`,
+    `and`, `or`, `implies`, `always`, `eventually` and `until`. The last three may have an interval of sim time,
+    relative to the time at which they are judged: `eventually[0 s, 2 s] (...)`, `always[3 s, end] (...)`. The formula
+    is judged at the first step, that is, at 0 or `after`.
 
-    The margin is the robustness: how far the signals are from making the formula false, or true if it is false;
-    `<` and `<=` are the same. Windows that reach beyond the end of the run are cut there.
+    The margin is the robustness: the change of the signals that would make a true formula false, or a false one true.
+    `<` and `<=` are the same. Intervals that reach beyond the end of the run are cut there.
 
-    `always` is an invariant, `eventually` and `until` are goals, and so are what `and`, `or`, `not` and `implies`
-    make of them. Windows within are waited for: `always (a implies eventually[0 s, 2 s] b)` is broken 2 s after
-    the `a` that nothing came of. What has no such end within, such as `always (eventually a)`, and what looks
-    ahead by more than a minute, is judged at the end of the run.
+    `always` is an invariant; `eventually` and `until` are goals; `and`, `or`, `not` and `implies` combine them. A
+    formula waits for its inner intervals: `always (a implies eventually[0 s, 2 s] b)` breaks 2 s after an `a` that no
+    `b` follows. A formula whose inner interval has no end, such as `always (eventually a)`, or that looks ahead by more
+    than 60 s, is judged at the end of the run.
     """
 
     key: ClassVar[str] = "stl"
     bare_value: ClassVar[str | None] = "formula"
 
-    formula: Annotated[str, Field(min_length=1, description="the text; it may stand alone as the value of `stl`")]
+    formula: Annotated[str, Field(min_length=1, description="the formula; may be the whole value")]
 
     @model_validator(mode="before")
     @classmethod
@@ -73,7 +73,7 @@ class Stl(Assertion):
 
     @cached_property
     def parsed(self) -> Formula:
-        """What the text says."""
+        """The formula as a syntax tree."""
         return parse(self.formula)
 
     @property
@@ -82,7 +82,7 @@ class Stl(Assertion):
         return shortened_title(f"{self.key} {' '.join(self.formula.split())}")
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Joints that are not there, metres compared with seconds, intervals between two physics steps."""
+        """Yield unknown joints, comparisons of different dimensions, and intervals without a physics step."""
         found = (*dimension_problems(self.parsed, scene.model), *_empty(self.parsed, scene.physics.rate))
         for at, message in found:
             yield (), f"{message}; {place(self.formula, at)}"

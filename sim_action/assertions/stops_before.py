@@ -1,4 +1,4 @@
-"""`stops_before: {body: wall, gap: [20 cm, 60 cm]}`: the robot comes to rest before a body."""
+"""`stops_before: {body: wall, gap: [20 cm, 60 cm]}`: the robot stops in front of a body."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 
 class StopsBefore(AtRest):
-    """A goal: the robot comes to rest before a body, with a gap between two bounds; an invariant: it does not touch it.
+    """A goal: the robot stops in front of a body with a gap between two bounds. It must never touch the body.
 
-    The gap is the least distance of any link to the body. It counts while the robot rests, so on its way there it may
-    have been less: add `clearance` where it must not. What the robot does after its rest is not asked.
+    The gap is the least distance of any link from the body. It is checked only while the robot is at rest; it may have
+    been smaller before. To limit it at all times, add `clearance`. Motion after the stop does not matter.
     """
 
     key: ClassVar[str] = "stops_before"
@@ -53,12 +53,12 @@ class StopsBefore(AtRest):
 
     @property
     def near(self) -> ClearanceWatch:
-        """Tells the gap whenever it is no more than it may be."""
+        """The distances that are recorded at every step, up to the greatest allowed gap."""
         return ClearanceWatch(bodies=(self.body,), within=self.gap[1], always=True)
 
     @property
     def far(self) -> ClearanceWatch:
-        """Tells the least gap, for a robot that stays too far away."""
+        """The least distance, for a robot that stops too far away."""
         return ClearanceWatch(bodies=(self.body,))
 
     @property
@@ -67,7 +67,7 @@ class StopsBefore(AtRest):
         return Channels(contacts=True, clearances=frozenset({self.near, self.far}))
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """A body that is not there."""
+        """Yield a body that does not exist."""
         bodies = [body.name for body in scene.world.objects]
         if self.body not in bodies:
             yield ("body",), f"the world has no body '{self.body}'{did_you_mean(self.body, bodies)}"
@@ -81,14 +81,14 @@ class StopsBefore(AtRest):
 
 @dataclass(frozen=True, slots=True)
 class StopsBeforeMonitor:
-    """How long the robot rested at the right distance, and what there is to say if it did not.
+    """The fold of the time at rest with an allowed gap, and of the facts for the message.
 
     Attributes:
         touch: the first contact with the body.
         nearest: the least distance.
-        gap: m, at the last moment seen; None if it is more than it may be.
-        met: m, the gap when the rest was long enough.
-        motion: what it does at the last moment seen, for messages.
+        gap: gap at the last step in m; None if it is greater than allowed.
+        met: gap in m when the robot had rested long enough.
+        motion: the motion at the last step as text.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -109,7 +109,7 @@ class StopsBeforeMonitor:
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided: what has stopped may still roll on."""
+        """See DecidingMonitor.is_decided. Only a contact decides, because a stopped robot may move on."""
         return self.state is State.BROKEN
 
     def observe(self, trace: Trace) -> Self:
@@ -121,7 +121,7 @@ class StopsBeforeMonitor:
         return seen.moved(trace, self._gaps(trace)) if len(trace) else seen
 
     def moved(self, trace: Trace, gaps: FloatArray) -> Self:
-        """The fold after these moments; `gaps`: (T,) m, infinite where it is more than it may be."""
+        """Return the monitor after these steps; `gaps`: (T,) m, infinite where greater than allowed."""
         import numpy as np
 
         rest = self.rest.observe(trace.time, self._rests(trace, gaps))
@@ -132,7 +132,7 @@ class StopsBeforeMonitor:
         return replace(self, rest=rest, met=met, gap=gap, motion=self._motion(trace), end=float(trace.time[-1]))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: the gap, and how long it has rested with one that is right."""
+        """See PlottableMonitor.signals. Returns the gap and the time at rest with an allowed gap."""
         lower, upper = self.spec.gap
         rest = self.rest.lasting(trace.time, self._rests(trace, self._gaps(trace)))
         return (
@@ -141,7 +141,7 @@ class StopsBeforeMonitor:
         )
 
     def _known_gaps(self, trace: Trace) -> tuple[FloatArray, FloatArray]:
-        """(N,) s and (N,) m: all that is known, up to the first touch."""
+        """Return (N,) s and (N,) m: all recorded gaps up to the first contact."""
         import numpy as np
 
         time, gaps = distances(trace, self.spec.near, self.spec.far)
@@ -152,7 +152,7 @@ class StopsBeforeMonitor:
         return np.append(time[before], touch.time), np.append(gaps[before], 0.0)
 
     def _rests(self, trace: Trace, gaps: FloatArray) -> NDArray[np.bool_]:
-        """(T,) whether it is at rest with a gap that is right."""
+        """Return (T,) True where the robot is at rest with an allowed gap."""
         import numpy as np
 
         lower, upper = self.spec.gap
@@ -166,7 +166,7 @@ class StopsBeforeMonitor:
         return "at rest" if turn_rate <= self.spec.turn_rate else f"turning with {units.display(turn_rate, 'rad/s')}"
 
     def verdict(self) -> Verdict:
-        """Measured is the gap; or how long the rest was, if that is what is missing."""
+        """Return the verdict. `measured` is the gap, or the time at rest if that is too short."""
         lower, upper = self.spec.gap
         if self.touch is not None:
             message = f"{self.touch.link} touched {self.spec.body} at {self.touch.time:.2f} s"
@@ -188,7 +188,7 @@ class StopsBeforeMonitor:
     def _elsewhere(self) -> Verdict:
         lower, upper = self.spec.gap
         if self.gap is None and self.nearest is None:
-            what = "no moment to measure" if self.end is None else "no distance to measure"
+            what = "no physics step to measure" if self.end is None else "no distance to measure"
             return Verdict(False, None, upper, None, "m", self.end, what)
         if self.gap is not None:
             gap, limit = units.display_apart(self.gap, lower, "m")
@@ -196,7 +196,7 @@ class StopsBeforeMonitor:
             return Verdict(False, self.gap, lower, self.gap - lower, "m", self.end, message)
         distance, time = (self.nearest.distance, self.nearest.time) if self.nearest else (0.0, 0.0)
         near, limit = units.display_apart(distance, upper, "m")
-        message = f"{self._last()} more than {limit} before {self.spec.body}; nearest was {near} at {time:.2f} s"
+        message = f"{self._last()} more than {limit} before {self.spec.body}; closest was {near} at {time:.2f} s"
         return Verdict(False, distance, upper, min(0.0, upper - distance), "m", self.end, message)
 
     def _last(self) -> str:
@@ -208,7 +208,7 @@ class StopsBeforeMonitor:
         gaps = np.full(len(trace), np.inf)
         record = trace.clearances.get(self.spec.near)
         if record is not None:
-            # A stored trace has fewer moments than distances.
+            # A stored trace is decimated: it has fewer steps than distances.
             _, moments, found = np.intersect1d(trace.time, record.time, return_indices=True)
             gaps[moments] = record.distance[found]
         return gaps

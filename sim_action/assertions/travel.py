@@ -1,4 +1,4 @@
-"""`travel: {at_least: 1.5 m}`: how far the robot is from where it stood."""
+"""`travel: {at_least: 1.5 m}`: the distance of the robot from its start position."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class LengthBounds(Assertion):
-    """The two bounds of an assertion on a length."""
+    """The base class of assertions with two bounds on a length."""
 
     at_least: Annotated[PositiveMetres | None, Field(description="a goal: must be reached")] = None
     at_most: Annotated[NonNegativeMetres | None, Field(description="an invariant: must not be exceeded")] = None
@@ -35,7 +35,7 @@ class LengthBounds(Assertion):
 
 
 class Travel(LengthBounds):
-    """Displacement on the ground plane from where the robot settled, as the crow flies."""
+    """The straight-line distance on the ground from the settled start position."""
 
     key: ClassVar[str] = "travel"
 
@@ -46,7 +46,7 @@ class Travel(LengthBounds):
         return SignalMonitor("travelled", lambda trace: trace.planar_distance_to(x, y), bounds)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks: as far as it has to get, and may."""
+        """See Assertion.marks. Returns a circle for each bound."""
         from sim_action.state.verdict import Circle
 
         x, y, _ = start.pose.position_xyz

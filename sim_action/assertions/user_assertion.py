@@ -1,4 +1,4 @@
-"""`assertion: checks/stays_level.py:StaysLevel`: a class of the user's."""
+"""`assertion: checks/stays_level.py:StaysLevel`: a Python class of the user judges the run."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ Kind = Literal["end", "invariant", "goal"]
 
 _BEGINNING: Final = {"end": State.HOLDS, "invariant": State.HOLDS, "goal": State.PENDING}
 
-# Of rows, more than what is there: whatever the length of a run, a row is copied once or twice.
-_ROOM: Final = 2
+# Growth factor of the buffer: each row is copied once or twice.
+_GROWTH: Final = 2
 
 
 class UserAssertion(Assertion):
-    """A class of yours judges the run: `assertion: checks/stays_level.py:StaysLevel`.
+    """A Python class of yours judges the run: `assertion: checks/stays_level.py:StaysLevel`.
 
-    It is made with the settings below `with`. Its one method `judge(self, trace)` is given a `sim_action.Trace`
-    of every physics step so far, as numpy columns (`time`, `base_position_xyz`, `speed`, `tilt`,
-    `joint_position`, `contacts`, ...) that cannot be written to. It returns a `sim_action.Verdict(passed,
-    measured, limit, margin, unit, time, message)`, of which all but `passed` may be left out. It may be called
-    for any length of the same run, in any order: it must depend on the trace and the settings alone.
+    The class is created with the settings below `with`. Its only method, `judge(self, trace)`, receives a
+    `sim_action.Trace` of every physics step so far, as read-only numpy columns (`time`, `base_position_xyz`, `speed`,
+    `tilt`, `joint_position`, `contacts`, ...). It returns a `sim_action.Verdict(passed, measured, limit, margin, unit,
+    time, message)`; only `passed` is required. The method may be called for any length of the same run, in any order.
+    So it must depend only on the trace and the settings.
 
-    The class attribute `kind` says when it is asked. "end", which it is when left out: once, when the run is
-    over. "invariant": every half second of sim time, too, and the run ends when it has not passed. "goal": as
-    often, and the run waits until it has passed. It is a script: refused where scripts are, and in a process of
-    its own.
+    The class attribute `kind` sets when `judge` is called. "end", the default: once, at the end of the run.
+    "invariant": also every 0.5 s of sim time, and the run ends when the verdict has not passed. "goal": also every 0.5
+    s, and the run waits until the verdict has passed. The class is user code: it is refused where scripts are refused,
+    and runs in a process of its own.
     """
 
     key: ClassVar[str] = "assertion"
@@ -58,10 +58,10 @@ class UserAssertion(Assertion):
     path: Annotated[
         str,
         NamesFile(),
-        Field(alias="class", pattern=r"^[^:].*:[^\W\d]\w*$", description="FILE.py:CLASS; may stand alone"),
+        Field(alias="class", pattern=r"^[^:].*:[^\W\d]\w*$", description="FILE.py:CLASS; may be the whole value"),
     ]
     settings: Annotated[
-        Mapping[str, Any], Field(alias="with", description="what the class is made with; numbers without units")
+        Mapping[str, Any], Field(alias="with", description="keyword arguments of the class; numbers without units")
     ] = {}
 
     @model_validator(mode="before")
@@ -78,7 +78,7 @@ class UserAssertion(Assertion):
 
     @property
     def file(self) -> str:
-        """Path of the Python file, from the scenario."""
+        """Path of the Python file, relative to the scenario."""
         return self.path.rpartition(":")[0]
 
     @property
@@ -88,7 +88,7 @@ class UserAssertion(Assertion):
 
     @property
     def class_name(self) -> str:
-        """The class in that file."""
+        """Name of the class in that file."""
         return self.path.rpartition(":")[2]
 
     @property
@@ -98,7 +98,7 @@ class UserAssertion(Assertion):
 
     @property
     def channels(self) -> Channels:
-        """See Assertion.channels: what a stranger's class looks at cannot be known before it runs."""
+        """See Assertion.channels. All channels, because the class may read any of them."""
         return Channels(contacts=True)
 
     @property
@@ -107,7 +107,7 @@ class UserAssertion(Assertion):
         return f"{self.key} {self.class_name}"
 
     def file_problems(self, workspace: Workspace) -> SpecProblems:
-        """A file that is not there, is no Python, or has no such class. Reads it; does not run it."""
+        """Yield a missing file, invalid Python or a missing class. The file is read, not run."""
         try:
             script = read_script(workspace.file(self.file))
         except PathError as error:
@@ -124,7 +124,7 @@ class UserAssertion(Assertion):
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
     ) -> tuple[Signal, ...]:
-        """None: nobody knows what it looks at, and to ask would run it again."""
+        """Return no curves: the quantities are unknown, and finding them would run the class again."""
         return ()
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
@@ -134,10 +134,10 @@ class UserAssertion(Assertion):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UserMonitor:
-    """Keeps every step, and asks the judge about all of them; what it has once said of a goal that came true stands.
+    """The monitor that keeps every step and calls the class of the user with all of them.
 
     Attributes:
-        decided: the verdict by which a goal came true, or an invariant was broken.
+        decided: the verdict that met the goal or broke the invariant.
     """
 
     judge: Judge
@@ -146,7 +146,7 @@ class UserMonitor:
 
     @classmethod
     def opened(cls, path: Path, name: str, settings: Mapping[str, Any]) -> Self:
-        """The fold before the first moment. Raises ScriptError."""
+        """Return the monitor before the first step. Raises ScriptError."""
         return cls(Judge.load(path, name, settings))
 
     @property
@@ -176,13 +176,13 @@ class UserMonitor:
         if self.decided is not None:
             return self.decided
         if self.seen is None:
-            return Verdict(passed=False, message="no moment to measure")
+            return Verdict(passed=False, message="no physics step to measure")
         return self.judge.verdict(self.seen.whole())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judge:
-    """An object of the user's class; raises ScriptError where that does, or answers nonsense."""
+    """An instance of the user's class. Raises ScriptError if the class fails or returns an invalid verdict."""
 
     path: Path
     name: str
@@ -191,22 +191,22 @@ class Judge:
 
     @classmethod
     def load(cls, path: Path, name: str, settings: Mapping[str, Any]) -> Self:
-        """Runs the file, and makes the object."""
+        """Run the file and create the instance. Raises ScriptError."""
         found = run_file(path, f"the file of {name}").get(name)
         where = Location(str(path))
         with told_at(path, name):
             judge = getattr(found, "judge", None)
             kind: Kind = getattr(found, "kind", "end")
         if not isinstance(found, type) or not callable(judge):
-            raise ScriptError(f"{name} is no class with a method judge(self, trace)", where)
+            raise ScriptError(f"{name} is not a class with a method judge(self, trace)", where)
         if kind not in get_args(Kind):
-            raise ScriptError(f"{name}.kind is {kind!r}; it is one of {', '.join(get_args(Kind))}", where)
-        with told_at(path, f"{name}(...), made with its settings,"):
+            raise ScriptError(f"{name}.kind is {kind!r}; allowed: {', '.join(get_args(Kind))}", where)
+        with told_at(path, f"{name}(...), called with its settings,"):
             made = found(**settings)
         return cls(path, name, kind, made)
 
     def verdict(self, trace: Trace) -> Verdict:
-        """What it says of a trace."""
+        """Return the verdict of the class on a trace. Raises ScriptError."""
         with told_at(self.path, f"{self.name}.judge()"):
             answer = self.made.judge(trace)
         try:
@@ -221,7 +221,7 @@ class Judge:
 
 
 def _plain(answer: object) -> Verdict:
-    """A verdict as reports take it: numpy's numbers are made Python's. Raises TypeError, which says what else it is."""
+    """Return the verdict with Python numbers instead of numpy's. Raises TypeError with the reason if it is invalid."""
     import numpy as np
 
     if not isinstance(answer, Verdict):
@@ -229,7 +229,7 @@ def _plain(answer: object) -> Verdict:
     if not isinstance(answer.passed, bool | np.bool_):
         raise TypeError(f"a Verdict whose 'passed' is {answer.passed!r}; it is True or False")
     if not isinstance(answer.unit, str) or not isinstance(answer.message, str):
-        raise TypeError("a Verdict whose 'unit' or 'message' is no text")
+        raise TypeError("a Verdict whose 'unit' or 'message' is not a string")
     names = ("measured", "limit", "margin", "time")
     measured, limit, margin, time = (_number(name, getattr(answer, name)) for name in names)
     message = escaped_line(answer.message) or ("holds" if answer.passed else "does not hold")
@@ -253,19 +253,19 @@ def _is_finite(value: numbers.Real) -> bool:
 
 @dataclass(slots=True, eq=False)
 class _Rows:
-    """Room for rows, the first `filled` of which are written, and never again."""
+    """A buffer of rows. The first `filled` rows are written once and never changed."""
 
     rows: FloatArray
     filled: int
 
     def added(self, count: int, rows: FloatArray) -> _Rows:
-        """These, with more behind the first `count`; others, if those behind them are another future's."""
+        """Return a buffer with `rows` after the first `count`; a copy if other rows are already there."""
         import numpy as np
 
         end = count + len(rows)
         store = self
         if self.filled != count or end > len(self.rows):
-            store = _Rows(np.empty((_ROOM * end, self.rows.shape[1])), count)
+            store = _Rows(np.empty((_GROWTH * end, self.rows.shape[1])), count)
             store.rows[:count] = self.rows[:count]
         store.rows[count:end] = rows
         store.filled = end
@@ -274,10 +274,10 @@ class _Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """A trace so far. Its state is not copied; what stands beside it, such as contacts, is joined anew each time.
+    """A trace that grows without copying its state each time. The other records are joined at each call.
 
     Attributes:
-        beside: a trace without moments.
+        beside: the records other than the state, such as contacts, as a trace without steps.
     """
 
     _store: _Rows
@@ -286,14 +286,14 @@ class History:
 
     @classmethod
     def of(cls, trace: Trace) -> Self:
-        """The history that begins with these moments."""
+        """Return a history that begins with these steps."""
         import numpy as np
 
         store = _Rows(np.empty((0, trace.state.shape[1])), 0)
         return cls(store.added(0, trace.state), len(trace), trace.rows(slice(0)))
 
     def followed_by(self, trace: Trace) -> Self:
-        """The history after the moments that follow; this one stays as it is."""
+        """Return the history after more steps; this one does not change."""
         from sim_action.state.trace import Trace
 
         beside = Trace.concatenate((self.beside, trace.rows(slice(0))))
@@ -301,7 +301,7 @@ class History:
         return replace(self, _store=store, _count=self._count + len(trace), beside=beside)
 
     def whole(self) -> Trace:
-        """All of it, whose state cannot be written to."""
+        """Return the whole trace; its state is read-only."""
         state = self._store.rows[: self._count]
         state.flags.writeable = False
         return replace(self.beside, state=state)

@@ -1,4 +1,4 @@
-"""Drives: from a twist of the base to targets for the joints that move it."""
+"""Drives: they convert a twist of the base to targets for its wheel and steering joints."""
 
 from __future__ import annotations
 
@@ -22,57 +22,57 @@ if TYPE_CHECKING:
 
 
 class DriveMotion(Protocol):
-    """The live half of a drive: remembers how fast the wheels were told to turn."""
+    """A drive during a run. It keeps the commanded wheel speeds from step to step."""
 
     @property
     def joints(self) -> frozenset[str]:
-        """The joints that it moves."""
+        """The joints that the drive controls."""
 
     @property
     def released(self) -> JointTargets:
-        """What ends all that it does beside turning its joints."""
+        """The targets that end all effects of the drive other than joint motion."""
 
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
-        """Joint targets for the next physics steps; fewer than `steps` once they no longer change."""
+        """Return the joint targets of the next physics steps; fewer than `steps` if they stop changing."""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What it was asked for so far and could not do, for people; each thing once."""
+        """Notes on commands that the drive could not follow, each once."""
 
 
 class Drive(FrozenModel):
-    """What all drives are: a frozen spec whose fields are the YAML keys."""
+    """The base class of all drives: a frozen spec whose fields are the YAML keys."""
 
     key: ClassVar[str]
-    """Its name in YAML."""
+    """The name in YAML."""
 
     @classmethod
     @abstractmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """A drive of this kind for a model that looks as if it had one."""
+        """Return a drive of this kind if the model appears to have one, else None."""
 
     @abstractmethod
     def problems(self, model: RobotModel) -> SpecProblems:
-        """What does not fit the model."""
+        """Yield everything that does not fit the model."""
 
     @abstractmethod
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> DriveMotion:
-        """The live half, for physics steps at `rate` Hz and a weight of mass times `gravity` m/s^2."""
+        """Start the drive for physics steps at `rate` Hz; `gravity` in m/s^2 sets the weight."""
 
     @abstractmethod
     def wheel_motion(self, model: RobotModel) -> WheelMotion | None:
-        """How its wheels move the robot; None: it has none."""
+        """Return the forward kinematics of the wheels; None if there are none."""
 
     @abstractmethod
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
-        """One line for people, with every figure that was read from the model."""
+        """Return one line of text with all parameters, including those read from the model."""
 
     @abstractmethod
     def mobility(self, model: RobotModel) -> Mobility:
-        """What it can do."""
+        """Return the motions that the drive can perform."""
 
     def prepared(self, scene: Scene) -> Scene:
-        """The scene with what the drive can do, and with what it is known to have and the model does not tell."""
+        """Return the scene with the drive's mobility, and with properties of the drive that the model lacks."""
         return replace(scene, mobility=self.mobility(scene.model))
 
 
@@ -86,22 +86,20 @@ DRIVES: Final = Table[type[Drive]](
     },
 )
 
-NOT_PLANAR: Final = (
-    "a twist asked for more than forward speed and turning rate; this drive cannot do the rest, and left it out"
-)
+NOT_PLANAR: Final = "a twist had components other than forward speed and turn rate; this drive ignored them"
 
 
 def is_planar(twist: Twist) -> bool:
-    """Whether a twist is forward speed and turning rate alone."""
+    """Return True if a twist has only forward speed and turn rate."""
     return is_level(twist) and twist.linear_xyz[1] == 0
 
 
 def is_level(twist: Twist) -> bool:
-    """Whether a twist is a velocity over the ground and turning rate alone."""
+    """Return True if a twist has only a velocity over the ground and a turn rate."""
     return not any((twist.linear_xyz[2], *twist.angular_xyz[:2]))
 
 
 def recognise(model: RobotModel) -> Drive | None:
-    """The first drive of the table that fits a model, without a problem in it."""
+    """Return the first drive of the table that fits a model without problems, else None."""
     found: Iterator[Drive | None] = (DRIVES.load(name).recognise(model) for name in DRIVES)
     return next((drive for drive in found if drive is not None and not any(drive.problems(model))), None)

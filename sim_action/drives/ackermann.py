@@ -1,4 +1,4 @@
-"""Ackermann steering: two wheels are turned, each by its own angle, so that none slips on a curve."""
+"""Ackermann steering: each steered wheel has its own angle, so that no wheel slips in a curve."""
 
 from __future__ import annotations
 
@@ -61,20 +61,20 @@ from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.physics import GRAVITY
 
-# In m: steered wheels that are no further from the fixed axle steer nothing.
-_LEAST_WHEELBASE: Final = 1e-3
+# Steered wheels closer than this to the fixed axle cannot steer.
+_MIN_WHEELBASE_M: Final = 1e-3
 
-ON_THE_SPOT = "a twist asked to turn on the spot, which Ackermann steering cannot: it stood still"
+ON_THE_SPOT = "a twist asked for a turn on the spot, which Ackermann steering cannot do: the robot stood still"
 
-TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: it took the tightest there is"
+TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: the robot took the tightest curve"
 
 
 class AckermannDrive(Drive):
-    """Steered wheels and driven wheels; each takes the angle and the speed that its own radius of the curve asks for.
+    """Steered and driven wheels. Each takes the angle and speed that its own radius of the curve requires.
 
-    It cannot turn on the spot: told to, it stands still, and the outcome has a note. Nor does it turn more sharply than
-    its steering can: it then keeps its speed and takes the tightest curve there is, with a note.
-    No driven wheel turns faster than the velocity limit of its joint in the model: all are slowed alike, with a note.
+    It cannot turn on the spot: such a command stops it and adds a note to the outcome. A curve that is tighter than the
+    steering allows becomes the tightest possible one at the same speed, also with a note. If a driven wheel would
+    exceed the velocity limit of its joint in the model, all wheels slow down by the same factor, with a note.
     """
 
     key: ClassVar[str] = "ackermann"
@@ -86,30 +86,35 @@ class AckermannDrive(Drive):
     radius: WheelRadius = None
     wheelbase: Annotated[
         PositiveMetres | None,
-        Field(description="from the axle that is not steered to the steering joints; left out: read from the model"),
+        Field(description="distance from the fixed axle to the steering joints; left out: read from the model"),
     ] = None
     track: Annotated[
         PositiveMetres | None,
-        Field(description="between the steering joints, and between driven wheels; left out: read from the model"),
+        Field(
+            description="distance between the steering joints, and between driven wheels; left out: read from the model"
+        ),
     ] = None
     steering_limit: Annotated[
         PositiveRadians | None,
-        Field(lt=math.pi / 2, description="of a steering joint; left out: the least of the model's, or else 45 deg"),
+        Field(
+            lt=math.pi / 2,
+            description="maximum angle of a steering joint; left out: the smallest in the model, else 45 deg",
+        ),
     ] = None
     steering_rate: Annotated[
-        PositiveRadiansPerSecond | None, Field(description="of a steering joint; left out: the model's")
+        PositiveRadiansPerSecond | None, Field(description="maximum rate of a steering joint; left out: the model's")
     ] = None
-    acceleration: Annotated[
-        PositiveMetresPerSecondSquared, Field(description="limit of the forward speed's change")
-    ] = 1.0
+    acceleration: Annotated[PositiveMetresPerSecondSquared, Field(description="limit of the forward acceleration")] = (
+        1.0
+    )
     torque: MotorTorque = None
     heading: Heading = None
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """What gz's plugin in the model says, or else two wheels that are steered within limits, and two that are not.
+        """Return the drive of gz's plugin in the model, else of two steered and two fixed wheels, else None.
 
-        Those that are not are driven. Casters turn without limits.
+        Steering joints must have limits, because casters have none. The fixed wheels are the driven ones.
         """
         stated = steering_by_plugin(model)
         by_plugin = cls._of(stated) if stated else None
@@ -117,7 +122,7 @@ class AckermannDrive(Drive):
 
     @classmethod
     def _of(cls, stated: StatedSteering) -> Self | None:
-        """None if a plugin says what no car has, such as three steered wheels."""
+        """Return the drive that a plugin states; None if it is invalid, for example with three steered wheels."""
         try:
             return cls(steering=stated.steering, wheels=stated.wheels, **stated.figures)
         except ValidationError:
@@ -134,7 +139,7 @@ class AckermannDrive(Drive):
         return cls(steering=tuple(joint.name for joint in steering), wheels=driven)
 
     def problems(self, model: RobotModel) -> SpecProblems:
-        """Joints that the model has not or that do not steer, wheels that do not roll, figures it does not tell."""
+        """Yield unknown joints, joints that do not steer, wheels that do not roll, and missing lengths."""
         unknown = list(self._unknown_joints(model))
         yield from unknown
         if unknown:
@@ -145,11 +150,11 @@ class AckermannDrive(Drive):
         for found in wheels:
             yield from axle_problems(found, heading)
         if untold := [found.joint for found in wheels if self.radius is None and found.radius is None]:
-            yield (), f"the model does not tell the radius of the wheel at '{untold[0]}'; give 'radius'"
+            yield (), f"the model has no radius for the wheel at '{untold[0]}'; give 'radius'"
         if self.wheelbase is None and not self._fixed_wheels(model):
             yield (), "every wheel of the model is steered; give 'wheelbase'"
-        elif any(abs(pin.ahead) < _LEAST_WHEELBASE for pin in self._kingpins(model)):
-            yield ("steering",), "these joints are above the axle that is not steered; give 'wheelbase'"
+        elif any(abs(pin.ahead) < _MIN_WHEELBASE_M for pin in self._kingpins(model)):
+            yield ("steering",), "these joints are directly above the fixed axle; give 'wheelbase'"
 
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> AckermannMotion:
         """See Drive.open."""
@@ -211,7 +216,7 @@ class AckermannDrive(Drive):
         return heading_of([wheel(model, name) for name in self.wheels]) if self.heading is None else self.heading
 
     def _fixed_wheels(self, model: RobotModel) -> list[Wheel]:
-        """Those on the axle that is not steered: driven ones, or else any on the ground."""
+        """Return the wheels on the axle that is not steered: driven ones, else any on the ground."""
         driven = [wheel(model, name) for name in self.wheels]
         for wheels in (driven, wheels_on_ground(model)):
             if fixed := [found for found in wheels if steering_joint(model, found.joint) is None]:
@@ -219,7 +224,7 @@ class AckermannDrive(Drive):
         return []
 
     def _axle(self, model: RobotModel) -> float:
-        """How far the axle that is not steered is ahead of the base's origin, in m."""
+        """Return the position of the fixed axle ahead of the base's origin, in m."""
         heading = self._forward(model)
         return fmean(rolling(found, heading).ahead for found in self._fixed_wheels(model) or [STRAIGHT])
 
@@ -243,20 +248,20 @@ class AckermannDrive(Drive):
     def _driven_wheel(self, model: RobotModel, found: Wheel, heading: float, pins: dict[str, Kingpin]) -> DrivenWheel:
         place, above = rolling(found, heading), steering_joint(model, found.joint)
         radius = self.radius or found.radius
-        assert radius is not None, "problems() reports a radius that nobody tells"
+        assert radius is not None, "problems() reports a missing radius"
         pin = pins.get(above.name) if above else None
         return DrivenWheel(found.joint, place.turns * radius, self._lateral(place.left), pin)
 
     def _lateral(self, left: float) -> float:
-        """Where something on a side is, in m, by the track that is stated."""
-        is_amid = self.track is None or abs(left) < _LEAST_WHEELBASE
+        """Return the lateral position of a part in m, with the stated track if there is one."""
+        is_amid = self.track is None or abs(left) < _MIN_WHEELBASE_M
         return left if is_amid or self.track is None else math.copysign(self.track / 2, left)
 
 
 class AckermannMotion:
-    """Forward speed and curvature, ramping towards what the last twist asks for.
+    """Forward speed and curvature, each with a ramp towards the last twist.
 
-    Wheels turn as the curve wants it that they are steered for at a step, not the one that steering is on its way to.
+    Wheel speeds follow the current steering angle, not the angle that the steering is moving to.
     """
 
     def __init__(
@@ -270,7 +275,7 @@ class AckermannMotion:
         speeds: WheelSpeeds,
         torque: float | None,
     ) -> None:
-        """`most_steering`: rad a step; `most_speed`: m/s a step."""
+        """`most_steering` is in rad per step, `most_speed` in m/s per step."""
         self._kingpins = kingpins
         self._wheels = wheels
         self._tightest = tightest(kingpins, steering_limit)
@@ -317,7 +322,7 @@ class AckermannMotion:
         if speed == 0:
             if turn != 0:
                 self._notes[ON_THE_SPOT] = None
-            # Who stops keeps the wheel where it is.
+            # A robot that stops keeps its steering angle.
             return self._curvature
         if abs(turn) > self._tightest * abs(speed):
             self._notes[TOO_TIGHT] = None
@@ -325,11 +330,11 @@ class AckermannMotion:
         return turn / speed
 
     def _within_limits(self, speed: float) -> float:
-        """While the wheels are still turned for another curve, that may take them faster than this one."""
+        """Return the speed within the limits of the wheels at the current curvature."""
         return speed * self._speeds.share(self._wheel_speeds(speed, self._curvature))
 
     def _wheel_speeds(self, speed: float, curvature: float) -> dict[str, float]:
-        """In rad/s."""
+        """Return wheel speeds in rad/s."""
         return {found.joint: speed * found.way(curvature) / found.gear for found in self._wheels}
 
     def _joint_targets(self) -> JointTargets:
@@ -342,10 +347,10 @@ class AckermannMotion:
 
 @dataclass(frozen=True)
 class AckermannOdometry:
-    """The inverse of `ackermann_motion`: how far by the driven wheels, which way by the steering.
+    """The inverse of `AckermannMotion`: distance from the driven wheels, direction from the steering.
 
     Attributes:
-        heading: rad, of forward from the base's x axis.
+        heading: direction of forward, in rad from the base's x axis.
     """
 
     kingpins: tuple[Kingpin, ...]
@@ -367,7 +372,7 @@ class AckermannOdometry:
         """See WheelMotion.way."""
         curvatures = [pin.curvature(pin.turns * steered[pin.joint]) for pin in self.kingpins]
         curvature = fmean(filter(math.isfinite, curvatures)) if any(map(math.isfinite, curvatures)) else 0.0
-        # Least squares: of wheels that roll on one axle, all have a say, the outer one the most.
+        # Least squares over all wheels; the outer wheel has the greatest weight.
         shares = {found.joint: found.way(curvature) for found in self.wheels}
         ahead = sum(share * rolled[name] for name, share in shares.items())
         ahead /= sum(share**2 for share in shares.values())

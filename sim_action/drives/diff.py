@@ -1,4 +1,4 @@
-"""Differential drive: wheels on the left and on the right that turn at speeds of their own."""
+"""Differential drive: the left and right wheels have independent speeds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import NOT_PLANAR, Drive, is_planar
 from sim_action.drives.plugins import DIFF_PLUGINS, StatedSides, sides_by_plugin
 from sim_action.drives.wheel_settings import (
-    LEAST_LENGTH,
+    MIN_LENGTH_M,
     Heading,
     MotorTorque,
     WheelRadius,
@@ -48,38 +48,41 @@ from sim_action.world.physics import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
 
-# In rad from the base's x axis: rather a mistake than a robot that goes that way.
+# A heading beyond this, in rad from the base's x axis, is probably a mistake.
 _BACKWARD: Final = math.radians(135)
 
 
 class TwoSidedDrive(Drive):
-    """Wheels on the left and on the right."""
+    """The base class of drives with wheels on the left and on the right."""
 
     title: ClassVar[str]
-    """How people call it."""
+    """The name in messages."""
     plugins: ClassVar[tuple[str, ...]]
-    """Those of Gazebo that say which wheels it has."""
+    """Names of the Gazebo plugins that state its wheels."""
 
     left: Annotated[JointNames, Field(description="joints of the wheels on the left")]
     right: Annotated[JointNames, Field(description="joints of the wheels on the right")]
     radius: WheelRadius = None
     separation: Annotated[
-        PositiveMetres | None, Field(description="between left and right wheels; left out: read from the model")
+        PositiveMetres | None,
+        Field(description="distance between left and right wheels; left out: read from the model"),
     ] = None
-    acceleration: Annotated[PositiveMetresPerSecondSquared, Field(description="limit at the rim of a wheel")] = 1.0
+    acceleration: Annotated[
+        PositiveMetresPerSecondSquared, Field(description="limit of the acceleration at the rim of a wheel")
+    ] = 1.0
     torque: MotorTorque = None
     heading: Heading = None
 
     @classmethod
     def by_plugin(cls, model: RobotModel) -> Self | None:
-        """What Gazebo's plugin in the model says, if that fits the model."""
+        """Return the drive that Gazebo's plugin in the model states, if it fits the model, else None."""
         stated = sides_by_plugin(model, cls.plugins)
         drive = cls.as_stated(model, stated) if stated else None
         return drive if drive and not any(drive.problems(model)) else None
 
     @classmethod
     def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
-        """What a plugin says. In Gazebo, joints turn forward to go forward, on whatever side they are."""
+        """Return the drive that a plugin states. In Gazebo, positive joint velocity means forward on both sides."""
         drive = cls(left=stated.left, right=stated.right, **stated.figures)
         heading = turned_forward(drive._wheels(model))
         if heading is None or (abs(heading) <= _BACKWARD and math.cos(heading - drive.forward(model)) > 0):
@@ -87,7 +90,7 @@ class TwoSidedDrive(Drive):
         return drive.model_copy(update={"heading": heading})
 
     def problems(self, model: RobotModel) -> SpecProblems:
-        """Joints that the model has not, wheels that do not roll, figures that it does not tell."""
+        """Yield unknown joints, wheels that do not roll, and lengths that are missing in the model."""
         unknown = [*joint_problems(model, "left", self.left), *joint_problems(model, "right", self.right)]
         yield from unknown
         if unknown:
@@ -101,11 +104,11 @@ class TwoSidedDrive(Drive):
             yield from axle_problems(found, heading)
         if self.heading is None and abs(heading) > _BACKWARD:
             yield ("left",), "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
-        if self.separation is None and self.separation_in(model) < LEAST_LENGTH:
+        if self.separation is None and self.separation_in(model) < MIN_LENGTH_M:
             yield (), "the left and right wheels are at the same place in the model; give 'separation'"
         for found in self._wheels(model):
             if self.radius is None and found.radius is None:
-                yield (), f"the model does not tell the radius of the wheel at '{found.joint}'; give 'radius'"
+                yield (), f"the model has no radius for the wheel at '{found.joint}'; give 'radius'"
                 return
 
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> TwoSidedMotion:
@@ -152,28 +155,28 @@ class TwoSidedDrive(Drive):
         return remarked(figures, stated.remarks if stated and self == self.as_stated(model, stated) else ())
 
     def forward(self, model: RobotModel) -> float:
-        """Where forward is, in rad from the base's x axis to the left."""
+        """Return the direction of forward, in rad from the base's x axis to the left."""
         if self.heading is not None:
             return self.heading
         left, right = ([wheel(model, name) for name in side] for side in (self.left, self.right))
         return heading_of((*left, *right), left, right)
 
     def slip_factor(self, model: RobotModel) -> float:
-        """By how much further apart the wheels seem to be when the robot turns."""
+        """Return the ratio of effective to geometric wheel separation in turns."""
         return 1.0
 
     def slip_text(self, model: RobotModel) -> str:
-        """What to say of that."""
+        """Return the slip factor as text."""
         return ""
 
     def sides(self, model: RobotModel) -> tuple[list[Rolling], list[Rolling]]:
-        """The wheels on the left, and those on the right."""
+        """Return the wheels on the left and those on the right."""
         heading = self.forward(model)
         left, right = ([rolling(wheel(model, name), heading) for name in side] for side in (self.left, self.right))
         return left, right
 
     def radii(self, model: RobotModel) -> dict[str, float]:
-        """Joint -> the radius of its wheel in m; problems() reports those that nobody tells."""
+        """Return the wheel radius in m for each joint; unknown radii are left out (`problems` reports them)."""
         radii = {found.joint: self.radius or found.radius for found in self._wheels(model)}
         return {joint: radius for joint, radius in radii.items() if radius is not None}
 
@@ -189,7 +192,7 @@ class TwoSidedDrive(Drive):
         return self.separation_in(model) * self.slip_factor(model)
 
     def separation_in(self, model: RobotModel) -> float:
-        """Between left and right wheels, in m."""
+        """Return the distance between left and right wheels in m."""
         if self.separation is not None:
             return self.separation
         left, right = self.sides(model)
@@ -197,11 +200,11 @@ class TwoSidedDrive(Drive):
 
 
 class DiffDrive(TwoSidedDrive):
-    """Two sides of wheels; forward speed is their mean, turning rate their difference over the separation.
+    """Two sides of wheels. Forward speed is their mean speed, turn rate their difference over the separation.
 
-    Wheel speeds follow a twist by a ramp, as Gazebo's diff drive plugin does (`wheelAcceleration`).
-    No wheel turns faster than the velocity limit of its joint in the model: all are slowed alike, which keeps the
-    curve, and the outcome has a note.
+    Wheel speeds follow a twist with a ramp, as in Gazebo's diff drive plugin (`wheelAcceleration`). If a wheel would
+    exceed the velocity limit of its joint in the model, all wheels slow down by the same factor, which keeps the curve,
+    and the outcome has a note.
     """
 
     key: ClassVar[str] = "diff"
@@ -210,9 +213,9 @@ class DiffDrive(TwoSidedDrive):
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """What Gazebo's plugin in the model says, or else round wheels whose joints have telling names.
+        """Return the drive of Gazebo's plugin in the model, else of two wheels with known joint names, else None.
 
-        That is one continuous joint with "left" in its name, and one with "right".
+        These are one continuous joint with "left" in its name, and one with "right".
         """
         if (stated := cls.by_plugin(model)) is not None:
             return stated if len(stated.left) == len(stated.right) == 1 else None
@@ -222,7 +225,7 @@ class DiffDrive(TwoSidedDrive):
 
 
 class TwoSidedMotion:
-    """Rim speeds of both sides, ramping towards what the last twist asks for."""
+    """Rim speeds of both sides, each with a ramp towards the last twist."""
 
     def __init__(
         self,
@@ -234,9 +237,9 @@ class TwoSidedMotion:
         speeds: WheelSpeeds,
         torque: float | None,
     ) -> None:
-        """`left`, `right`: joint -> m that its wheel rolls forward while it turns by 1 rad.
+        """`left` and `right` map each joint to the distance in m that its wheel rolls forward per rad.
 
-        `separation`: m, as it is in effect; `most_change`: of a rim, in m/s a step.
+        `separation` is the effective one in m; `most_change` is the change of a rim speed in m/s per step.
         """
         self._left_gears, self._right_gears = left, right
         self._half_separation = separation / 2
@@ -277,7 +280,7 @@ class TwoSidedMotion:
         return planned
 
     def _wanted(self, twist: Twist) -> tuple[float, float]:
-        """Rim speeds on the left and on the right, in m/s, as far as motors can."""
+        """Return the rim speeds on the left and right in m/s, within the limits of the motors."""
         turn = twist.angular_xyz[2] * self._half_separation
         left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
         share = self._speeds.told_share(self._joint_speeds(left, right))
@@ -287,7 +290,7 @@ class TwoSidedMotion:
         return JointTargets(velocity=self._joint_speeds(self._left, self._right), max_effort=self._max_effort)
 
     def _joint_speeds(self, left: float, right: float) -> dict[str, float]:
-        """In rad/s, for rim speeds in m/s."""
+        """Return joint speeds in rad/s, for rim speeds in m/s."""
         return {
             **{name: left / gear for name, gear in self._left_gears.items()},
             **{name: right / gear for name, gear in self._right_gears.items()},
@@ -296,12 +299,12 @@ class TwoSidedMotion:
 
 @dataclass(frozen=True)
 class TwoSidedOdometry:
-    """The inverse of `sided_motion`.
+    """The inverse of `TwoSidedMotion`: the motion of the base from the rotation of the wheels.
 
     Attributes:
         left, right: joints of the wheels.
-        separation: m, as it is in effect.
-        heading: rad, of forward from the base's x axis.
+        separation: the effective separation in m.
+        heading: direction of forward, in rad from the base's x axis.
     """
 
     gears: Mapping[str, float]
@@ -323,5 +326,5 @@ def _mean_left(wheels: Sequence[Rolling]) -> float:
 
 
 def _mean(values: Sequence[float]) -> float:
-    # As statistics.fmean has it, which takes longer to import than a robot to be recognised.
+    # The same result as statistics.fmean, whose import takes too long.
     return math.fsum(values) / len(values)

@@ -1,4 +1,4 @@
-"""Mecanum wheels: four, whose rollers let the robot go sideways as well."""
+"""Mecanum drive: four wheels with rollers, which can also move the robot sideways."""
 
 from __future__ import annotations
 
@@ -35,24 +35,24 @@ from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
-# Of the weight that is on them, what rollers at 45 deg hold with a friction of 1.
-_HOLD: Final = 1 / math.sqrt(2)
+# The grip of rollers at 45 deg with a friction of 1, as a share of the weight.
+_ROLLER_GRIP: Final = 1 / math.sqrt(2)
 
 # Front left, rear left, front right, rear right.
 _CORNERS: Final = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
 
 Pair = Annotated[tuple[str, ...], Field(min_length=2, max_length=2)]
 
-NOT_LEVEL: Final = "a twist asked for more than velocity over the ground and turning rate; the rest was left out"
+NOT_LEVEL: Final = "a twist had components other than velocity over the ground and turn rate; they were ignored"
 
 
 class MecanumDrive(Drive):
-    """Four mecanum wheels, front and rear: forward, sideways and turning at once; kinematic, rollers are not modelled.
+    """Four mecanum wheels, front and rear: forward, sideways and turning at once. Kinematic, without rollers.
 
-    Wheels turn as their inverse kinematics says, and have no friction; the base is pushed to its velocity by a force
-    that is limited, and acts where the wheels touch the ground. A script that turns the wheels by hand takes them over:
-    the base is pushed no more. Beyond the velocity limit of a wheel's joint in the model, all three are slowed alike,
-    and the outcome has a note.
+    Wheels turn according to their inverse kinematics and have no friction. A limited force at ground level pushes the
+    base to its velocity. If a script controls the wheels directly, the base is not pushed. If a wheel would exceed the
+    velocity limit of its joint in the model, all three velocities are reduced by the same factor, and the outcome has a
+    note.
     """
 
     key: ClassVar[str] = "mecanum"
@@ -61,19 +61,18 @@ class MecanumDrive(Drive):
     right: Annotated[Pair, Field(description="joints of the wheels on the right: front, rear")]
     radius: WheelRadius = None
     acceleration: Annotated[
-        PositiveMetresPerSecondSquared, Field(description="limit of the velocity's change, also where wheels are")
+        PositiveMetresPerSecondSquared,
+        Field(description="limit of the acceleration of the base and, when it turns, of the wheels' positions"),
     ] = 1.0
     force: Annotated[
         PositiveNewtons | None,
-        Field(
-            description="that pushes the base at the most; left out: what rollers hold, 0.7 of its weight in this world"
-        ),
+        Field(description="maximum force on the base; left out: the grip of rollers, 0.7 of its weight in this world"),
     ] = None
     heading: Heading = None
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """What gz's plugin in the model says: without it, the wheels look like those of skid steer."""
+        """Return the drive of gz's plugin in the model, else None: the wheels look like those of skid steer."""
         stated = corners_by_plugin(model)
         return cls._of(stated) if stated else None
 
@@ -82,21 +81,24 @@ class MecanumDrive(Drive):
         return cls(left=stated.left, right=stated.right, **stated.figures)
 
     def problems(self, model: RobotModel) -> SpecProblems:
-        """Joints that the model has not, wheels that do not roll or are not where they should be."""
+        """Yield unknown joints, wheels that do not roll, and wheels that are not at the corners."""
         unknown = [*joint_problems(model, "left", self.left), *joint_problems(model, "right", self.right)]
         yield from unknown
         if unknown:
             return
         yield from length_problems(self, "radius")
         if model.mjcf:
-            yield (), "wheels of MJCF keep the friction of their geoms, and mecanum wheels slide; use a model in URDF"
+            yield (), "mecanum wheels need zero friction, but MJCF wheels keep that of their geoms; use a URDF model"
         heading = self._forward(model)
         for found in self._wheels(model):
             yield from axle_problems(found, heading)
             if self.radius is None and found.radius is None:
-                yield (), f"the model does not tell the radius of the wheel at '{found.joint}'; give 'radius'"
+                yield (), f"the model has no radius for the wheel at '{found.joint}'; give 'radius'"
         if self._corners(model) != _CORNERS:
-            yield (), "the wheels are not at the corners: left: [front, rear], right: [front, rear]; or give 'heading'"
+            yield (
+                (),
+                "the wheels are not at the corners; give left: [front, rear] and right: [front, rear], or 'heading'",
+            )
 
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> MecanumMotion:
         """See Drive.open."""
@@ -140,7 +142,7 @@ class MecanumDrive(Drive):
         )
 
     def prepared(self, scene: Scene) -> Scene:
-        """With wheels that slide: their rollers roll. See Drive.prepared."""
+        """See Drive.prepared. Sets the friction of the wheels to zero, because their rollers roll."""
         joints = scene.model.joints_by_name
         wheels = {joints[name].child for name in (*self.left, *self.right)}
         links = tuple(
@@ -172,22 +174,22 @@ class MecanumDrive(Drive):
         return [rolling(found, heading) for found in self._wheels(model)]
 
     def _corners(self, model: RobotModel) -> list[tuple[int, int]]:
-        """Where each wheel is, seen from the middle of them all: in front or not, on the left or not."""
+        """Return the corner of each wheel relative to the centre: (1 front, -1 rear; 1 left, -1 right)."""
         placed = self._placed(model)
         ahead, left = fmean(each.ahead for each in placed), fmean(each.left for each in placed)
         return [(1 if each.ahead > ahead else -1, 1 if each.left > left else -1) for each in placed]
 
     def _force(self, model: RobotModel, gravity: float) -> float:
-        return self.force or _HOLD * model.mass * gravity
+        return self.force or _ROLLER_GRIP * model.mass * gravity
 
 
 @dataclass(frozen=True, slots=True)
 class Roller:
-    """A wheel with rollers at 45 deg, which form an X seen from above.
+    """A wheel with rollers at 45 deg that form an X seen from above.
 
     Attributes:
-        gear: m that it would roll forward while its joint turns by 1 rad.
-        way: 1 if it is in front on the left, or in the rear on the right; -1 on the other diagonal.
+        gear: distance in m that it would roll forward per rad of its joint.
+        way: 1 at the front left and the rear right, -1 on the other diagonal.
     """
 
     place: Rolling
@@ -195,19 +197,19 @@ class Roller:
     way: int
 
     def speed(self, ahead: float, left: float, turn: float) -> float:
-        """Of its joint in rad/s, for a velocity of the base in m/s and rad/s."""
+        """Return the joint speed in rad/s, for a velocity of the base in m/s and rad/s."""
         here = (ahead - turn * self.place.left, left + turn * self.place.ahead)
-        # Its rollers give way along one diagonal: what is left is across.
+        # The rollers slip along one diagonal; only the motion across it turns the wheel.
         return (here[0] - self.way * here[1]) / self.gear
 
 
 def arm(wheels: Sequence[Rolling]) -> float:
-    """How far wheels are from the base's origin in the mean, in m."""
+    """Return the mean distance of wheels from the base's origin, in m."""
     return fmean(math.hypot(placed.ahead, placed.left) for placed in wheels)
 
 
 class MecanumMotion:
-    """Velocity over the ground and turning rate, ramping towards what the last twist asks for."""
+    """Velocity over the ground and turn rate, with a ramp towards the last twist."""
 
     def __init__(
         self,
@@ -219,7 +221,7 @@ class MecanumMotion:
         force: float,
         point_xyz: Vector3,
     ) -> None:
-        """`most_change`: m/s a step, of the velocity, and of what turning is at the wheels."""
+        """`most_change`: change in m/s per step, of the velocity and of the rim speed due to turning."""
         self._wheels = tuple(wheels)
         self._heading = heading
         self._most_change = most_change
@@ -259,13 +261,13 @@ class MecanumMotion:
         return planned
 
     def _wanted(self, twist: Twist) -> tuple[float, float, float]:
-        """Velocity ahead and to the left and turning rate, as far as motors can."""
+        """Return velocity ahead, velocity to the left and turn rate, within the limits of the motors."""
         (ahead, left, _), turn = twist.linear_xyz, twist.angular_xyz[2]
         share = self._speeds.told_share(self._joint_speeds(ahead, left, turn))
         return share * ahead, share * left, share * turn
 
     def _step(self, ahead: float, left: float, turn: float) -> None:
-        """All three change by the same part of their way, so that the curve stays the one that was asked for."""
+        """Change all three by the same share, so that the curve keeps its shape."""
         change = math.hypot(ahead - self._ahead, left - self._left) + self._arm * abs(turn - self._turn)
         if change <= self._most_change:
             self._ahead, self._left, self._turn = ahead, left, turn
@@ -283,16 +285,16 @@ class MecanumMotion:
         )
 
     def _joint_speeds(self, ahead: float, left: float, turn: float) -> dict[str, float]:
-        """In rad/s, for a velocity of the base in m/s and rad/s."""
+        """Return joint speeds in rad/s, for a velocity of the base in m/s and rad/s."""
         return {found.place.joint: found.speed(ahead, left, turn) for found in self._wheels}
 
 
 @dataclass(frozen=True)
 class MecanumOdometry:
-    """The inverse of `mecanum_motion`: the way that suits all wheels best.
+    """The inverse of `MecanumMotion`: the motion of the base that fits all wheels best.
 
     Attributes:
-        heading: rad, of forward from the base's x axis.
+        heading: direction of forward, in rad from the base's x axis.
     """
 
     wheels: tuple[Roller, ...]
@@ -315,7 +317,7 @@ class MecanumOdometry:
 
     @cached_property
     def _shares(self) -> list[list[float]]:
-        """(3, 4): what each wheel has to say of the way ahead, of that to the left, and of the turn: least squares."""
+        """Coefficients (3, 4) of each wheel for motion ahead, to the left and turning (least squares)."""
         import numpy as np
 
         motions = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -1,6 +1,6 @@
-"""What Gazebo's plugins for drives say in a model: which joints turn wheels and steer them, and figures.
+"""Drive plugins of Gazebo in a model: their wheel and steering joints and their parameters.
 
-Names are those of gazebo_ros_pkgs (ROS 1 and 2) and of gz-sim's DiffDrive, AckermannSteering and MecanumDrive.
+The names are those of gazebo_ros_pkgs (ROS 1 and 2) and of gz-sim's DiffDrive, AckermannSteering and MecanumDrive.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from sim_action.robot.robot_model import Plugin, RobotModel
 
 DIFF_PLUGINS: Final = ("gazebo_ros_diff_drive", "gz-sim-diff-drive-system", "ignition-gazebo-diff-drive-system")
 SKID_PLUGINS: Final = ("gazebo_ros_skid_steer_drive", *DIFF_PLUGINS)
-"""Those of diff drives take several wheels a side."""
+"""Plugins of differential drives also accept several wheels per side."""
 ACKERMANN_PLUGINS: Final = ("gz-sim-ackermann-steering-system", "ignition-gazebo-ackermann-steering-system")
 MECANUM_PLUGINS: Final = ("gz-sim-mecanum-drive-system", "ignition-gazebo-mecanum-drive-system")
 _LEFT: Final = ("leftJoint", "left_joint", "leftFrontJoint", "leftRearJoint")
@@ -22,12 +22,12 @@ _RIGHT: Final = ("rightJoint", "right_joint", "rightFrontJoint", "rightRearJoint
 _CORNERS: Final = ("front_left_joint", "front_right_joint", "back_left_joint", "back_right_joint")
 _STEERING: Final = ("left_steering_joint", "right_steering_joint")
 _SWAPPED: Final = (
-    "sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>, so that rightJoint is left"
+    "sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>: rightJoint is the left wheel"
 )
-# Wheels that reach their speed at once slip.
-_NO_LIMIT: Final = "the plugin limits no acceleration of wheels, here it is 1 m/s^2"
-_NO_LIMIT_AHEAD: Final = "the plugin limits no acceleration, here it is 1 m/s^2"
-# Tag -> the figure of a drive, and what it is in units of the tag.
+# Wheels that reach their speed in one step slip.
+_NO_LIMIT: Final = "the plugin has no limit for wheel acceleration, so 1 m/s^2 is used"
+_NO_LIMIT_AHEAD: Final = "the plugin has no limit for acceleration, so 1 m/s^2 is used"
+# Tag -> key of the drive, and the factor from the value of the tag.
 _FIGURES: Final = {
     "wheelDiameter": ("radius", 0.5),
     "wheel_diameter": ("radius", 0.5),
@@ -51,7 +51,7 @@ _MECANUM_FIGURES: Final = {"wheel_radius": ("radius", 1.0), "max_acceleration": 
 
 @dataclass(frozen=True, slots=True)
 class StatedSides:
-    """What a plugin says: joints, figures by the keys of the drive, and what has to be told of how it is taken."""
+    """The statements of a plugin: joints, parameters by YAML key, and remarks on their interpretation."""
 
     left: tuple[str, ...]
     right: tuple[str, ...]
@@ -61,7 +61,7 @@ class StatedSides:
 
 @dataclass(frozen=True, slots=True)
 class StatedSteering:
-    """What a plugin says: joints that steer, joints of wheels, figures and remarks as those of sides."""
+    """The statements of a plugin: steering joints, wheel joints, parameters and remarks."""
 
     steering: tuple[str, ...]
     wheels: tuple[str, ...]
@@ -70,7 +70,7 @@ class StatedSteering:
 
 
 def sides_by_plugin(model: RobotModel, plugins: Sequence[str]) -> StatedSides | None:
-    """What the first of these plugins says whose joints the model has."""
+    """Return the statements of the first of these plugins whose joints exist in the model, else None."""
     for plugin in model.plugins:
         left, right = _joints(plugin, _LEFT), _joints(plugin, _RIGHT)
         if plugin.name in plugins and left and right and _drivable(model, (*left, *right)):
@@ -79,7 +79,7 @@ def sides_by_plugin(model: RobotModel, plugins: Sequence[str]) -> StatedSides | 
 
 
 def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
-    """What the first plugin for Ackermann steering says whose joints the model has."""
+    """Return the statements of the first Ackermann plugin whose joints exist in the model, else None."""
     for plugin in model.plugins:
         steering, wheels = _joints(plugin, _STEERING), _joints(plugin, (*_LEFT, *_RIGHT))
         if plugin.name in ACKERMANN_PLUGINS and steering and wheels and _drivable(model, (*steering, *wheels)):
@@ -89,7 +89,7 @@ def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
 
 
 def corners_by_plugin(model: RobotModel) -> StatedSides | None:
-    """What the first plugin for mecanum wheels says whose joints the model has."""
+    """Return the statements of the first mecanum plugin whose joints exist in the model, else None."""
     for plugin in model.plugins:
         corners = _joints(plugin, _CORNERS)
         if plugin.name in MECANUM_PLUGINS and len(corners) == len(_CORNERS) and _drivable(model, corners):
@@ -107,7 +107,7 @@ def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> Sta
 
 
 def _swaps_sides(plugin: Plugin) -> bool:
-    """ROS 1 kept a mistake of its past for models that had made up for it: what is called left goes as the right."""
+    """Return True for ROS 1's legacy mode, in which `leftJoint` is the right wheel."""
     is_ros_1 = plugin.name == "gazebo_ros_diff_drive" and plugin.texts("leftJoint")
     modes = [text.strip().lower() for text in plugin.texts("legacyMode")]
     return bool(is_ros_1) and modes[:1] not in (["false"], ["0"])
@@ -126,7 +126,7 @@ def _joints(plugin: Plugin, tags: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _figures(plugin: Plugin, known: Mapping[str, tuple[str, float]]) -> dict[str, float]:
-    """Those that are numbers above zero; zero is how a plugin says that there is no limit."""
+    """Return the parameters that are numbers above zero; zero means no limit."""
     found = {}
     for tag, text in plugin.parameters:
         name, factor = known.get(tag, ("", 0.0))

@@ -1,4 +1,4 @@
-"""Skid steer: four or six wheels that cannot be steered, so that some slip whenever it turns."""
+"""Skid steer: four or six wheels that cannot be steered, so that some slip in turns."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from sim_action.core import units
 from sim_action.core.field_types import NonNegativeKilogramSquareMetres, PositiveRatio
 from sim_action.drives.diff import TwoSidedDrive
 from sim_action.drives.plugins import SKID_PLUGINS, StatedSides
-from sim_action.drives.wheels import ASKEW, Wheel, centre_of_mass, steering_joint, wheels_on_ground
+from sim_action.drives.wheels import MAX_AXLE_DEVIATION, Wheel, centre_of_mass, steering_joint, wheels_on_ground
 from sim_action.robot.robot_model import RobotModel
 from sim_action.world.scene import Scene
 
-# Of the robot's mass: what a motor adds to it at the rim of its wheel, as small motors with many gears do.
-# PyBullet splits the friction of a tyre between lengthwise and sideways by how easily the wheel gives way to each.
-# One that spins as easily as its few grams let it slips lengthwise whatever holds it: husky turned half as far.
-_AT_THE_RIM: Final = 0.5
+# Assumed motor inertia, as a share of the robot's mass at the rim: small motors with high gear ratios have as much.
+# PyBullet splits tyre friction between lengthwise and sideways by the inertia in each direction. A wheel without motor
+# inertia slips lengthwise too easily: husky turned only half as far.
+_ASSUMED_RIM_MASS_SHARE: Final = 0.5
 
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
 
-# In m: a wheel nearer to the middle is on no side.
-_AMID: Final = 1e-3
+# A wheel closer to the centre line than this is on neither side.
+_MIN_LATERAL_M: Final = 1e-3
 
-# Of an interval: down to the last bits.
+# Bisection steps, down to the last bits.
 _HALVINGS: Final = 60
 
 
 class SkidSteer(TwoSidedDrive):
-    """Two sides of several wheels each, as diff; when it turns, wheels slip, as if they were `slip` times as far apart.
+    """Two sides with several wheels each. In turns wheels slip, as if they were `slip` times as far apart.
 
-    The factor that is worked out holds on level ground for friction that is the same in all directions. The inertia of
-    the motors, which models seldom tell, is what keeps the wheels turning as they are told. Wheels are held to the
-    velocity limits of their joints as those of diff are.
+    The computed factor is valid on level ground for friction that is the same in all directions. The motor inertia,
+    which models rarely state, keeps the wheels at their commanded speed. Wheels obey the velocity limits of their
+    joints as in diff.
     """
 
     key: ClassVar[str] = "skid"
@@ -46,16 +46,16 @@ class SkidSteer(TwoSidedDrive):
 
     slip: Annotated[
         PositiveRatio | None,
-        Field(description="factor on the separation; left out: worked out from where the wheels and the mass are"),
+        Field(description="factor on the separation; left out: computed from the positions of wheels and mass"),
     ] = None
     rotor_inertia: Annotated[
         NonNegativeKilogramSquareMetres | None,
-        Field(description="of a wheel's motor, felt through its gears; left out: as half the robot's mass at the rim"),
+        Field(description="inertia of a wheel's motor behind its gears; left out: half the robot's mass at the rim"),
     ] = None
 
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """What Gazebo's plugin in the model says, or else several wheels on both sides, all of which roll forward."""
+        """Return the drive of Gazebo's plugin in the model, else of several wheels per side, else None."""
         if (stated := cls.by_plugin(model)) is not None:
             return stated
         left, right = sides_on_ground(model) or ((), ())
@@ -63,7 +63,7 @@ class SkidSteer(TwoSidedDrive):
 
     @classmethod
     def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
-        """See TwoSidedDrive.as_stated; a separation that a plugin says is taken as it is there: in effect."""
+        """See TwoSidedDrive.as_stated. The separation of a plugin is the effective one."""
         drive = super().as_stated(model, stated)
         return drive.model_copy(update={"slip": 1.0}) if "separation" in stated.figures else drive
 
@@ -78,19 +78,19 @@ class SkidSteer(TwoSidedDrive):
 
     def slip_text(self, model: RobotModel) -> str:
         """See TwoSidedDrive.slip_text."""
-        worked_out = "" if self.slip else " (worked out from where the wheels and the mass are)"
+        worked_out = "" if self.slip else " (computed from the positions of wheels and mass)"
         return f" x slip {self.slip_factor(model):.4g}{worked_out}, rotors {self._rotor_text(model)}"
 
     def prepared(self, scene: Scene) -> Scene:
-        """With the inertia of the motors. See Drive.prepared."""
+        """See Drive.prepared. Adds the inertia of the motors."""
         return replace(super().prepared(scene), rotors=self.rotors(scene.model))
 
     def rotors(self, model: RobotModel) -> dict[str, float]:
-        """Joint -> inertia of its motor in kg m^2."""
+        """Return the motor inertia of each joint in kg m^2."""
         stated, radii = self.rotor_inertia, self.radii(model)
         if stated is not None:
             return dict.fromkeys(radii, stated)
-        return {joint: _AT_THE_RIM * model.mass * radius**2 for joint, radius in radii.items()}
+        return {joint: _ASSUMED_RIM_MASS_SHARE * model.mass * radius**2 for joint, radius in radii.items()}
 
     def _rotor_text(self, model: RobotModel) -> str:
         told = dict.fromkeys(units.display(inertia, "kg m^2") for inertia in self.rotors(model).values())
@@ -98,19 +98,22 @@ class SkidSteer(TwoSidedDrive):
 
 
 def sides_on_ground(model: RobotModel) -> Sides | None:
-    """Joints on the left, and on the right; None unless all roll the same way, on a side, and none is steered."""
+    """Return the joints on the left and right; None unless all wheels are parallel, on a side and not steered."""
     wheels = wheels_on_ground(model)
     if not wheels or any(steering_joint(model, found.joint) for found in wheels):
         return None
     by_place, by_name = _by_place(wheels), _by_name(wheels)
-    # What rolls along x has its left where y is; of what rolls another way, only names tell what is its front.
+    # A robot that rolls along x has its left at +y. For other directions only joint names show the front.
     if by_place is None:
         return by_name if _parallel(wheels) else None
     return by_place if by_name in (None, by_place) else None
 
 
 def _by_place(wheels: Sequence[Wheel]) -> Sides | None:
-    if any(abs(found.axis_xyz[1]) < 1 - ASKEW or abs(found.position_xyz[1]) < _AMID for found in wheels):
+    if any(
+        abs(found.axis_xyz[1]) < 1 - MAX_AXLE_DEVIATION or abs(found.position_xyz[1]) < _MIN_LATERAL_M
+        for found in wheels
+    ):
         return None
     return _split(wheels, [found.position_xyz[1] > 0 for found in wheels])
 
@@ -132,21 +135,21 @@ def _split(wheels: Sequence[Wheel], is_left: Sequence[bool]) -> Sides | None:
 
 def _parallel(wheels: Sequence[Wheel]) -> bool:
     ax, ay, _ = wheels[0].axis_xyz
-    return all(abs(ax * found.axis_xyz[0] + ay * found.axis_xyz[1]) > 1 - ASKEW for found in wheels)
+    return all(abs(ax * found.axis_xyz[0] + ay * found.axis_xyz[1]) > 1 - MAX_AXLE_DEVIATION for found in wheels)
 
 
 @dataclass(frozen=True, slots=True)
 class Footing:
-    """Where a wheel stands, in m ahead of the middle of all wheels, and its share of the load."""
+    """The position of a wheel in m ahead of the centre of all wheels, and its share of the load."""
 
     ahead: float
     load: float
 
 
 def footings(aheads: Sequence[float], mass_ahead: float) -> list[Footing]:
-    """The wheels of both sides of a robot whose mass is in the mean at `mass_ahead`, in m as `aheads`.
+    """Return the wheels of both sides of a robot with its centre of mass at `mass_ahead`, in m as `aheads`.
 
-    Loads change evenly from front to rear, as they do on two axles.
+    Loads change linearly from front to rear, as with two axles.
     """
     middle = fmean(aheads)
     spread = sum((ahead - middle) ** 2 for ahead in aheads)
@@ -156,11 +159,11 @@ def footings(aheads: Sequence[float], mass_ahead: float) -> list[Footing]:
 
 
 def slip_factor(wheels: Sequence[Footing], separation: float) -> float:
-    """By how much further apart the wheels of a turning robot seem to be: wanted rim speed over turning rate.
+    """Return the ratio of effective to geometric separation: the rim speed that a turn rate needs.
 
-    A robot that turns drags its front and rear wheels sideways. Friction that is the same in all directions (Coulomb's)
-    then also lets rims slip lengthwise, until its forces and moments cancel. Four wheels that carry the same load do
-    so at 1 + (wheelbase / separation)^2, whatever the coefficient and the speed.
+    A turning robot drags its front and rear wheels sideways. Isotropic Coulomb friction then also lets rims slip
+    lengthwise, until forces and moments balance. For four wheels with equal load this happens at 1 + (wheelbase /
+    separation)^2, whatever the coefficient and the speed.
     """
     half = separation / 2
     furthest = max(abs(wheel.ahead) for wheel in wheels)
@@ -173,12 +176,12 @@ def slip_factor(wheels: Sequence[Footing], separation: float) -> float:
 
 
 def _sideways(wheel: Footing, slip: float, shift: float) -> float:
-    """A wheel's friction to the side, for a robot that turns at 1 rad/s about a point `shift` m behind the middle."""
+    """Return the lateral friction of a wheel, for a turn of 1 rad/s about a point `shift` m behind the centre."""
     return wheel.load * _over(wheel.ahead + shift, math.hypot(slip, wheel.ahead + shift))
 
 
 def _moment(wheel: Footing, half: float, slip: float, shift: float) -> float:
-    """The moment of its friction about the middle; `slip`: m/s of its rim, lengthwise."""
+    """Return the moment of its friction about the centre; `slip`: lengthwise rim slip in m/s."""
     arm = half * slip - wheel.ahead * (wheel.ahead + shift)
     return wheel.load * _over(arm, math.hypot(slip, wheel.ahead + shift))
 
@@ -188,7 +191,7 @@ def _over(part: float, whole: float) -> float:
 
 
 def _root(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function that rises passes through zero."""
+    """Return the zero of an increasing function."""
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if rising(middle) < 0 else (low, middle)

@@ -1,6 +1,6 @@
-"""The geometry of steered wheels: all axles meet in one point, the middle of the curve.
+"""Ackermann geometry and steering joints: all wheel axles meet in the centre of the curve.
 
-A curve is told by its curvature in 1/m, positive to the left: turning rate over forward speed.
+A curve is given by its curvature in 1/m, positive to the left: turn rate over forward speed.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from sim_action.core import units
 from sim_action.drives.wheels import Wheel, wheel
 from sim_action.robot.robot_model import Joint, RobotModel
 
-# Of a unit vector: from here on, an axis is taken for upright.
-_UPRIGHT: Final = 0.8
+# An axis with at least this z component, as a unit vector, counts as upright.
+_MIN_UPRIGHT_Z: Final = 0.8
 
-# In rad: a wheel at right angles to the robot leads on no curve.
-_MOST: Final = math.radians(85)
+# A wheel at 90 deg to the robot follows no curve.
+_MAX_ANGLE: Final = math.radians(85)
 
-# In rad, where nobody says: that of a car is 30 to 45 deg.
-_ASSUMED: Final = math.radians(45)
+# Used if no limit is stated; cars have 30 to 45 deg.
+_ASSUMED_ANGLE: Final = math.radians(45)
 STRAIGHT: Final = Wheel("", None, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-"""Stands for the fixed axle where the model has none: amid the base."""
+"""Replaces the fixed axle if the model has none: at the centre of the base."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +31,10 @@ class Kingpin:
     """A steering joint.
 
     Attributes:
-        joint: its name.
-        ahead: m, of the axle that is not steered.
-        left: m, of the base's middle line.
-        turns: 1 if its joint turns to the left, -1 if its axis points down.
+        joint: name of the joint.
+        ahead: distance in m ahead of the axle that is not steered.
+        left: distance in m to the left of the base's centre line.
+        turns: 1 if the joint turns to the left, -1 if its axis points down.
     """
 
     joint: str
@@ -43,14 +43,14 @@ class Kingpin:
     turns: float
 
     def angle(self, curvature: float) -> float:
-        """By how much the wheel has to be turned to the left, in rad."""
+        """Return the steering angle to the left in rad for a curvature."""
         return math.atan(curvature * self.ahead / (1 - curvature * self.left))
 
     def curvature(self, angle: float) -> float:
-        """The curve on which the wheel is turned by an angle; inf if on none."""
+        """Return the curvature for a steering angle; inf if there is none."""
         tangent = math.tan(angle)
         across = self.ahead + self.left * tangent
-        # Beyond that, the middle of the curve would be on the other side.
+        # At a greater angle, the centre of the curve would be on the other side.
         return tangent / across if across * self.ahead > 0 else math.copysign(math.inf, tangent * self.ahead)
 
 
@@ -59,10 +59,10 @@ class DrivenWheel:
     """A wheel with a motor.
 
     Attributes:
-        joint: the joint that turns it.
-        gear: m that it rolls forward while its joint turns by 1 rad.
-        left: m, of the base's middle line, with straight wheels.
-        kingpin: of its steering joint; None if it is not steered.
+        joint: name of the joint that turns it.
+        gear: distance in m that it rolls forward per rad of its joint.
+        left: distance in m to the left of the base's centre line, with straight wheels.
+        kingpin: its steering joint; None if it is not steered.
     """
 
     joint: str
@@ -71,7 +71,7 @@ class DrivenWheel:
     kingpin: Kingpin | None
 
     def way(self, curvature: float) -> float:
-        """How far it rolls while the robot's middle goes 1 m."""
+        """Return the distance that it rolls while the centre of the robot moves 1 m."""
         if self.kingpin is None:
             return 1 - curvature * self.left
         pin = self.kingpin
@@ -80,13 +80,13 @@ class DrivenWheel:
 
 
 def tightest(kingpins: Iterable[Kingpin], limit: float) -> float:
-    """The curvature, in 1/m, at which the first of the wheels is turned by `limit` rad, to the left as to the right."""
+    """Return the curvature in 1/m at which the first wheel reaches `limit` rad, to the left or right."""
     pins = tuple(kingpins)
     return min(abs(pin.curvature(side * limit)) for pin in pins for side in (1, -1))
 
 
 def steered(kingpins: Iterable[Kingpin], now: float, wanted: float, most: float) -> float:
-    """The curvature after a step in which no wheel is turned by more than `most` rad, on its way to the wanted one."""
+    """Return the next curvature towards the wanted one; no wheel turns by more than `most` rad."""
     reached = wanted
     for pin in kingpins:
         angle, goal = pin.angle(now), pin.angle(wanted)
@@ -98,7 +98,7 @@ def steered(kingpins: Iterable[Kingpin], now: float, wanted: float, most: float)
 
 @dataclass(frozen=True, slots=True)
 class SteeringLimit:
-    """How far steering goes to either side, in rad, and how fast, in rad/s; `is_assumed`: nobody says how far."""
+    """The steering range to either side in rad and the rate in rad/s; `is_assumed` if no range is stated."""
 
     angle: float
     rate: float
@@ -106,32 +106,32 @@ class SteeringLimit:
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The limits as text."""
         rate = "" if math.isinf(self.rate) else f", {units.display(self.rate, 'rad/s')}"
         assumed = ", assumed" if self.is_assumed else ""
         return f"(up to {units.display(self.angle, 'rad')}{assumed}{rate})"
 
 
 def limit_of(joints: Sequence[Joint], angle: float | None, rate: float | None) -> SteeringLimit:
-    """What is stated, or else the least that the joints say."""
+    """Return the stated limits, else the smallest limits of the joints."""
     angles = [least for joint in joints if math.isfinite(least := min(-_lower(joint), _upper(joint)))]
     rates = [joint.max_velocity for joint in joints if joint.max_velocity]
-    told = angle or min(angles, default=_ASSUMED)
-    return SteeringLimit(min(told, _MOST), rate or min(rates, default=math.inf), not (angle or angles))
+    told = angle or min(angles, default=_ASSUMED_ANGLE)
+    return SteeringLimit(min(told, _MAX_ANGLE), rate or min(rates, default=math.inf), not (angle or angles))
 
 
 def upright(model: RobotModel, name: str) -> float:
-    """1 if a joint turns to the left, -1 if its axis points down."""
+    """Return 1 if a joint turns to the left, -1 if its axis points down."""
     return math.copysign(1.0, wheel(model, name).axis_xyz[2])
 
 
 def why_not_steering(model: RobotModel, name: str) -> str | None:
-    """What to say of a joint that cannot steer; None if it can."""
+    """Return the reason why a joint cannot steer, else None."""
     joint = model.joints_by_name[name]
-    if joint.type == "prismatic" or abs(wheel(model, name).axis_xyz[2]) < _UPRIGHT:
-        return f"joint '{name}' does not turn about an upright axis: it steers nothing"
+    if joint.type == "prismatic" or abs(wheel(model, name).axis_xyz[2]) < _MIN_UPRIGHT_Z:
+        return f"joint '{name}' does not turn about an upright axis: it cannot steer"
     if not _lower(joint) < 0 < _upper(joint):
-        return f"joint '{name}' cannot be straight and turn to both sides within its limits"
+        return f"joint '{name}' cannot steer: its limits must allow 0 and angles to both sides"
     return None
 
 

@@ -1,4 +1,4 @@
-"""Keys that several drives have."""
+"""Settings that several drives share: YAML keys, their checks, wheel speed limits and descriptions."""
 
 from __future__ import annotations
 
@@ -14,37 +14,39 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 
-WheelRadius = Annotated[PositiveMetres | None, Field(description="of a wheel; left out: read from the model")]
+WheelRadius = Annotated[PositiveMetres | None, Field(description="radius of the wheels; left out: read from the model")]
 
 MotorTorque = Annotated[
-    PositiveNewtonMetres | None, Field(description="limit of a wheel's motor; left out: the joint's own limit")
+    PositiveNewtonMetres | None, Field(description="torque limit of each wheel motor; left out: the limit of its joint")
 ]
 
 Heading = Annotated[
     Radians | None,
-    Field(description="of forward, from the base's x axis to the left; left out: as the wheels in the model roll"),
+    Field(
+        description="direction of forward from the base's x axis, positive to the left; left out: that of the wheels"
+    ),
 ]
 
-LEAST_LENGTH: Final = 1e-6
-"""In m. Wheels of less would be asked to turn at speeds that are no numbers."""
+MIN_LENGTH_M: Final = 1e-6
+"""Smaller wheels would need speeds that overflow."""
 
-_MOST_LENGTH: Final = 1e3
+_MAX_LENGTH_M: Final = 1e3
 
-# In rad, from one limit to the other: exporters write such as 1e9 for what turns for ever.
-_FOR_EVER: Final = 1e5
+# A joint with a range of this many rad counts as continuous: exporters write limits such as 1e9.
+_CONTINUOUS_RANGE: Final = 1e5
 
-# As a share of a limit: speeds that are meant to be the limit differ from it by rounding.
+# Relative tolerance: speeds equal to the limit differ from it by rounding.
 _ROUNDING: Final = 1e-6
 
-# In degrees: a file's digits of pi are off by less.
-_PLAIN: Final = 0.05
+# Smaller headings come from rounded digits of pi in a file.
+_MIN_SHOWN_DEG: Final = 0.05
 
 
 class WheelSpeeds:
-    """Holds the wheels of a drive to what their motors can, all by the same share: the curve stays as it was asked for.
+    """The speed limits of wheels. All wheels slow down by the same factor, so the curve keeps its shape.
 
     Attributes:
-        notes: for people; the first time that a twist asked for more.
+        notes: a note on the first twist that exceeded a limit.
     """
 
     def __init__(self, model: RobotModel, wheels: Iterable[str]) -> None:
@@ -53,79 +55,79 @@ class WheelSpeeds:
         self.notes: tuple[str, ...] = ()
 
     def share(self, asked: Mapping[str, float]) -> float:
-        """The part of these speeds (joint -> rad/s) that every wheel can turn at; 1.0: all of it."""
+        """Return the factor for these speeds (joint -> rad/s) that keeps every wheel in its limit; at most 1.0."""
         return self._least(asked)[0]
 
     def told_share(self, twist: Mapping[str, float]) -> float:
-        """The same, of what a twist asks for, which is noted."""
+        """Return the same factor for the speeds of a twist, and note a factor below 1."""
         share, name = self._least(twist)
         if name and not self.notes:
             found, most = units.display_apart(abs(twist[name]), self._limits[name], "rad/s")
-            limit = f"a twist asked joint '{name}' for {found}, and its limit in the model is {most}"
-            self.notes = (f"{limit}: all wheels were slowed alike, and took the same curve",)
+            limit = f"a twist asked joint '{name}' for {found}, but its limit in the model is {most}"
+            self.notes = (f"{limit}: all wheels were slowed by the same factor, so the curve is unchanged",)
         return share
 
     def _least(self, asked: Mapping[str, float]) -> tuple[float, str]:
-        """The share, and the wheel that has the least of all; no name if all can turn as fast as that."""
+        """Return the factor and the wheel that limits it; an empty name if no limit is exceeded."""
         shares = ((limit / abs(asked[name]), name) for name, limit in self._limits.items() if asked[name])
         share, name = min(shares, default=(1.0, ""))
         return (share, name) if share < 1 - _ROUNDING else (1.0, "")
 
 
 def why_no_wheel(model: RobotModel, name: str) -> str | None:
-    """What to say of a joint that no wheel turns about: engines drive it through its limits, for a while."""
+    """Return the reason why no wheel can turn about a joint, else None. Engines would ignore its limits at first."""
     if (trouble := model.why_not_driven(name)) is not None:
         return trouble
     joint = model.joints_by_name[name]
     if joint.type == "prismatic":
-        return f"joint '{name}' slides: a wheel turns about a joint that is 'continuous'"
-    if joint.lower is None or joint.upper is None or not 0 <= joint.upper - joint.lower < _FOR_EVER:
+        return f"joint '{name}' slides: a wheel needs a 'continuous' joint"
+    if joint.lower is None or joint.upper is None or not 0 <= joint.upper - joint.lower < _CONTINUOUS_RANGE:
         return None
     limits = f"{units.display(joint.lower, 'rad')} to {units.display(joint.upper, 'rad')}"
-    return f"joint '{name}' has limits, {limits}: a wheel turns for ever, about a joint that is 'continuous'"
+    return f"joint '{name}' has limits, {limits}: a wheel needs a 'continuous' joint"
 
 
 def joint_problems(model: RobotModel, key: str, names: Sequence[str]) -> SpecProblems:
-    """Joints that cannot turn a wheel, each at its place below the drive's key."""
+    """Yield joints that cannot turn a wheel, each with its place below the key of the drive."""
     for index, name in enumerate(names):
         if (trouble := why_no_wheel(model, name)) is not None:
             yield (key, index), trouble
 
 
 def length_problems(drive: Drive, *keys: str) -> SpecProblems:
-    """Lengths of a drive that are stated, and that nothing has."""
+    """Yield stated lengths that are too small or too large."""
     for key in keys:
         length = getattr(drive, key) or 0
-        if 0 < length < LEAST_LENGTH:
-            yield (key,), f"must be at least {LEAST_LENGTH:g} m"
-        elif length > _MOST_LENGTH:
-            yield (key,), f"must be at most {_MOST_LENGTH:g} m"
+        if 0 < length < MIN_LENGTH_M:
+            yield (key,), f"must be at least {MIN_LENGTH_M:g} m"
+        elif length > _MAX_LENGTH_M:
+            yield (key,), f"must be at most {_MAX_LENGTH_M:g} m"
 
 
 def heading_text(heading: float) -> str:
-    """What to say of a heading; nothing of one along the base's x axis."""
+    """Return a heading as text; empty for the base's x axis."""
     degrees = math.degrees(heading)
-    return f", heading {degrees:.4g} deg from the base's x axis" if abs(degrees) >= _PLAIN else ""
+    return f", heading {degrees:.4g} deg from the base's x axis" if abs(degrees) >= _MIN_SHOWN_DEG else ""
 
 
 def radius_text(radii: Sequence[float]) -> str:
-    """The radius of wheels in words, or their radii."""
+    """Return wheel radii as text."""
     told = dict.fromkeys(f"{radius:.4g} m" for radius in radii)
     return f"wheel {'radius' if len(told) == 1 else 'radii'} {', '.join(told)}"
 
 
 def torque_text(torque: float | None, model: RobotModel, names: Sequence[str]) -> str:
-    """The limit of the motors of wheels in words; nothing without one."""
+    """Return the torque limits of wheel motors as text; empty if there are none."""
     limits = [torque] if torque is not None else [model.joints_by_name[name].max_effort for name in names]
     told = dict.fromkeys(units.display(limit, "N m") for limit in limits if limit)
     return f", torque {' and '.join(told)}" if told else ""
 
 
 def remarked(figures: str, remarks: Sequence[str]) -> str:
-    """A drive in words, with what has to be told of how a plugin's words were taken."""
+    """Return the description of a drive with remarks on its plugin."""
     return "; ".join((figures, *remarks))
 
 
 def ramp_towards(wanted: float, value: float, most: float) -> float:
-    """The value after a step in which it changes by `most` at the most, on its way to what is wanted."""
+    """Return the value after one step towards `wanted`, changed by `most` at most."""
     return value + max(-most, min(most, wanted - value))

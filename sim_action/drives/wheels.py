@@ -1,4 +1,8 @@
-"""Wheels of a robot model: their joints, radii, places and axles, and which of them are on the ground."""
+"""The wheels of a robot model: joints, radii, positions, axles, rolling direction and ground contact.
+
+Forward is the base's x axis (REP 103), unless the wheels roll another way: r2d2 of `pybullet_data` rolls along its y
+axis.
+"""
 
 from __future__ import annotations
 
@@ -15,26 +19,26 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.kinematics import link_poses, robot_box
 from sim_action.robot.robot_model import Joint, RobotModel, Shape
 
-ASKEW: Final = 0.1
-"""Of a unit vector: how far an axle may be off the direction that makes it plain."""
+MAX_AXLE_DEVIATION: Final = 0.1
+"""Maximum component of an axle, as a unit vector, along a direction to which it is perpendicular."""
 
-# Of its radius: how far above the lowest shape a wheel may end that is on the ground.
-_LIFTED: Final = 0.1
+# A wheel on the ground ends at most this share of its radius above the lowest point of the robot.
+_MAX_LIFT_SHARE: Final = 0.1
 
-# Of a unit vector: from here on, an axle is not level, or does not lie across the heading.
-_NO_AXLE: Final = 0.5
+# An axle with a greater component, as a unit vector, is not level or not perpendicular to the heading.
+_MAX_TILT_COMPONENT: Final = 0.5
 _ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Wheel:
-    """A wheel, with all joints where they begin.
+    """A wheel with all joints at their initial positions.
 
     Attributes:
-        joint: the joint that turns it.
-        radius: m; None if the model does not tell.
-        position_xyz: m, base frame: the middle of its round shape, or of its link if it has none.
-        axis_xyz: unit vector, base frame: about which the joint turns it.
+        joint: name of the joint that turns it.
+        radius: radius in m; None if the model does not state it.
+        position_xyz: centre of its round shape, or of its link if it has none; m, base frame.
+        axis_xyz: axis of the joint; unit vector, base frame.
     """
 
     joint: str
@@ -44,25 +48,25 @@ class Wheel:
 
 
 def wheel(model: RobotModel, joint_name: str) -> Wheel:
-    """The wheel that a joint turns; KeyError if the model has no such joint."""
+    """Return the wheel that a joint turns. Raises KeyError if the model has no such joint."""
     return _wheel_at_home(_Same(model), joint_name)
 
 
 def radius(model: RobotModel, joint_name: str) -> float | None:
-    """Of the link that a joint turns, in m: that of its first round shape; None if it has none."""
+    """Return the radius in m of the first round shape of the link that a joint turns; None if it has none."""
     tyre = _tyre(model, model.joints_by_name[joint_name])
     return tyre.radius if tyre else None
 
 
 def wheels_on_ground(model: RobotModel) -> tuple[Wheel, ...]:
-    """Round links that joints turn freely about a level axis, as low as anything of the robot is."""
+    """Return round links on level continuous joints that are as low as any part of the robot."""
     poses = _poses(model)
     box = robot_box(model, poses)
     return tuple(_on_ground(model, poses, box[0][2])) if box else ()
 
 
 def steering_joint(model: RobotModel, joint_name: str) -> Joint | None:
-    """The nearest joint that moves above that of a wheel; None if it hangs on nothing that moves."""
+    """Return the nearest moving joint above that of a wheel, else None."""
     above = {joint.child: joint for joint in model.joints}
     link = model.joints_by_name[joint_name].parent
     while link in above:
@@ -73,7 +77,7 @@ def steering_joint(model: RobotModel, joint_name: str) -> Joint | None:
 
 
 def centre_of_mass(model: RobotModel) -> Vector3:
-    """Of all links that state a mass, in m, base frame, with all joints where they begin."""
+    """Return the centre of mass of all links in m, base frame, with all joints at their initial positions."""
     poses = _poses(model)
     x = y = z = 0.0
     for link in model.links:
@@ -85,7 +89,7 @@ def centre_of_mass(model: RobotModel) -> Vector3:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Same:
-    """A model, compared by what it is and not by what it says, which would take longer than to look anew."""
+    """A model that is compared by identity, because comparing its contents would be slow."""
 
     model: RobotModel
 
@@ -97,11 +101,11 @@ class _Same:
 
 
 def _poses(model: RobotModel) -> Mapping[str, Pose]:
-    """Link name -> its pose in the base frame, with all joints where they begin."""
+    """Return the pose of each link in the base frame, with all joints at their initial positions."""
     return _poses_at_home(_Same(model))
 
 
-# A drive asks dozens of times, and 10,000 variations have one model.
+# A drive calls this dozens of times, and up to 10,000 variations share one model.
 @lru_cache(maxsize=4)
 def _poses_at_home(same: _Same) -> Mapping[str, Pose]:
     return MappingProxyType(link_poses(same.model, same.model.positions({})))
@@ -125,22 +129,22 @@ def _wheel(model: RobotModel, joint: Joint, poses: Mapping[str, Pose]) -> Wheel:
 
 
 def _on_ground(model: RobotModel, poses: Mapping[str, Pose], ground: float) -> Iterator[Wheel]:
-    """`ground`: m, base frame: the z of what is lowest."""
+    """Yield the wheels on the ground. `ground`: the lowest z of the robot in m, base frame."""
     for joint in model.joints:
         found = _wheel(model, joint, poses)
-        if joint.type != "continuous" or found.radius is None or abs(found.axis_xyz[2]) > ASKEW:
+        if joint.type != "continuous" or found.radius is None or abs(found.axis_xyz[2]) > MAX_AXLE_DEVIATION:
             continue
-        if found.position_xyz[2] - found.radius < ground + _LIFTED * found.radius:
+        if found.position_xyz[2] - found.radius < ground + _MAX_LIFT_SHARE * found.radius:
             yield found
 
 
 @dataclass(frozen=True, slots=True)
 class Rolling:
-    """A wheel as its drive sees it.
+    """A wheel relative to the forward direction of its drive.
 
     Attributes:
-        joint: the joint that turns it.
-        ahead, left: m, of the base's origin.
+        joint: name of the joint that turns it.
+        ahead, left: position relative to the base's origin in m.
         turns: 1 if it rolls forward when its joint turns forward, -1 if its axis points the other way.
     """
 
@@ -151,7 +155,10 @@ class Rolling:
 
 
 def heading_of(wheels: Sequence[Wheel], left: Sequence[Wheel] = (), right: Sequence[Wheel] = ()) -> float:
-    """Which way wheels roll, in rad from the base's x axis: with `left` on their left, or else the nearer to x."""
+    """Return the rolling direction of wheels in rad from the base's x axis.
+
+    Of the two directions it is the one with `left` on the left, or without sides the one nearer to x.
+    """
     x, y = _along_axles(wheels)
     length = math.hypot(x, y)
     if length < _ROUNDING:
@@ -164,15 +171,15 @@ def heading_of(wheels: Sequence[Wheel], left: Sequence[Wheel] = (), right: Seque
 
 
 def turned_forward(wheels: Sequence[Wheel]) -> float | None:
-    """Which way wheels roll while all their joints turn forward, in rad as `heading_of`; None if against each other."""
+    """Return the direction in which wheels roll if all joints turn forward, in rad; None if they disagree."""
     x = sum(wheel.axis_xyz[1] for wheel in wheels)
     y = -sum(wheel.axis_xyz[0] for wheel in wheels)
-    # Rounded, as it is told to be pasted.
-    return round(math.atan2(y, x), 9) + 0.0 if math.hypot(x, y) > _NO_AXLE * len(wheels) else None
+    # Rounded, because users paste it from messages.
+    return round(math.atan2(y, x), 9) + 0.0 if math.hypot(x, y) > _MAX_TILT_COMPONENT * len(wheels) else None
 
 
 def rolling(wheel: Wheel, heading: float) -> Rolling:
-    """A wheel, seen in the direction in which its drive goes."""
+    """Return a wheel relative to the forward direction of its drive."""
     cosine, sine = math.cos(heading), math.sin(heading)
     x, y, _ = wheel.position_xyz
     turns = math.copysign(1.0, _rolls_along(wheel, heading))
@@ -180,17 +187,17 @@ def rolling(wheel: Wheel, heading: float) -> Rolling:
 
 
 def along(heading: float, ahead: float, left: float) -> tuple[float, float]:
-    """What is so far ahead and to the left, along the axes of the base."""
+    """Return a vector given ahead and to the left, along the axes of the base."""
     cosine, sine = math.cos(heading), math.sin(heading)
     return cosine * ahead - sine * left, sine * ahead + cosine * left
 
 
 def axle_problems(wheel: Wheel, heading: float) -> SpecProblems:
-    """A joint that would not roll a wheel forward."""
-    if abs(wheel.axis_xyz[2]) > _NO_AXLE:
-        yield (), f"joint '{wheel.joint}' turns about an upright axis in the model: it rolls nothing"
-    elif abs(_rolls_along(wheel, heading)) < _NO_AXLE:
-        yield (), f"the wheel at '{wheel.joint}' rolls across the others; 'heading' says where forward is"
+    """Yield a joint that would not roll a wheel forward."""
+    if abs(wheel.axis_xyz[2]) > _MAX_TILT_COMPONENT:
+        yield (), f"joint '{wheel.joint}' turns about an upright axis in the model: it cannot be a wheel"
+    elif abs(_rolls_along(wheel, heading)) < _MAX_TILT_COMPONENT:
+        yield (), f"the wheel at '{wheel.joint}' rolls across the others; give 'heading', the direction of forward"
 
 
 def _rolls_along(wheel: Wheel, heading: float) -> float:
@@ -200,7 +207,7 @@ def _rolls_along(wheel: Wheel, heading: float) -> float:
 
 
 def _along_axles(wheels: Sequence[Wheel]) -> tuple[float, float]:
-    """The sum of the directions in which wheels roll, all turned the way of the first."""
+    """Return the sum of the rolling directions of wheels, all turned to that of the first."""
     first_x, first_y = wheels[0].axis_xyz[1], -wheels[0].axis_xyz[0]
     total_x = total_y = 0.0
     for wheel in wheels:
@@ -211,5 +218,5 @@ def _along_axles(wheels: Sequence[Wheel]) -> tuple[float, float]:
 
 
 def _lateral(x: float, y: float, wheels: Sequence[Wheel]) -> float:
-    """How far left of the direction (x, y) wheels are in the mean, in m."""
+    """Return the mean distance of wheels to the left of the direction (x, y), in m."""
     return sum(x * wheel.position_xyz[1] - y * wheel.position_xyz[0] for wheel in wheels) / len(wheels)

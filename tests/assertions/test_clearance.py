@@ -32,7 +32,7 @@ def seen(count: int = len(NEARER), watch: ClearanceWatch | None = None) -> Trace
 
 def test_the_nearest_moment_speaks_if_all_keep_clear() -> None:
     assert judged(Clearance(at_least=0.0625), seen(3)) == Verdict(
-        True, 0.125, 0.0625, 0.0625, "m", 3.0, "base_scan was 0.125 m from wall at 3.00 s, at the nearest"
+        True, 0.125, 0.0625, 0.0625, "m", 3.0, "closest approach: base_scan was 0.125 m from wall at 3.00 s"
     )
 
 
@@ -62,7 +62,7 @@ def test_a_goal_comes_true_when_something_is_near_enough() -> None:
 
 def test_a_goal_that_failed_says_how_near_it_came() -> None:
     assert judged(Clearance(at_most=0.25), seen(2)) == Verdict(
-        False, 0.5, 0.25, -0.25, "m", 2.0, "base_footprint was 0.5 m from wall at the nearest, at 2.00 s, in 5.0 s"
+        False, 0.5, 0.25, -0.25, "m", 2.0, "closest approach in 5.0 s: base_footprint was 0.5 m from wall at 2.00 s"
     )
 
 
@@ -79,7 +79,7 @@ def test_it_reads_its_own_channel_alone() -> None:
     spec = Clearance(at_least=0.5, to=("wall", "ball"), links=("base_scan",))
     watch = ClearanceWatch(("base_scan",), ("wall", "ball"))
     assert spec.channels == Channels(clearances=frozenset({watch}))
-    assert judged(spec, seen()).message == "no moment to measure"
+    assert judged(spec, seen()).message == "no physics step to measure"
     assert not judged(spec, seen(watch=watch)).passed
 
 
@@ -111,7 +111,7 @@ def test_names_that_are_not_there_are_told_with_the_nearest() -> None:
 def test_a_world_without_objects_has_nothing_to_be_clear_of() -> None:
     empty = replace(scene(), world=World())
     ((path, message),) = Clearance(at_least=0.5).problems(empty)
-    assert (path, message[:38]) == ((), "the world has no objects to be clear o")
+    assert (path, message[:41]) == ((), "the world has no objects to keep clear of")
     assert list(Clearance(at_least=0.5, to=("ground",)).problems(empty)) == []
 
 

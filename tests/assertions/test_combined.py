@@ -126,7 +126,7 @@ def test_of_several_units_the_time_decides_and_the_message_names_it() -> None:
 
 def test_the_contrary_has_the_other_margin() -> None:
     verdict = judged(no(NEARER), ride())
-    told = "travelled 2 m in 2.00 s, which must not be so"
+    told = "travelled 2 m in 2.00 s, but 'not' requires the opposite"
     assert verdict == Verdict(False, 2.0, 2.0, 0.0, "m", 2.0, told)
     touched = judged(no(NoCollision()), ride(3.0))
     assert (touched.passed, touched.margin, touched.time) == (True, 1.0, 3.0)

@@ -131,14 +131,14 @@ def test_how_near_it_came_is_told_where_that_is_known() -> None:
 
 
 def test_it_needs_a_moment() -> None:
-    assert judged(touch(), trace([])).message == "no moment to measure"
+    assert judged(touch(), trace([])).message == "no physics step to measure"
 
 
 @pytest.mark.parametrize(
     ("keys", "path", "message"),
     [
         ({"with": "bal"}, "with", "the world has no body 'bal'; did you mean 'ball'?"),
-        ({"with": "ground"}, "with", "contacts with the ground are not watched; name an object"),
+        ({"with": "ground"}, "with", "contacts with the ground are not recorded; name an object"),
         (
             {"link": "base_scam"},
             "link",

@@ -54,7 +54,7 @@ def test_joints_may_be_named() -> None:
 
 
 def test_it_needs_a_moment() -> None:
-    assert judged(Effort(rms_at_most=1.0), trace([])).message == "no moment to measure"
+    assert judged(Effort(rms_at_most=1.0), trace([])).message == "no physics step to measure"
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_limit_in_the_unit_of_another_kind_of_joint_is_a_problem() -> None:
     ((path, message),) = Effort(at_most="5 N").problems(scene())
     assert path == ("at_most",)
     assert message.startswith(f"joint '{WHEEL}' turns: 'N' is not a unit of torque")
-    assert message.endswith("; name in 'joints' those that are meant")
+    assert message.endswith("; select joints of one kind with 'joints'")
     ((path, message),) = Effort(joints=("elbow",), at_most=5).problems(scene())
     assert path == ("joints", 0)
 

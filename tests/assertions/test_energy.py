@@ -55,7 +55,7 @@ def test_joints_may_be_named() -> None:
 
 
 def test_it_needs_a_moment() -> None:
-    assert judged(Energy(at_most=1.0), trace([])).message == "no moment to measure"
+    assert judged(Energy(at_most=1.0), trace([])).message == "no physics step to measure"
 
 
 @pytest.mark.parametrize("spec", [{}, {"at_most": -1}, {"at_most": "1 N"}, {"at_most": 1, "braking": "dear"}])

@@ -28,12 +28,12 @@ def test_the_last_moment_is_judged() -> None:
 
 def test_a_place_that_was_passed_is_missed() -> None:
     assert judged(FinalPose(x=1.75, y=0.0, tolerance=0.25), PAST) == Verdict(
-        False, 1.25, 0.25, -1.0, "m", 3.0, "ended 1.25 m from (1.75, 0) at 3.00 s; it was there at 2.00 s"
+        False, 1.25, 0.25, -1.0, "m", 3.0, "ended 1.25 m from (1.75, 0) at 3.00 s; it was within tolerance at 2.00 s"
     )
 
 
 def test_a_place_that_was_never_reached_says_when_it_was_nearest() -> None:
-    assert judged(FinalPose(x=1.5, y=0.0), PAST).message.endswith("; it was nearest at 2.00 s")
+    assert judged(FinalPose(x=1.5, y=0.0), PAST).message.endswith("; it was closest at 2.00 s")
     assert judged(FinalPose(x=4.0, y=0.0), PAST).message == "ended 1 m from (4, 0) at 3.00 s"
 
 
@@ -78,7 +78,9 @@ def test_before_says_when_it_is_judged() -> None:
 
 
 def test_it_needs_a_moment() -> None:
-    assert judged(FinalPose(x=0.0), trace([])) == Verdict(False, None, 0.05, None, "m", None, "no moment to measure")
+    assert judged(FinalPose(x=0.0), trace([])) == Verdict(
+        False, None, 0.05, None, "m", None, "no physics step to measure"
+    )
 
 
 @pytest.mark.parametrize(

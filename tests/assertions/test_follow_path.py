@@ -50,8 +50,10 @@ def test_the_mean_is_judged_when_the_run_is_over() -> None:
     assert monitor(failed).observe(SWERVE).state is State.HOLDS
     verdict = judged(failed, SWERVE)
     assert (verdict.passed, verdict.measured, verdict.time) == (False, root, 4.0)
-    assert verdict.message == "0.2795 m off the path in the root mean square, more than 0.25 m"
-    assert judged(FollowPath(path=LINE, rms=0.3), SWERVE).message.endswith("in the root mean square, limit 0.3 m")
+    assert verdict.message == "RMS distance from the path 0.2795 m, more than 0.25 m"
+    assert judged(FollowPath(path=LINE, rms=0.3), SWERVE).message == (
+        "RMS distance from the path 0.2795 m, limit 0.3 m"
+    )
 
 
 def test_both_may_be_asked_and_what_fails_speaks() -> None:
@@ -70,12 +72,12 @@ def test_the_end_is_a_goal() -> None:
     assert (verdict.passed, verdict.limit, verdict.time) == (False, 0.25, 3.0)
     assert verdict.measured == pytest.approx(short)
     assert verdict.margin == pytest.approx(0.25 - short)
-    told = "came no nearer than 1.118 m to the end of the path of 4 m, by way of it, in 3.0 s; nearest at 3.00 s"
+    told = "came no closer than 1.118 m to the end of the path of 4 m, measured along it, in 3.0 s; closest at 3.00 s"
     assert verdict.message == told
     assert judged(FollowPath(path=LINE, rms=0.01, end=END), SWERVE).limit == 0.01
     assert monitor(FollowPath(path=LINE, rms=0.01, end=END)).observe(SWERVE).state is State.BROKEN
     assert judged(spec, SWERVE) == Verdict(
-        True, 0.0, 0.25, 0.25, "m", 4.0, "came to the end of the path, within 0 m, in 4.00 s"
+        True, 0.0, 0.25, 0.25, "m", 4.0, "reached the end of the path within 0 m in 4.00 s"
     )
 
 
@@ -113,7 +115,7 @@ def test_a_robot_that_begins_beside_the_path_is_off_it() -> None:
         ({"max_error": 0.1}, "give either 'path' or 'file'"),
         ({"path": LINE, "file": "p.csv", "max_error": 0.1}, "give either 'path' or 'file'"),
         ({"path": LINE[:1], "max_error": 0.1}, "at least 2 items"),
-        ({"path": (LINE[0], LINE[1], LINE[1]), "max_error": 0.1}, "point 3 of the path is the same as the one before"),
+        ({"path": (LINE[0], LINE[1], LINE[1]), "max_error": 0.1}, "point 3 of the path equals the point before it"),
         ({"path": LINE, "max_error": 0}, "greater than 0"),
     ],
 )
@@ -147,13 +149,13 @@ def monitor_start() -> Any:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "p.csv: its first line names no column 'x' (allowed: none)"),
-        ("x,Y\n0,0\n", "p.csv: its first line names no column 'y' (allowed: Y, x)"),
+        ("", "p.csv: the first line has no column 'x' (allowed: none)"),
+        ("x,Y\n0,0\n", "p.csv: the first line has no column 'y' (allowed: Y, x)"),
         ("x,y\n0,0\n", "p.csv: expected 2 to 10000 points, found 1"),
-        ("x,y\n0,0\n1,zero\n", "p.csv: line 3: expected a number of m, at most 1e+06, found 'zero'"),
-        ("x,y\n0,0\n1\n", "p.csv: line 3: expected a number of m, at most 1e+06, found nothing"),
-        ("x,y\n0,0\nnan,1\n", "p.csv: line 3: expected a number of m, at most 1e+06, found 'nan'"),
-        ("x,y\n0,0\n1,1\n1,1\n", "p.csv: point 3 is the same as the one before; leave one of them out"),
+        ("x,y\n0,0\n1,zero\n", "p.csv: line 3: expected a number in m, at most 1e+06, found 'zero'"),
+        ("x,y\n0,0\n1\n", "p.csv: line 3: expected a number in m, at most 1e+06, found nothing"),
+        ("x,y\n0,0\nnan,1\n", "p.csv: line 3: expected a number in m, at most 1e+06, found 'nan'"),
+        ("x,y\n0,0\n1,1\n1,1\n", "p.csv: point 3 equals the point before it; remove one of them"),
     ],
 )
 def test_a_file_that_holds_none_is_told(text: str, problem: str, tmp_path: Path) -> None:

@@ -45,13 +45,13 @@ def test_a_value_that_is_not_come_near_to() -> None:
     verdict = judged(JointReading(name=WHEEL, near=1.5, tolerance=0.125), SEEN)
     assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin) == (False, 0.25, 0.125, -0.125)
     assert verdict.message == (
-        "wheel_left_joint came no nearer than 14.32 deg to 85.94 deg in 3.0 s; nearest at 2.00 s"
+        "wheel_left_joint came no closer than 14.32 deg to 85.94 deg in 3.0 s; closest at 2.00 s"
     )
 
 
 def test_near_needs_a_moment() -> None:
     verdict = judged(JointReading(name=WHEEL, near=1.0, tolerance=0.1), trace([]))
-    assert (verdict.passed, verdict.message) == (False, "no moment to measure")
+    assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
 
 
 def test_a_joint_that_slides_is_measured_in_metres() -> None:
@@ -123,7 +123,7 @@ def test_the_title_says_what_is_asked() -> None:
 def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
     spec = JointReading(name=WHEEL, reading="effort", near=1.0, tolerance=0.1)
     verdict = judged(spec, trace([1.0], effort=[1.10001]))
-    assert verdict.message.startswith(f"{WHEEL} came no nearer than 0.10001 N m to 1 N m ")
+    assert verdict.message.startswith(f"{WHEEL} came no closer than 0.10001 N m to 1 N m ")
 
 
 WHEEL_JOINT = WHEELS[0]
@@ -141,7 +141,7 @@ def test_the_bound_that_was_nearest_speaks_if_all_hold() -> None:
         0.5,
         "rad",
         1.0,
-        "stayed within; nearest to wheel_left_joint = 0 deg with wheel_left_joint = 28.65 deg at 1.00 s",
+        "stayed within bounds; closest to wheel_left_joint = 0 deg with wheel_left_joint = 28.65 deg at 1.00 s",
     )
 
 
@@ -153,7 +153,7 @@ def test_a_bound_that_was_left_speaks() -> None:
         -0.5,
         "rad/s",
         2.0,
-        "left past wheel_left_joint velocity = -28.65 deg/s: wheel_left_joint velocity = -57.3 deg/s at 2.00 s",
+        "crossed the bound wheel_left_joint velocity = -28.65 deg/s: wheel_left_joint velocity = -57.3 deg/s at 2.00 s",
     )
 
 
@@ -174,7 +174,7 @@ def test_bounds_are_part_of_the_interval_and_take_units() -> None:
 
 
 def test_it_needs_a_moment() -> None:
-    assert judged(within(position={WHEEL_JOINT: (0, 1)}), trace([])).message == "no moment to measure"
+    assert judged(within(position={WHEEL_JOINT: (0, 1)}), trace([])).message == "no physics step to measure"
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_it_needs_a_moment() -> None:
     [
         ({}, "give at least one joint in 'position', 'velocity' or 'effort'"),
         ({"position": {}}, "give at least one joint"),
-        ({"position": {WHEEL_JOINT: ("90 deg", "1 deg")}}, "wrong way round: 90 deg is not below 1 deg"),
+        ({"position": {WHEEL_JOINT: ("90 deg", "1 deg")}}, "swapped or equal: 90 deg is not less than 1 deg"),
         ({"position": {WHEEL_JOINT: ("0 rad", "1 N")}}, "'N' is not a unit of angle or length"),
         ({"velocity": {WHEEL_JOINT: 1}}, "valid tuple"),
     ],

@@ -91,7 +91,7 @@ def test_a_whole_turn_is_no_difference_of_headings_and_one_of_joints(tmp_path: P
     assert "wheel_right_joint" not in verdict.message
 
 
-@pytest.mark.parametrize(("seconds", "which"), [(1.5, "0.50 s shorter than x.csv: over at 1.50 s"), (2.5, "longer")])
+@pytest.mark.parametrize(("seconds", "which"), [(1.5, "0.50 s shorter than x.csv: ended at 1.50 s"), (2.5, "longer")])
 def test_a_run_of_another_length_says_so(seconds: float, which: str, tmp_path: Path) -> None:
     verdict = judged(tmp_path, driven(seconds), position=0.02)
     assert (verdict.passed, verdict.measured, verdict.limit, verdict.unit) == (False, 0.5, 0.2, "s")
@@ -102,7 +102,7 @@ def test_a_run_of_another_length_says_so(seconds: float, which: str, tmp_path: P
 def test_both_are_told_of_a_run_that_went_astray_and_is_too_short(tmp_path: Path) -> None:
     verdict = judged(tmp_path, driven(1.5, y=lambda t: 0 * t + 1), position=0.5)
     assert verdict.unit == "m"
-    assert verdict.message.endswith("0.50 s shorter than x.csv: over at 1.50 s, and that ends at 2.00 s")
+    assert verdict.message.endswith("0.50 s shorter than x.csv: ended at 1.50 s instead of 2.00 s")
 
 
 def test_it_ends_no_run(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_it_needs_a_moment(tmp_path: Path) -> None:
     spec = Matches(trace="x.csv", position=0.02)
     kept(tmp_path, driven(), spec)
     verdict = spec.monitor(there(tmp_path), STANDING).verdict()
-    assert (verdict.passed, verdict.message) == (False, "no moment to compare with x.csv")
+    assert (verdict.passed, verdict.message) == (False, "no physics step to compare with x.csv")
 
 
 @settings(max_examples=25)
@@ -180,7 +180,7 @@ def test_a_stale_file_is_told_with_its_line_and_what_to_do(tmp_path: Path) -> No
     kept(tmp_path, driven(), Matches(trace="x.csv", position=0.02))
     [(_, message)] = problems(tmp_path, Matches(trace="x.csv", position=0.02, joints={"*": "1 deg"}))
     assert message.startswith("x.csv:2: expected the columns time_s,x_m,y_m,z_m,yaw_rad,wheel_left_joint_rad,")
-    assert message.endswith("; 'sim-action run --update-golden s.sim.yml' writes it anew")
+    assert message.endswith("; 'sim-action run --update-golden s.sim.yml' rewrites it")
 
 
 def test_joints_that_are_not_there_and_units_that_do_not_fit(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_the_name_of_a_file_may_have_the_variation_in_it(tmp_path: Path) -> None
     [(_, message)] = problems(tmp_path, spec, variation="friction=0.4")
     assert message.startswith("'x-friction=0.4.csv' does not exist")
     [(_, message)] = problems(tmp_path, spec)
-    assert message.startswith("$variation stands for nothing")
+    assert message.startswith("the scenario has no variations, so $variation")
 
 
 @pytest.mark.parametrize(

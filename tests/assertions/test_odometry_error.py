@@ -41,7 +41,7 @@ AHEAD = driven(told([0.0, 1.0, 2.0, 3.0], [0.0, 1.125, 2.5, 3.25]))
 
 def test_the_greatest_error_in_position_speaks() -> None:
     assert judged(OdometryError(position=0.75), AHEAD) == Verdict(
-        True, 0.5, 0.75, 0.25, "m", 2.0, "odometry was 0.5 m off at 2.00 s, at the most, limit 0.75 m"
+        True, 0.5, 0.75, 0.25, "m", 2.0, "odometry was 0.5 m off at 2.00 s, the largest error; limit 0.75 m"
     )
 
 
@@ -58,10 +58,16 @@ def test_the_height_does_not_count() -> None:
 def test_drift_is_a_share_of_the_way_of_which_the_first_metre_counts_whole() -> None:
     verdict = judged(OdometryError(drift=0.5), driven(told([0.5, 4.0], [0.75, 5.0])))
     assert verdict == Verdict(
-        True, 0.25, 0.5, 0.25, "", 0.5, "odometry was 25 % of its way off at 0.50 s, at the most, limit 50 %"
+        True,
+        0.25,
+        0.5,
+        0.25,
+        "",
+        0.5,
+        "odometry was off by 25 % of the distance travelled at 0.50 s, the largest error; limit 50 %",
     )
     failed = judged(OdometryError(drift=0.125), AHEAD)
-    assert failed.message == "odometry was 25 % of its way off at 2.00 s, more than 12.5 %"
+    assert failed.message == "odometry was off by 25 % of the distance travelled at 2.00 s, more than 12.5 %"
 
 
 def test_headings_are_compared_round_the_circle() -> None:
@@ -71,7 +77,7 @@ def test_headings_are_compared_round_the_circle() -> None:
     verdict = judged(OdometryError(yaw=0.5), seen)
     assert verdict.measured == pytest.approx(0.1)
     assert verdict.time == 1.0
-    assert verdict.message == "odometry was 5.73 deg off its heading at 1.00 s, at the most, limit 28.65 deg"
+    assert verdict.message == "odometry was 5.73 deg off its heading at 1.00 s, the largest error; limit 28.65 deg"
 
 
 def test_of_several_what_failed_speaks_else_what_is_nearest_to_its_limit() -> None:
@@ -102,7 +108,7 @@ def test_a_stored_trace_has_fewer_moments_than_readings() -> None:
 def test_what_was_not_read_is_not_wrong() -> None:
     opened = monitor(OdometryError(position=0.1)).observe(trace([1.0]))
     assert opened.state is State.HOLDS
-    assert opened.verdict().message == "odometry: nothing was read"
+    assert opened.verdict().message == "odometry: no reading"
 
 
 def test_it_asks_for_its_sensor() -> None:
@@ -113,8 +119,8 @@ def test_it_asks_for_its_sensor() -> None:
     ("kinds", "problem"),
     [
         ({"odometry": "odometry"}, None),
-        ({"scan": "lidar"}, "the scenario has no odometry; put it below sensors, such as sensors: [odometry]"),
-        ({"odometry": "imu", "wheels": "odometry"}, "'odometry' is no odometry but 'imu' (allowed: wheels)"),
+        ({"scan": "lidar"}, "the scenario has no odometry; add it to sensors, such as sensors: [odometry]"),
+        ({"odometry": "imu", "wheels": "odometry"}, "'odometry' is not odometry but 'imu' (allowed: wheels)"),
         (
             {"odometri": "odometry"},
             "the scenario has no sensor 'odometry'; did you mean 'odometri'? (allowed: odometri)",

@@ -15,26 +15,24 @@ SQUARE = trace([1.0, 2.0, 3.0, 4.0], x=[1.0, 1.0, 0.0, 0.0], y=[0.0, 1.0, 1.0, 0
 
 
 def test_the_way_adds_up_where_displacement_does_not() -> None:
-    assert judged(PathLength(at_least=3.5), SQUARE) == Verdict(
-        True, 4.0, 3.5, 0.5, "m", 4.0, "went a way of 4 m in 4.00 s"
-    )
+    assert judged(PathLength(at_least=3.5), SQUARE) == Verdict(True, 4.0, 3.5, 0.5, "m", 4.0, "covered 4 m in 4.00 s")
 
 
 def test_a_way_that_is_too_short() -> None:
     assert judged(PathLength(at_least=5.0), SQUARE) == Verdict(
-        False, 4.0, 5.0, -1.0, "m", 4.0, "went a way of 4 m of 5 m in 4.0 s"
+        False, 4.0, 5.0, -1.0, "m", 4.0, "covered 4 m of 5 m in 4.0 s"
     )
 
 
 def test_a_way_that_is_too_long() -> None:
     assert judged(PathLength(at_most=2.5), SQUARE) == Verdict(
-        False, 3.0, 2.5, -0.5, "m", 3.0, "went a way of 3 m at 3.00 s, more than 2.5 m"
+        False, 3.0, 2.5, -0.5, "m", 3.0, "covered 3 m at 3.00 s, more than 2.5 m"
     )
 
 
 def test_a_way_that_stays_within_its_limit() -> None:
     assert judged(PathLength(at_most=4.0), SQUARE) == Verdict(
-        True, 4.0, 4.0, 0.0, "m", 4.0, "went a way of at most 4 m, limit 4 m"
+        True, 4.0, 4.0, 0.0, "m", 4.0, "covered at most 4 m, limit 4 m"
     )
 
 

@@ -23,7 +23,7 @@ def test_a_point_is_reached_within_its_tolerance() -> None:
 
 def test_a_point_that_is_missed_says_how_near_and_when() -> None:
     assert judged(Reach(x=2.0, y=0.0, tolerance=0.125), PAST) == Verdict(
-        False, 0.25, 0.125, -0.125, "m", 2.0, "came no nearer than 0.25 m to (2, 0) in 3.0 s; nearest at 2.00 s"
+        False, 0.25, 0.125, -0.125, "m", 2.0, "came no closer than 0.25 m to (2, 0) in 3.0 s; closest at 2.00 s"
     )
 
 
@@ -42,7 +42,7 @@ def test_a_heading_must_be_right_at_the_same_moment() -> None:
     # The heading is off by 0.5 rad where 5 degrees are allowed: as a part of the tolerance of 5 cm.
     assert verdict.margin == pytest.approx((math.radians(5) - 0.5) * 0.05 / math.radians(5))
     assert verdict.message == (
-        "came no nearer than 0 m to (1.75, 0), 28.65 deg off its heading, in 3.0 s; nearest at 2.00 s"
+        "came no closer than 0 m to (1.75, 0), 28.65 deg off its heading, in 3.0 s; closest at 2.00 s"
     )
 
 
@@ -63,7 +63,9 @@ def test_the_nearest_moment_of_an_earlier_block_is_kept() -> None:
 
 
 def test_without_a_moment_nothing_is_reached() -> None:
-    assert judged(Reach(x=0.0, y=0.0), trace([])) == Verdict(False, None, 0.05, None, "m", None, "no moment to measure")
+    assert judged(Reach(x=0.0, y=0.0), trace([])) == Verdict(
+        False, None, 0.05, None, "m", None, "no physics step to measure"
+    )
 
 
 @pytest.mark.parametrize(
@@ -86,4 +88,4 @@ def test_points_that_cannot_be_reached_are_refused(spec: dict[str, Any]) -> None
 
 def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
     verdict = judged(Reach(x=0.0, y=0.0), trace([1.0], x=[0.050001]))
-    assert verdict.message.startswith("came no nearer than 0.050001 m to ")
+    assert verdict.message.startswith("came no closer than 0.050001 m to ")

@@ -54,7 +54,7 @@ def test_once_is_enough_for_a_goal() -> None:
     assert monitor(spec).state is State.PENDING
     assert judged(spec, SCANS) == Verdict(True, 0.5, 0.75, 0.25, "m", 1.0, "min of s's ranges was 0.5 m at 1.00 s")
     failed = judged(least(at_most=0.25, once=True), SCANS)
-    told = "min of s's ranges was 0.5 m at 1.00 s at the nearest, never within its bounds; at most 0.25 m"
+    told = "min of s's ranges was 0.5 m at 1.00 s, the closest value; never within bounds: at most 0.25 m"
     assert (failed.passed, failed.message) == (False, told)
 
 
@@ -92,7 +92,7 @@ def replace_which(spec: SensorReading, which: str) -> SensorReading:
 
 
 def test_what_was_not_read_breaks_nothing_and_meets_nothing() -> None:
-    assert judged(least(at_least=0.25), trace([1.0])).message == "min of s's ranges: nothing was read"
+    assert judged(least(at_least=0.25), trace([1.0])).message == "min of s's ranges: no reading"
     assert judged(least(at_least=0.25), trace([1.0])).passed
     assert not judged(least(at_least=0.25, once=True), trace([1.0])).passed
 
@@ -106,14 +106,14 @@ def test_it_asks_for_its_sensor() -> None:
     [
         ({"name": "scann"}, ("name",), "the scenario has no sensor 'scann'; did you mean 'scan'?"),
         ({"reading": "range"}, ("reading",), "a reading of 'scan' has no column 'range'; did you mean 'ranges'?"),
-        ({"which": None}, ("reading",), "it has several numbers; say which, by 'which': min, max, mean"),
-        ({"which": "x"}, ("which",), "it has no 'x'"),
-        ({"name": "bumper", "reading": "force"}, ("which",), "it is a single number; leave 'which' out"),
+        ({"which": None}, ("reading",), "the reading has several numbers; select one with 'which': min, max, mean"),
+        ({"which": "x"}, ("which",), "the reading has no 'x'"),
+        ({"name": "bumper", "reading": "force"}, ("which",), "the reading is a single number; remove 'which'"),
         ({"at_least": "3 N"}, ("at_least",), "'N' is not a unit of length; use one of: m, mm, cm, km"),
         (
             {"name": "imu", "reading": "angular_velocity_xyz", "which": None},
             ("reading",),
-            "it has several numbers; say which, by 'which': x, y, z, norm, min, max, mean",
+            "the reading has several numbers; select one with 'which': x, y, z, norm, min, max, mean",
         ),
     ],
 )

@@ -73,7 +73,7 @@ def test_joints_of_a_bolted_robot_count_by_themselves() -> None:
 
 
 def test_it_needs_a_moment() -> None:
-    assert judged(settled(), trace([])) == Verdict(False, None, 1.0, None, "s", None, "no moment to measure")
+    assert judged(settled(), trace([])) == Verdict(False, None, 1.0, None, "s", None, "no physics step to measure")
 
 
 @pytest.mark.parametrize("keys", [{"for": 0}, {"speed": 0}, {"turn_rate": "1 m/s"}, {"speed": "1 rad/s"}])

@@ -16,13 +16,13 @@ CURVE = trace([1.0, 2.0, 3.0], x=[0.5, 1.0, 1.5], y=[0.0, -0.5, -2.0])
 
 def test_the_nearest_face_speaks_if_all_hold() -> None:
     assert judged(StayWithin(x=(-1.0, 2.0), y=(-3.0, 3.0)), CURVE) == Verdict(
-        True, 1.5, 2.0, 0.5, "m", 3.0, "stayed within; nearest to x = 2 m with x = 1.5 m at 3.00 s"
+        True, 1.5, 2.0, 0.5, "m", 3.0, "stayed within bounds; closest to x = 2 m with x = 1.5 m at 3.00 s"
     )
 
 
 def test_a_lower_face_is_left_downwards() -> None:
     assert judged(StayWithin(y=(-0.25, 1.0)), CURVE) == Verdict(
-        False, -0.5, -0.25, -0.25, "m", 2.0, "left past y = -0.25 m: y = -0.5 m at 2.00 s"
+        False, -0.5, -0.25, -0.25, "m", 2.0, "crossed the bound y = -0.25 m: y = -0.5 m at 2.00 s"
     )
 
 
@@ -40,15 +40,15 @@ def test_an_axis_left_out_is_free() -> None:
 
 
 def test_without_a_moment_there_is_nothing_to_say() -> None:
-    assert judged(StayWithin(x=(0.0, 1.0)), trace([])).message == "no moment to measure"
+    assert judged(StayWithin(x=(0.0, 1.0)), trace([])).message == "no physics step to measure"
 
 
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
         ({}, "give at least one of 'x', 'y' and 'z'"),
-        ({"x": (1, -1)}, "the bounds of 'x' are the wrong way round: 1 m is not below -1 m"),
-        ({"x": (1, 1)}, "the bounds of 'x' are the wrong way round: 1 m is not below 1 m"),
+        ({"x": (1, -1)}, "the bounds of 'x' are swapped or equal: 1 m is not less than -1 m"),
+        ({"x": (1, 1)}, "the bounds of 'x' are swapped or equal: 1 m is not less than 1 m"),
         ({"x": ("1 s", 2)}, "'s' is not a unit of length"),
         ({"x": (1,)}, "Field required"),
     ],
@@ -65,4 +65,4 @@ def test_the_title_says_what_is_asked() -> None:
 
 def test_a_hair_past_a_bound_is_told_apart_from_it() -> None:
     verdict = judged(StayWithin(x=(-1.0, 1.0)), trace([1.0], x=[1.00001]))
-    assert verdict.message == "left past x = 1 m: x = 1.00001 m at 1.00 s"
+    assert verdict.message == "crossed the bound x = 1 m: x = 1.00001 m at 1.00 s"

@@ -150,12 +150,12 @@ def test_an_interval_that_the_run_never_came_to() -> None:
     assert always.passed
     assert not eventually.passed
     assert {always.margin, eventually.margin} == {None}
-    assert always.message == "the run ended before the interval that decides"
+    assert always.message == "the run ended before the deciding interval"
 
 
 def test_no_moment_is_no_pass() -> None:
     verdict = judged(stl("always (speed < 1)"), trace([]))
-    assert (verdict.passed, verdict.message) == (False, "no moment to measure")
+    assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
 
 
 def test_a_window_begins_it_and_cuts_it() -> None:

@@ -51,7 +51,7 @@ def test_a_robot_that_stops_too_early_says_how_near_it_came() -> None:
         -0.25,
         "m",
         3.0,
-        "at 3.00 s it was at rest, more than 0.5 m before wall; nearest was 0.75 m at 2.00 s",
+        "at 3.00 s it was at rest, more than 0.5 m before wall; closest was 0.75 m at 2.00 s",
     )
 
 
@@ -65,7 +65,7 @@ def test_a_robot_that_drives_by_does_not_stop() -> None:
     verdict = judged(stops(), seen([0.75, 0.375, 0.75], [1.0, 1.0, 1.0]))
     assert (verdict.passed, verdict.margin) == (False, 0.0)
     assert verdict.message == (
-        "at 3.00 s it was moving with 1 m/s, more than 0.5 m before wall; nearest was 0.375 m at 2.00 s"
+        "at 3.00 s it was moving with 1 m/s, more than 0.5 m before wall; closest was 0.375 m at 2.00 s"
     )
 
 
@@ -92,7 +92,7 @@ def test_a_touch_breaks_it_before_and_after_its_rest() -> None:
 
 
 def test_it_needs_a_moment() -> None:
-    assert judged(stops(), trace([])).message == "no moment to measure"
+    assert judged(stops(), trace([])).message == "no physics step to measure"
     assert judged(stops(), trace([1.0])).message == "no distance to measure"
 
 
@@ -104,7 +104,7 @@ def test_a_stored_trace_has_fewer_moments_than_distances() -> None:
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"gap": (0.5, 0.25)}, "the bounds of 'gap' are the wrong way round: 0.5 m is not below 0.25 m"),
+        ({"gap": (0.5, 0.25)}, "the bounds of 'gap' are swapped or equal: 0.5 m is not less than 0.25 m"),
         ({"gap": (-0.5, 0.25)}, "greater than or equal to 0"),
         ({"for": 0}, "greater than 0"),
     ],

@@ -66,7 +66,7 @@ def test_travel_is_measured_on_the_ground_from_the_start() -> None:
 
 def test_without_a_moment_a_goal_fails_and_says_so() -> None:
     assert judged(Travel(at_least=1.0), trace([])) == Verdict(
-        False, None, 1.0, None, "m", None, "travelled nothing: no moment to measure"
+        False, None, 1.0, None, "m", None, "travelled nothing: no physics step to measure"
     )
 
 

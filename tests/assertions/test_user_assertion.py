@@ -131,7 +131,7 @@ def test_the_panel_finds_the_moment_by_asking_about_shorter_runs(tmp_path: Path)
 
 def test_no_moment_is_no_pass(tmp_path: Path) -> None:
     verdict = opened(tmp_path, SLOW.format(kind="end")).observe(trace([])).verdict()
-    assert (verdict.passed, verdict.message) == (False, "no moment to measure")
+    assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
 
 
 def test_a_verdict_needs_no_more_than_whether_it_passed(tmp_path: Path) -> None:
@@ -159,7 +159,7 @@ def test_a_message_is_one_printable_line(tmp_path: Path) -> None:
         ("return sim.Verdict(True, 10**400)", "Slow.judge() returned a Verdict whose 'measured' is 1000", 5),
         ("return sim.Verdict(True, 10**5000)", "what Slow.judge() returned raised ValueError: Exceeds", None),
         ("return sim.Verdict(True, message=Sly('x'))", "what Slow.judge() returned raised RuntimeError: sly", 10),
-        ("return sim.Verdict(True, unit=3)", "a Verdict whose 'unit' or 'message' is no text", 5),
+        ("return sim.Verdict(True, unit=3)", "a Verdict whose 'unit' or 'message' is not a string", 5),
     ],
 )
 def test_what_it_raises_or_answers_is_an_error_at_its_line(
@@ -176,19 +176,19 @@ def test_what_it_raises_or_answers_is_an_error_at_its_line(
     ("text", "message"),
     [
         ("1 / 0", "the file of Slow raised ZeroDivisionError"),
-        ("Slow = 3", "Slow is no class with a method judge(self, trace)"),
-        ("class Slow: pass", "Slow is no class with a method judge(self, trace)"),
+        ("Slow = 3", "Slow is not a class with a method judge(self, trace)"),
+        ("class Slow: pass", "Slow is not a class with a method judge(self, trace)"),
         (
             "class M(type):\n    def __getattr__(self, name):\n        1 / 0\nclass Slow(metaclass=M): ...",
             "Slow raised ZeroDivisionError",
         ),
         (
             "class Slow:\n    kind = 'always'\n    def judge(self, trace): ...",
-            "Slow.kind is 'always'; it is one of end,",
+            "Slow.kind is 'always'; allowed: end,",
         ),
         (
             "class Slow:\n    def __init__(self):\n        raise ValueError('no')\n    def judge(self, trace): ...",
-            "Slow(...), made with its settings, raised ValueError: no",
+            "Slow(...), called with its settings, raised ValueError: no",
         ),
     ],
 )

@@ -74,7 +74,10 @@ def test_what_gzs_plugin_says_is_taken() -> None:
     model = dataclasses.replace(CAR, plugins=plugins)
     stated = DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.11, "steering_limit": 0.5})
     assert recognise(model) == stated
-    assert stated.describe(model) == f"{stated.describe(CAR)}; the plugin limits no acceleration, here it is 1 m/s^2"
+    assert (
+        stated.describe(model)
+        == f"{stated.describe(CAR)}; the plugin has no limit for acceleration, so 1 m/s^2 is used"
+    )
     plugins = (Plugin(plugins[0].name, (*plugins[0].parameters[:4], ("wheel_radius", "1e-300"))),)
     assert recognise(dataclasses.replace(CAR, plugins=plugins)) == DRIVE
 
@@ -248,7 +251,7 @@ def test_every_joint_that_does_not_fit_is_a_problem_at_its_place() -> None:
     drive = AckermannDrive(steering=("a", "x"), wheels=("d", "c", "y"))
     found = problems(drive)
     assert [path for path, _ in found] == [("steering", 0), ("steering", 1), ("wheels", 2)]
-    assert found[0][1] == "joint 'a' does not turn about an upright axis: it steers nothing"
+    assert found[0][1] == "joint 'a' does not turn about an upright axis: it cannot steer"
     ((path, message),) = problems(DRIVE.model_copy(update={"wheels": ("a_steer", "c")}))
     assert path == ("wheels", 0)
     assert message == "joint 'a_steer' steers; it cannot turn a wheel as well"
@@ -257,8 +260,8 @@ def test_every_joint_that_does_not_fit_is_a_problem_at_its_place() -> None:
 @pytest.mark.parametrize(
     ("model", "trouble"),
     [
-        (cart(REAR[0], wheel("d", 0.0, -0.2, radius=None), *FRONT), "does not tell the radius of the wheel at 'd'"),
-        (cart(*REAR, steered("a", 0.0, 0.2), FRONT[1]), "above the axle that is not steered; give 'wheelbase'"),
+        (cart(REAR[0], wheel("d", 0.0, -0.2, radius=None), *FRONT), "has no radius for the wheel at 'd'"),
+        (cart(*REAR, steered("a", 0.0, 0.2), FRONT[1]), "directly above the fixed axle; give 'wheelbase'"),
         (cart(REAR[0], wheel("d", 0.0, -0.2, axis=DOWN), *FRONT), "'d' turns about an upright axis"),
     ],
     ids=["radius", "wheelbase", "axle"],
@@ -278,7 +281,7 @@ def test_without_a_fixed_axle_a_wheelbase_is_needed() -> None:
 def test_steering_that_cannot_be_straight_is_a_problem() -> None:
     ((path, message),) = problems(DRIVE, limited(0.1, 0.5))
     assert path == ("steering", 0)
-    assert message == "joint 'a_steer' cannot be straight and turn to both sides within its limits"
+    assert message == "joint 'a_steer' cannot steer: its limits must allow 0 and angles to both sides"
 
 
 @pytest.mark.parametrize(

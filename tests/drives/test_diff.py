@@ -92,13 +92,13 @@ def test_a_wheel_turns_for_ever() -> None:
     ((path, message),) = problems(BURGER, limited)
     assert path == ("right", 0)
     limits = "joint 'wheel_right_joint' has limits, 0 deg to 0 deg"
-    assert message == f"{limits}: a wheel turns for ever, about a joint that is 'continuous'"
+    assert message == f"{limits}: a wheel needs a 'continuous' joint"
 
 
 def test_a_wheel_does_not_slide() -> None:
     ((path, message),) = problems(BURGER, changed(burger(), wheel_left_joint={"type": "prismatic"}))
     assert path == ("left", 0)
-    assert message == "joint 'wheel_left_joint' slides: a wheel turns about a joint that is 'continuous'"
+    assert message == "joint 'wheel_left_joint' slides: a wheel needs a 'continuous' joint"
 
 
 @pytest.mark.parametrize("limits", [(None, None), (-1e9, 1e9), (2.0, -1.0)], ids=str)
@@ -126,7 +126,7 @@ def test_wheels_at_the_same_place_need_a_separation() -> None:
 def test_wheels_without_a_radius_need_one() -> None:
     ((path, message),) = problems(BURGER, without_radii(burger()))
     assert path == ()
-    assert message == f"the model does not tell the radius of the wheel at '{LEFT}'; give 'radius'"
+    assert message == f"the model has no radius for the wheel at '{LEFT}'; give 'radius'"
     assert problems(BURGER.model_copy(update={"radius": 0.033}), without_radii(burger())) == []
 
 
@@ -210,8 +210,8 @@ def test_sides_that_are_swapped_are_a_problem() -> None:
 @pytest.mark.parametrize(
     ("axis", "trouble"),
     [
-        ((0.0, 0.0, 1.0), "joint 'd' turns about an upright axis in the model: it rolls nothing"),
-        ((1.0, 0.0, 0.0), "the wheel at 'd' rolls across the others; 'heading' says where forward is"),
+        ((0.0, 0.0, 1.0), "joint 'd' turns about an upright axis in the model: it cannot be a wheel"),
+        ((1.0, 0.0, 0.0), "the wheel at 'd' rolls across the others; give 'heading', the direction of forward"),
     ],
 )
 def test_what_does_not_roll_forward_is_no_wheel(axis: Vector3, trouble: str) -> None:

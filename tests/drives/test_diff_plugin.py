@@ -59,9 +59,10 @@ def test_what_a_plugin_says_is_taken(plugin: RobotModel, figures: dict[str, floa
     assert recognise(plugin) == DiffDrive(left=(LEFT,), right=(RIGHT,), **figures)
 
 
-NO_LIMIT = "; the plugin limits no acceleration of wheels, here it is 1 m/s^2"
+NO_LIMIT = "; the plugin has no limit for wheel acceleration, so 1 m/s^2 is used"
 SWAPPED = (
-    "; sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>, so that rightJoint is left"
+    "; sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>: "
+    "rightJoint is the left wheel"
 )
 
 

@@ -137,7 +137,10 @@ def test_gzs_plugin_tells_mecanum_wheels_from_skid_steer() -> None:
     plugins = (Plugin("gz-sim-mecanum-drive-system", (*names.items(), ("wheel_radius", "0.11"))),)
     model, stated = dataclasses.replace(CART, plugins=plugins), DRIVE.model_copy(update={"radius": 0.11})
     assert recognise(model) == stated
-    assert stated.describe(model) == f"{stated.describe(CART)}; the plugin limits no acceleration, here it is 1 m/s^2"
+    assert (
+        stated.describe(model)
+        == f"{stated.describe(CART)}; the plugin has no limit for acceleration, so 1 m/s^2 is used"
+    )
 
 
 def test_a_radius_that_no_wheel_has_is_a_problem() -> None:
@@ -158,7 +161,7 @@ def test_a_description_has_every_figure_and_says_that_it_is_kinematic() -> None:
     ("drive", "model", "trouble"),
     [
         (MecanumDrive(left=("b", "a"), right=("c", "d")), CART, "the wheels are not at the corners"),
-        (DRIVE, cart(*FOUR[:3], wheel("d", -0.2, -0.3, radius=None)), "does not tell the radius of the wheel at 'd'"),
+        (DRIVE, cart(*FOUR[:3], wheel("d", -0.2, -0.3, radius=None)), "has no radius for the wheel at 'd'"),
         (DRIVE, cart(*FOUR[:3], wheel("d", -0.2, -0.3, axis=(0, 0, 1))), "'d' turns about an upright axis"),
         (MecanumDrive(left=("a", "b"), right=("c", "x")), CART, "the model has no moving joint 'x'"),
     ],
@@ -176,4 +179,4 @@ def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
 
 def test_a_model_whose_friction_the_engine_reads_itself_is_refused() -> None:
     native = dataclasses.replace(CART, mjcf="<mujoco/>")
-    assert "keep the friction of their geoms" in next(iter(DRIVE.problems(native)))[1]
+    assert "need zero friction, but MJCF wheels keep that of their geoms" in next(iter(DRIVE.problems(native)))[1]

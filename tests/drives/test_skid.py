@@ -127,8 +127,8 @@ def test_where_the_mass_is_counts() -> None:
 
 def test_a_description_says_the_slip_and_where_it_is_from() -> None:
     assert SKID.describe(cart(*FOUR)) == (
-        "skid steer: left a, b; right c, d; wheel radius 0.1 m, separation 0.6 m x slip 1.444 (worked out from where "
-        "the wheels and the mass are), rotors 0.05 kg m^2 (assumed), acceleration 1 m/s^2"
+        "skid steer: left a, b; right c, d; wheel radius 0.1 m, separation 0.6 m x slip 1.444 (computed from "
+        "the positions of wheels and mass), rotors 0.05 kg m^2 (assumed), acceleration 1 m/s^2"
     )
     stated = SKID.model_copy(update={"slip": 1.5, "rotor_inertia": 0.2})
     assert "x slip 1.5, rotors 0.2 kg m^2, acc" in stated.describe(cart(*FOUR))

@@ -63,7 +63,7 @@ def test_what_a_twist_asked_for_is_noted_once(name: str) -> None:
     for linear in (0.5, 4.0, 8.0, -8.0):
         motion.targets(Twist.planar(linear), 1)
     (note,) = motion.notes
-    assert "for 2292 deg/s, and its limit in the model is 1146 deg/s: all wheels were slowed alike" in note
+    assert "for 2292 deg/s, but its limit in the model is 1146 deg/s: all wheels were slowed by the same factor" in note
 
 
 def test_the_base_of_a_mecanum_drive_is_pushed_no_faster_than_its_wheels_turn() -> None:

@@ -221,7 +221,9 @@ def test_its_drive_is_recognised_and_told_with_every_figure(name: str, tmp_path:
 def test_a_car_that_is_told_to_turn_on_the_spot_stands_still(tmp_path: Path) -> None:
     done = run(tmp_path, KNOWN["racecar"], [{"angular": 1.0, "for": 2.0}])
     assert done.travelled < 0.001
-    assert "a twist asked to turn on the spot, which Ackermann steering cannot: it stood still" in done.notes
+    assert (
+        "a twist asked for a turn on the spot, which Ackermann steering cannot do: the robot stood still" in done.notes
+    )
 
 
 def test_a_car_takes_the_tightest_curve_it_can(tmp_path: Path) -> None:
@@ -231,7 +233,7 @@ def test_a_car_takes_the_tightest_curve_it_can(tmp_path: Path) -> None:
     middle = slice(4 * RATE, 8 * RATE)
     turned = float(np.ptp(np.unwrap(done.trace.yaw)[middle]))
     assert turned == pytest.approx(4 * 0.2 / radius, rel=0.1)
-    assert "a twist asked for a tighter curve than the steering allows: it took the tightest there is" in done.notes
+    assert "a twist asked for a tighter curve than the steering allows: the robot took the tightest curve" in done.notes
 
 
 @pytest.mark.parametrize("degrees", [0, 20, 45, 70])

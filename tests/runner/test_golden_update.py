@@ -54,4 +54,4 @@ def test_files_of_two_scenarios_that_are_one_are_refused_in_both(tmp_path: Path)
 
 def test_a_file_that_no_scenario_varies_into_is_refused(tmp_path: Path) -> None:
     [message] = refused(tmp_path, matching("golden/$variation.csv"))
-    assert "$variation stands for nothing" in message
+    assert "the scenario has no variations, so $variation" in message

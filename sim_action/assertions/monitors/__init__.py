@@ -15,66 +15,66 @@ if TYPE_CHECKING:
 
 
 class State(Enum):
-    """What a monitor can say before the run is over."""
+    """The result of a monitor so far."""
 
     PENDING = "a goal that has not come true yet"
-    HOLDS = "a goal that came true, or an invariant that was not broken so far"
-    BROKEN = "no later moment can mend it"
+    HOLDS = "a goal that came true, or an invariant that is not broken so far"
+    BROKEN = "it failed, and no later step can change that"
 
 
 class Monitor(Protocol):
-    """The fold: frozen, and replaced by `observe`."""
+    """A fold over the physics steps of a run. It is frozen; `observe` returns its successor."""
 
     @property
     def state(self) -> State:
-        """What is known so far."""
+        """The result so far."""
 
     def observe(self, trace: Trace) -> Self:
-        """The monitor after the moments that follow; `trace` has every physics step."""
+        """Return the monitor after the steps of `trace`, which has every physics step."""
 
     def verdict(self) -> Verdict:
-        """The judgement, if nothing more came."""
+        """Return the verdict as if the run ended now."""
 
 
 class CumulativeMonitor(Monitor, Protocol):
-    """A monitor that goes on from the moment before: it has to know where its time window begins."""
+    """A monitor that accumulates from the previous step, so it must know where its time window begins."""
 
     def begin(self, trace: Trace) -> Self:
-        """The monitor after moments up to the one that its window opens at; that one is observed too."""
+        """Return the monitor after the steps before the time window, including the step at which it opens."""
 
 
 class DecidingMonitor(Monitor, Protocol):
-    """A monitor that says itself when it is decided.
+    """A monitor that reports itself when it is decided.
 
-    Of others, a goal is decided when it comes true, and an invariant when it breaks.
+    Any other goal is decided when it comes true, and any other invariant when it breaks.
     """
 
     @property
     def is_decided(self) -> bool:
-        """Whether no later moment can change what it says."""
+        """True if no later step can change the result."""
 
 
 class PlottableMonitor(Monitor, Protocol):
-    """A monitor that can show what it looks at."""
+    """A monitor that can return its signals as curves."""
 
     @property
     def is_momentary(self) -> bool:
-        """Whether its curves depend on nothing that was before: they are of use beyond its time window, too."""
+        """True if each point of the curves depends on one step only. Such curves are valid outside the window."""
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """What it would fold, were it to observe `trace`, which is not empty, and may be decimated."""
+        """Return the curves that `observe(trace)` would judge. `trace` is not empty and may be decimated."""
 
 
 def is_cumulative(monitor: Monitor) -> TypeGuard[CumulativeMonitor]:
-    """Whether its class says so; to compare it with the protocol takes as long as to observe a block of moments."""
+    """Return True if the monitor has `begin`. An isinstance check with the protocol would be much slower."""
     return hasattr(type(monitor), "begin")
 
 
 def is_deciding(monitor: Monitor) -> TypeGuard[DecidingMonitor]:
-    """Whether its class says so."""
+    """Return True if the monitor has `is_decided`."""
     return hasattr(type(monitor), "is_decided")
 
 
 def is_plottable(monitor: Monitor) -> TypeGuard[PlottableMonitor]:
-    """Whether its class says so."""
+    """Return True if the monitor has `signals`."""
     return hasattr(type(monitor), "signals")

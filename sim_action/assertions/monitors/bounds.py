@@ -1,4 +1,4 @@
-"""Assertions that hold a scalar against `at_least` (a goal) and `at_most` (an invariant)."""
+"""Monitors that compare signals with bounds: `at_least` is a goal, `at_most` and intervals are invariants."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The fold of a signal against one or both bounds.
+    """The fold of one signal against a lower bound, an upper bound or both.
 
     Attributes:
-        verb: what the robot did, for messages: "travelled".
+        verb: the verb of the message, such as "travelled".
         unit: SI symbol of the signal.
-        end: sim time in s of the last moment seen.
+        end: sim time of the last step, in s.
     """
 
     verb: str
@@ -41,11 +41,11 @@ class Bounds:
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided: a lower bound that was reached is, unless there is an upper one to exceed."""
+        """See DecidingMonitor.is_decided. A lower bound that was reached decides, unless there is an upper bound."""
         return self.state is State.BROKEN or (self.at_most is None and self.state is State.HOLDS)
 
     def observe(self, time: FloatArray, signal: FloatArray) -> Self:
-        """The fold after these moments."""
+        """Return the fold after these steps; `time` in s and `signal` in `unit`, each (T,)."""
         if not len(time):
             return self
         goal = self.goal if self.at_least is None else self.goal.observe(time, signal - self.at_least)
@@ -53,11 +53,11 @@ class Bounds:
         return replace(self, goal=goal, invariant=invariant, end=float(time[-1]))
 
     def drawn(self, name: str, time: FloatArray, signal: FloatArray) -> Signal:
-        """The curve of the signal, with both bounds."""
+        """Return the curve of the signal with its bounds."""
         return Signal(name, self.unit, time, signal, self.at_least, self.at_most)
 
     def verdict(self) -> Verdict:
-        """The bound that decides: a broken one, else the goal, else the one that held."""
+        """Return the verdict on a broken upper bound, else on the goal, else on the upper bound."""
         if self.at_least is None or self.invariant.state is State.BROKEN:
             return self._upper()
         return self._lower(self.at_least)
@@ -66,7 +66,7 @@ class Bounds:
         passed, margin = self.goal.state is State.HOLDS, self.goal.margin
         measured = None if margin is None else limit + margin
         if measured is None or self.goal.time is None:
-            message = f"{self.verb} nothing: no moment to measure"
+            message = f"{self.verb} nothing: no physics step to measure"
         elif passed:
             message = f"{self.verb} {units.display(measured, self.unit)} in {self.goal.time:.2f} s"
         else:
@@ -78,7 +78,7 @@ class Bounds:
         limit, fold = self.at_most, self.invariant
         passed = fold.state is State.HOLDS
         if limit is None or fold.margin is None or fold.time is None:
-            return Verdict(passed, None, limit, None, self.unit, None, "no moment to measure")
+            return Verdict(passed, None, limit, None, self.unit, None, "no physics step to measure")
         measured = limit - fold.margin
         worst, allowed = units.display_apart(measured, limit, self.unit)
         message = (
@@ -91,7 +91,7 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class SignalMonitor:
-    """A signal that each moment has by itself, against its bounds; `name`: what people call it."""
+    """The monitor of a signal that is computed from each step alone. `name` is the label of its curve."""
 
     is_momentary: ClassVar[bool] = True
 
@@ -124,7 +124,7 @@ class SignalMonitor:
 
 @dataclass(frozen=True, slots=True)
 class AllLimits:
-    """The monitor of several."""
+    """A monitor that passes if all of its monitors pass."""
 
     monitors: tuple[Monitor, ...]
 
@@ -143,19 +143,19 @@ class AllLimits:
         return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))
 
     def verdict(self) -> Verdict:
-        """The limit that was broken first, else the one that was come nearest to, as a part of it."""
+        """Return the verdict of the limit that broke first, else of the limit with the smallest relative margin."""
         verdicts = [monitor.verdict() for monitor in self.monitors]
         nearest = min(verdicts, key=lambda v: (v.margin or 0.0) / (v.limit or 1.0))
         return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=nearest)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: those of all."""
+        """See PlottableMonitor.signals. Returns the curves of all monitors."""
         return tuple(signal for monitor in self.monitors if is_plottable(monitor) for signal in monitor.signals(trace))
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """What a signal, (T,) in `unit`, must stay between; the bounds belong to it."""
+    """A closed interval for a signal, which is (T,) in `unit`."""
 
     name: str
     unit: str
@@ -164,14 +164,14 @@ class Interval:
     signal: Callable[[Trace], FloatArray]
 
     def sides(self, scale: float = 1.0) -> Iterator[OneSidedBound]:
-        """Both bounds; margins are compared with those of other signals as parts of `scale`."""
+        """Yield both bounds. `scale` makes their margins comparable with those of other signals."""
         yield OneSidedBound(self, -1, self.lower, scale)
         yield OneSidedBound(self, 1, self.upper, scale)
 
 
 @dataclass(frozen=True, slots=True)
 class OneSidedBound:
-    """One bound; `sign` is -1 for a lower and 1 for an upper one."""
+    """One bound of an interval; `sign` is -1 for the lower bound and 1 for the upper bound."""
 
     interval: Interval
     sign: int
@@ -180,22 +180,22 @@ class OneSidedBound:
     fold: Invariant = Invariant()
 
     def margin(self) -> float:
-        """As a part of the scale; infinite before the first moment."""
+        """Return the margin divided by the scale; infinite before the first step."""
         return math.inf if self.fold.margin is None else self.fold.margin / self.scale
 
     def time(self) -> float:
-        """Of the margin; infinite before the first moment."""
+        """Return the sim time of the margin in s; infinite before the first step."""
         return math.inf if self.fold.time is None else self.fold.time
 
     def observe(self, trace: Trace) -> Self:
-        """The side after these moments."""
+        """Return the bound after the steps of `trace`."""
         signal = self.interval.signal(trace)
         return replace(self, fold=self.fold.observe(trace.time, self.sign * (self.bound - signal)))
 
 
 @dataclass(frozen=True, slots=True)
 class IntervalsMonitor:
-    """All bounds; the first that was passed speaks, else the one that was nearest."""
+    """The monitor of several intervals. The verdict names the first broken bound, else the closest one."""
 
     is_momentary: ClassVar[bool] = True
 
@@ -219,14 +219,18 @@ class IntervalsMonitor:
         name, unit = side.interval.name, side.interval.unit
         margin, time = side.fold.margin, side.fold.time
         if margin is None or time is None:
-            return Verdict(passed, None, None, None, unit, None, "no moment to measure")
+            return Verdict(passed, None, None, None, unit, None, "no physics step to measure")
         measured = side.bound - side.sign * margin
         where, limit = (f"{name} = {text}" for text in units.display_apart(measured, side.bound, unit))
-        message = f"stayed within; nearest to {limit} with {where}" if passed else f"left past {limit}: {where}"
+        message = (
+            f"stayed within bounds; closest to {limit} with {where}"
+            if passed
+            else f"crossed the bound {limit}: {where}"
+        )
         return Verdict(passed, measured, side.bound, margin, unit, time, f"{message} at {time:.2f} s")
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals: one for each interval."""
+        """See PlottableMonitor.signals. Returns one curve for each interval."""
         intervals = dict.fromkeys(side.interval for side in self.sides)
         return tuple(
             Signal(one.name, one.unit, trace.time, one.signal(trace), one.lower, one.upper) for one in intervals
@@ -236,7 +240,7 @@ class IntervalsMonitor:
 def check_bounds(
     at_least: float | None, at_most: float | None, unit: str, written: tuple[str, str] | None = None
 ) -> None:
-    """Raises ValueError for no bounds at all, and as `check_order` does."""
+    """Raise ValueError if both bounds are missing or if no value satisfies both."""
     if at_least is None and at_most is None:
         raise ValueError("give 'at_least', 'at_most' or both")
     check_order(at_least, at_most, unit, written)
@@ -245,20 +249,20 @@ def check_bounds(
 def check_order(
     at_least: float | None, at_most: float | None, unit: str, written: tuple[str, str] | None = None
 ) -> None:
-    """Raises ValueError for bounds that nothing can satisfy; `written`: both, if the unit is not known."""
+    """Raise ValueError if no value satisfies both bounds. `written` gives them as text if the unit is unknown."""
     if at_least is not None and at_most is not None and at_least > at_most:
         lower, upper = written or units.display_apart(at_least, at_most, unit)
-        raise ValueError(f"nothing is at least {lower} and at most {upper}; exchange the two?")
+        raise ValueError(f"nothing is at least {lower} and at most {upper}; swap the two?")
 
 
 def check_interval(name: str, lower: float, upper: float, unit: str) -> None:
-    """Raises ValueError for the bounds of an axis or the like between which there is nothing."""
+    """Raise ValueError if the lower bound of an interval is not less than the upper bound."""
     if lower >= upper:
-        told = " is not below ".join(units.display_apart(lower, upper, unit))
-        raise ValueError(f"the bounds of '{name}' are the wrong way round: {told}")
+        told = " is not less than ".join(units.display_apart(lower, upper, unit))
+        raise ValueError(f"the bounds of '{name}' are swapped or equal: {told}")
 
 
 def bounds_title(at_least: float | None, at_most: float | None, unit: str) -> str:
-    """Such as "at least 1.5 m, at most 2 m"."""
+    """Return a text such as "at least 1.5 m, at most 2 m"."""
     named = (("at least", at_least), ("at most", at_most))
     return ", ".join(f"{name} {units.display(value, unit)}" for name, value in named if value is not None)

@@ -1,6 +1,6 @@
-"""Margins folded over time: what goals and invariants have in common.
+"""Goals and invariants as folds of a margin over time.
 
-A margin is the distance of a signal to its limit, positive on the good side.
+A margin is the distance of a signal to its limit. It is positive on the allowed side.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray
 
 
-# Sim time is step / rate: the same span is not the same number everywhere.
+# Sim time is step / rate: equal durations differ by rounding.
 _DIGITS: Final = 9
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Comes true at the first moment whose margin is not negative; until then the best moment is kept."""
+    """The fold of a goal: it comes true at the first margin >= 0. Until then it keeps the best step."""
 
     margin: float | None = None
     time: float | None = None
     state: State = State.PENDING
 
     def observe(self, time: FloatArray, margin: FloatArray) -> Self:
-        """The fold after these moments."""
+        """Return the fold after these steps; `time` in s and `margin`, each (T,)."""
         if self.state is State.HOLDS or not len(time):
             return self
         met = margin >= 0
@@ -49,17 +49,17 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Invariant:
-    """Is broken at the first moment whose margin is negative; until then the worst moment is kept."""
+    """The fold of an invariant: it breaks at the first margin < 0. Until then it keeps the worst step."""
 
     margin: float | None = None
     time: float | None = None
     state: State = State.HOLDS
 
     def observe(self, time: FloatArray, margin: FloatArray) -> Self:
-        """The fold after these moments."""
+        """Return the fold after these steps; `time` in s and `margin`, each (T,)."""
         if self.state is State.BROKEN or not len(time):
             return self
-        broken = ~(margin >= 0)  # what is not a number does not hold
+        broken = ~(margin >= 0)  # NaN breaks it
         index = int(broken.argmax()) if broken.any() else int(margin.argmin())
         worst = float(margin[index])
         if broken[index]:
@@ -70,7 +70,7 @@ class Invariant:
 
 
 def joined(*states: State) -> State:
-    """The state of several folds that must all be well."""
+    """Return the state of several monitors that must all hold."""
     for state in (State.BROKEN, State.PENDING):
         if state in states:
             return state
@@ -78,9 +78,9 @@ def joined(*states: State) -> State:
 
 
 def joined_by_any(parts: Iterable[tuple[State, bool]]) -> State:
-    """The state of several folds of which one must be well; each with whether it is decided.
+    """Return the state of several monitors, at least one of which must hold; each comes with its `is_decided`.
 
-    One that is not broken so far does not do, while another is waited for: it may break, and the other come true.
+    While another part is pending, a part that holds but is not decided is not enough, because it may still break.
     """
     known = tuple(parts)
     if any(state is State.HOLDS and decided for state, decided in known):
@@ -91,16 +91,17 @@ def joined_by_any(parts: Iterable[tuple[State, bool]]) -> State:
 
 @dataclass(frozen=True, slots=True)
 class ClosestApproach:
-    """The fold of a distance and, where it is asked for, of a heading's error, each against its tolerance.
+    """A goal: a distance, and optionally a heading error, come within their tolerances.
 
-    Folds the worse of both, as a part of its tolerance; keeps what they were at the best moment.
+    The margin is that of the quantity that is worse relative to its tolerance.
 
     Attributes:
-        who: begins the message: "elbow came".
-        place: where it should get, for the message.
+        who: the beginning of the message, such as "elbow came".
+        place: the target, for the message.
         unit: SI symbol of the distance.
-        yaw_tolerance: rad.
-        end: sim time in s of the last moment seen.
+        yaw_tolerance: tolerance of the heading in rad.
+        distance, yaw_error: the values at the best step.
+        end: sim time of the last step, in s.
     """
 
     who: str
@@ -119,7 +120,7 @@ class ClosestApproach:
         return self.goal.state
 
     def observe(self, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None) -> Self:
-        """The fold after these moments; distance in `unit`, yaw_error in rad, each (T,)."""
+        """Return the fold after these steps; `distance` in `unit`, `yaw_error` in rad, each (T,)."""
         if not len(time):
             return self
         margin = self.tolerance - distance
@@ -136,24 +137,24 @@ class ClosestApproach:
     def drawn(
         self, name: str, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None
     ) -> tuple[Signal, ...]:
-        """The curves of what is folded, each against its tolerance."""
+        """Return the curves of the distance and the heading error, each with its tolerance."""
         curve = Signal(name, self.unit, time, distance, upper=self.tolerance)
         if yaw_error is None:
             return (curve,)
         return (curve, Signal("heading error", "rad", time, yaw_error, upper=self.yaw_tolerance))
 
     def verdict(self) -> Verdict:
-        """Measured and limit are distances; the margin also accounts for the heading."""
+        """Return the verdict. `measured` and `limit` are distances; the margin includes the heading."""
         passed = self.state is State.HOLDS
         if self.goal.time is None:
-            return Verdict(False, None, self.tolerance, None, self.unit, None, "no moment to measure")
-        # Apart from the tolerance, which the title of the expectation shows beside the message.
+            return Verdict(False, None, self.tolerance, None, self.unit, None, "no physics step to measure")
+        # With enough digits to differ from the tolerance, which the title shows next to the message.
         near, _ = units.display_apart(self.distance, self.tolerance, self.unit)
         facing = self._facing()
         message = (
             f"{self.who} within {near} of {self.place}{facing} in {self.goal.time:.2f} s"
             if passed
-            else f"{self.who} no nearer than {near} to {self.place}{facing} in {self.end:.1f} s; nearest at "
+            else f"{self.who} no closer than {near} to {self.place}{facing} in {self.end:.1f} s; closest at "
             f"{self.goal.time:.2f} s"
         )
         return Verdict(passed, self.distance, self.tolerance, self.goal.margin, self.unit, self.goal.time, message)
@@ -167,12 +168,12 @@ class ClosestApproach:
 
 @dataclass(frozen=True, slots=True)
 class HoldTime:
-    """The fold of how long a condition has held, until it has for as long as is wanted.
+    """A goal: a condition holds without interruption for a given time.
 
     Attributes:
-        wanted: s.
-        since: sim time in s from which it holds, at the last moment seen; None if it does not.
-        goal: its margin is that of the longest stretch, its time that stretch's end.
+        wanted: the required duration in s.
+        since: sim time in s since which the condition holds; None if it does not hold at the last step.
+        goal: the fold of the duration. Its time is the end of the longest interval.
     """
 
     wanted: float
@@ -186,16 +187,16 @@ class HoldTime:
 
     @property
     def longest(self) -> float:
-        """How long it held, in s; 0 if it never did."""
+        """The longest duration so far in s; 0 if the condition never held."""
         return max(0.0, self.wanted + (-math.inf if self.goal.margin is None else self.goal.margin))
 
     @property
     def began(self) -> float:
-        """When the longest stretch began, in s of sim time; it is meant for where there is one."""
+        """Sim time in s at which the longest interval began. Meaningful only if there is one."""
         return (self.goal.time or 0.0) - self.longest
 
     def observe(self, time: FloatArray, holds: NDArray[np.bool_]) -> Self:
-        """The fold after these moments, `holds` being (T,)."""
+        """Return the fold after these steps; `time` in s and `holds`, each (T,)."""
         import numpy as np
 
         if not len(time):
@@ -206,13 +207,13 @@ class HoldTime:
         return replace(self, since=float(since[-1]) if holds[-1] else None, goal=goal)
 
     def lasting(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
-        """(T,) s that it has held at each of these moments; 0 where it does not."""
+        """Return (T,) s for which the condition has held at each step; 0 where it does not hold."""
         import numpy as np
 
         return np.where(holds, np.round(time - self._since(time, holds), _DIGITS), 0.0)
 
     def _since(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
-        """(T,) s of sim time from which it holds, where it does."""
+        """Return (T,) s of sim time since which the condition holds, where it holds."""
         import numpy as np
 
         held_before = np.concatenate(([self.since is not None], holds[:-1]))

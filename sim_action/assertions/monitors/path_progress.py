@@ -1,4 +1,4 @@
-"""A path on the ground, and how far along it something is that only ever goes on along it."""
+"""A reference path on the ground, and the progress of a robot along it, which never goes back."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Final, NamedTuple, Self
 
 Point = tuple[float, float]
 
-# Pieces of a curve between two points.
+# Segments of a curve between two points.
 _PIECES: Final = 16
 
 
 class Foot(NamedTuple):
-    """A place on a path: how far along it, and how far from what is projected onto it, both in m."""
+    """The projection of a point onto a path: its arc length and its distance, both in m."""
 
     along: float
     distance: float
@@ -25,13 +25,13 @@ class Foot(NamedTuple):
 
 @dataclass(frozen=True)
 class ReferencePath:
-    """Straight pieces from point to point, none of them of length 0."""
+    """A polyline whose segments all have a length greater than 0."""
 
     points: tuple[Point, ...]
 
     @cached_property
     def lengths(self) -> tuple[float, ...]:
-        """In m, of the path up to each point."""
+        """Arc length of each point in m."""
         lengths = [0.0]
         for before, after in pairwise(self.points):
             lengths.append(lengths[-1] + math.dist(before, after))
@@ -39,11 +39,11 @@ class ReferencePath:
 
     @property
     def length(self) -> float:
-        """In m."""
+        """Length of the whole path in m."""
         return self.lengths[-1]
 
     def foot(self, place: Point, begin: float, end: float) -> Foot:
-        """The nearest place of the path between two of its lengths, in m; of several, the first."""
+        """Return the closest point of the path between two arc lengths in m; of several, the first."""
         best = Foot(begin, math.inf)
         piece = max(0, min(bisect_left(self.lengths, begin) - 1, len(self.points) - 2))
         while True:
@@ -65,10 +65,10 @@ class ReferencePath:
 
 
 def smoothed(points: Sequence[Point]) -> list[Point]:
-    """A curve through the points without corners, as straight pieces (centripetal Catmull-Rom).
+    """Return a polyline along a centripetal Catmull-Rom curve through the points.
 
-    E. Catmull and R. Rom, A Class of Local Interpolating Splines, 1974; its parameters as C. Yuksel, S. Schaefer and
-    J. Keyser, Parameterization and Applications of Catmull-Rom Curves, 2011, have them: without loops and cusps.
+    E. Catmull and R. Rom, A Class of Local Interpolating Splines, 1974. The parametrisation is that of C. Yuksel, S.
+    Schaefer and J. Keyser, Parameterization and Applications of Catmull-Rom Curves, 2011: without loops and cusps.
     """
     if len(points) < 3:
         return list(points)
@@ -85,7 +85,7 @@ def _mirrored(point: Point, about: Point) -> Point:
 
 
 def _arc(four: Sequence[Point]) -> list[Point]:
-    """From the second of four points to the third, the second left out."""
+    """Return the curve from the second of four points to the third, without the second."""
     knots = [0.0]
     for one, other in pairwise(four):
         knots.append(knots[-1] + math.sqrt(math.dist(one, other)))
@@ -94,8 +94,8 @@ def _arc(four: Sequence[Point]) -> list[Point]:
 
 
 def _at(time: float, points: Sequence[Point], knots: Sequence[float]) -> Point:
-    """By the pyramid of P. J. Barry and R. N. Goldman, 1988."""
-    # Which knots each of the three rows above the points interpolates between.
+    """Return a point of the curve, by the pyramid of P. J. Barry and R. N. Goldman, 1988."""
+    # The knots between which each of the three rows above the points interpolates.
     for spans in (((0, 1), (1, 2), (2, 3)), ((0, 2), (1, 3)), ((1, 2),)):
         shares = ((time - knots[first]) / (knots[last] - knots[first]) for first, last in spans)
         points = [_between(*pair, share) for pair, share in zip(pairwise(points), shares, strict=True)]
@@ -106,18 +106,17 @@ def _between(one: Point, other: Point, share: float) -> Point:
     return (one[0] + share * (other[0] - one[0]), one[1] + share * (other[1] - one[1]))
 
 
-# How far along the path the robot may have come at most, as a share of what it moved and was away: as far as a corner
-# that it cuts leads.
-_PER_DISTANCE: Final = 2.0
+# Maximum progress per step, relative to motion plus error: enough for a corner that the robot cuts.
+_MAX_PROGRESS_RATIO: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far along its path something has come.
+    """The progress of a robot along a path.
 
     Attributes:
-        place: where it is, in m.
-        foot: where on the path that is.
+        place: position of the robot in m.
+        foot: projection of the position onto the path.
     """
 
     path: ReferencePath
@@ -126,16 +125,16 @@ class Progress:
 
     @classmethod
     def at_start(cls, path: ReferencePath, place: Point) -> Self:
-        """Before the first step."""
+        """Return the progress before the first step."""
         return cls(path, place, Foot(0.0, math.dist(place, path.points[0])))
 
     def to(self, place: Point) -> Self:
-        """After a step to a place."""
+        """Return the progress after the robot moved to a position."""
         along, distance = self.foot
-        ahead = _PER_DISTANCE * (distance + math.dist(place, self.place))
+        ahead = _MAX_PROGRESS_RATIO * (distance + math.dist(place, self.place))
         return type(self)(self.path, place, self.path.foot(place, along, min(along + ahead, self.path.length)))
 
     @property
     def remaining(self) -> float:
-        """How far it is to the end in m: along the path, or straight if that is more."""
+        """Distance to the end of the path in m: along the path or straight, whichever is greater."""
         return max(self.path.length - self.foot.along, math.dist(self.place, self.path.points[-1]))

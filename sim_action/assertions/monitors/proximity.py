@@ -1,4 +1,4 @@
-"""How near the robot came to bodies, folded over traces."""
+"""Least distances to bodies and contact forces, read from traces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | None) -> Nearness | None:
-    """The first least distance of what a watch tells of these moments and what was known before; None if nothing is."""
+    """Return the least distance in a trace and `before`; the first of equal ones, None if nothing is known."""
     record = None if watch is None else trace.clearances.get(watch)
     if record is None or not len(record):
         return before
@@ -22,7 +22,7 @@ def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | No
 
 
 def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
-    """(N,) s and (N,) m: all that watches of the same two tell."""
+    """Return (N,) s and (N,) m: all distances that several watches of the same bodies recorded."""
     import numpy as np
 
     records = [trace.clearances[watch] for watch in watches if watch in trace.clearances]
@@ -33,7 +33,7 @@ def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, Float
 
 
 def least_so_far(trace: Trace, watch: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
-    """(N,) s and (N,) m: what was nearest up to each moment that came nearer, and at the last of the trace."""
+    """Return (N,) s and (N,) m: the running minimum at each step that lowers it, and at the last step."""
     import numpy as np
 
     time, distance = distances(trace, watch)
@@ -45,7 +45,7 @@ def least_so_far(trace: Trace, watch: ClearanceWatch) -> tuple[FloatArray, Float
 
 
 def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:
-    """(N,) s, each step that has a contact, and (N,) N, the force of all of that step."""
+    """Return (N,) s and (N,) N: each step with a contact and the sum of its contact forces."""
     import numpy as np
 
     summed: dict[float, float] = {}
@@ -55,14 +55,14 @@ def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:
 
 
 def with_zeros(moments: FloatArray, time: FloatArray, values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Values at some steps; 0 at moments that are none of these, and one step before and after each row of them."""
+    """Return a curve that is zero at all `moments` without a value, and one step around each run of values."""
     import numpy as np
 
     if not len(time):
         return moments, np.zeros(len(moments))
     beside = np.concatenate((moments, time - step, time + step))
     inside = beside[(beside >= moments[0]) & (beside <= moments[-1])]
-    # Two ways to the same step differ by rounding alone.
+    # Two computations of the time of a step differ by rounding.
     at = np.searchsorted(time, inside - step / 2)
     known = np.append(time, np.inf)[at] <= inside + step / 2
     zeros = np.unique(np.round(inside[~known] / step)) * step

@@ -1,4 +1,4 @@
-"""The time window of an expectation, around the monitor of any assertion."""
+"""The time window of an expectation, wrapped around the monitor of an assertion."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Lets a monitor see the moments from `after` to `before` only; what is pending then is as its verdict says.
+    """A monitor that passes on the steps from `after` to `before` only. When it closes, a pending goal is judged.
 
     Attributes:
-        after: s of sim time.
-        before: s of sim time, infinite without an end.
-        over: whether the window has closed.
+        after: begin of the window, in s of sim time.
+        before: end of the window, in s of sim time; infinite if there is none.
+        over: True if the window has closed.
     """
 
     monitor: Monitor
@@ -54,7 +54,7 @@ class Window:
 
 
 def signals_of(monitor: Monitor, trace: Trace, after: float, before: float) -> tuple[Signal, ...]:
-    """What a monitor can show of a whole run; what adds up begins where its window does."""
+    """Return the curves of a monitor over a whole run. Cumulative quantities begin where the window opens."""
     if is_cumulative(monitor):
         monitor = monitor.begin(trace.between(-math.inf, after))
     if not is_plottable(monitor):

@@ -1,4 +1,4 @@
-"""Whether a formula compares like with like."""
+"""The signals that a formula may use, and the check that it compares only quantities of the same dimension."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ BASE_SIGNALS: Final = MappingProxyType(
         "travel": units.LENGTH,
     }
 )
-"""Of the base link, as `Trace` has them; travel is the distance on the ground from where the robot settled."""
+"""Signals of the base link, named as in `Trace`. `travel` is the distance on the ground from the settled pose."""
 
 NAMES: Final = (*BASE_SIGNALS, *(f"{reading}(joint)" for reading in READINGS))
-"""All of them, as messages list them."""
+"""All signals, as messages list them."""
 
 Powers = tuple[int, int, int, int]
-"""Of m, s, rad and kg."""
+"""The exponents of m, s, rad and kg."""
 
 _BASES: Final = ("m", "s", "rad", "kg")
 _NONE: Final[Powers] = (0, 0, 0, 0)
@@ -65,14 +65,14 @@ _SYMBOLS: Final = {powers: symbol for symbol, powers in _POWERS.items()}
 
 
 def dimension(signal: Signal, model: RobotModel) -> Dimension:
-    """What a signal is measured in; the joint must be there."""
+    """Return the dimension of a signal; its joint must exist."""
     if not signal.joint:
         return BASE_SIGNALS[signal.name]
     return model.joints_by_name[signal.joint].dimension(cast("Reading", signal.name))
 
 
 def problem_with(signal: Signal, model: RobotModel) -> str | None:
-    """A joint that is not there, or does not move."""
+    """Return the problem with a signal whose joint does not exist or does not move, else None."""
     moving = [joint.name for joint in model.moving_joints]
     if not signal.joint or signal.joint in moving:
         return None
@@ -80,11 +80,11 @@ def problem_with(signal: Signal, model: RobotModel) -> str | None:
 
 
 class _Unlike(Exception):
-    """Terms that cannot be added or compared."""
+    """Terms with different dimensions, which cannot be added or compared."""
 
 
 def dimension_problems(formula: Formula, model: RobotModel) -> Iterator[tuple[int, str]]:
-    """Where in the text something is wrong, and what: joints that are not there, metres beside seconds."""
+    """Yield the index in the text and a message for unknown joints and different dimensions."""
     missing = [(signal.at, told) for signal in signals_of(formula) if (told := problem_with(signal, model))]
     if missing:
         yield from missing
@@ -97,12 +97,12 @@ def dimension_problems(formula: Formula, model: RobotModel) -> Iterator[tuple[in
 
 
 def margin_unit(comparison: Comparison, model: RobotModel) -> str:
-    """SI symbol of its margin; empty for what has no name."""
+    """Return the SI symbol of the margin of a comparison; empty if the unit has no symbol."""
     return _SYMBOLS.get(_alike((comparison.left, comparison.right), model) or _NONE, "")
 
 
 def _alike(terms: tuple[Term, ...], model: RobotModel) -> Powers | None:
-    """The dimension that all terms have; None if all are plain numbers, which fit to anything."""
+    """Return the common dimension of terms; None if all are plain numbers, which match any dimension."""
     found: tuple[Term, Powers] | None = None
     for term in terms:
         powers = _powers(term, model)
@@ -135,7 +135,7 @@ def _multiplied(factors: list[Powers]) -> Powers:
 
 
 def _without_angle(powers: Powers) -> tuple[int, int, int]:
-    """A radian is a metre over a metre: the speed of a wheel's rim is its turn rate times its radius."""
+    """Return the dimension without angles: a radian is a ratio of lengths (rim speed = turn rate x radius)."""
     metres, seconds, _, kilograms = powers
     return metres, seconds, kilograms
 

@@ -1,6 +1,6 @@
-"""Formulas and the terms that they compare; `str` gives the text that is parsed to the same formula.
+"""Formulas and terms as frozen types. `str` returns text that parses to the same formula.
 
-`at` is where in the text a part begins, counted from 0; it does not count when two are compared.
+`at` is the index in the text at which a part begins. It is ignored in comparisons.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """What is sampled at every moment; `joint` is empty for signals of the base."""
+    """A signal with a value at every step; `joint` is empty for signals of the base."""
 
     name: str
     joint: str = ""
@@ -37,7 +37,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Negative:
-    """A term with the other sign."""
+    """A term with the opposite sign."""
 
     term: Term
     at: int = field(default=0, compare=False)
@@ -48,7 +48,7 @@ class Negative:
 
 @dataclass(frozen=True, slots=True)
 class Absolute:
-    """A term without its sign."""
+    """The absolute value of a term."""
 
     term: Term
     at: int = field(default=0, compare=False)
@@ -59,7 +59,7 @@ class Absolute:
 
 @dataclass(frozen=True, slots=True)
 class Sum:
-    """Two terms or more; what is subtracted is Negative."""
+    """A sum of two terms or more; subtracted terms are Negative."""
 
     terms: tuple[Term, ...]
     at: int = field(default=0, compare=False)
@@ -74,7 +74,7 @@ class Sum:
 
 @dataclass(frozen=True, slots=True)
 class Product:
-    """Two factors or more."""
+    """A product of two factors or more."""
 
     factors: tuple[Term, ...]
     at: int = field(default=0, compare=False)
@@ -90,7 +90,7 @@ Relation = Literal["<", "<=", ">", ">="]
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """From when to when, in s after the moment that an operator is judged at; both ends belong to it."""
+    """A closed interval in s, relative to the time at which its operator is judged."""
 
     start: float = 0.0
     end: float = math.inf
@@ -103,12 +103,12 @@ class Interval:
 
 
 ALL_TIME: Final = Interval()
-"""From a moment to the end of the run."""
+"""The interval from a step to the end of the run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Two terms of one dimension; its robustness is their difference, so `<` and `<=` are the same."""
+    """A comparison of two terms of one dimension. Its robustness is the difference, so `<` and `<=` are equal."""
 
     left: Term
     relation: Relation
@@ -121,7 +121,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Not:
-    """The contrary."""
+    """The negation of a formula."""
 
     formula: Formula
 
@@ -131,7 +131,7 @@ class Not:
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """All of two or more."""
+    """The conjunction of two formulas or more."""
 
     formulas: tuple[Formula, ...]
 
@@ -141,7 +141,7 @@ class And:
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Any of two or more."""
+    """The disjunction of two formulas or more."""
 
     formulas: tuple[Formula, ...]
 
@@ -151,7 +151,7 @@ class Or:
 
 @dataclass(frozen=True, slots=True)
 class Implies:
-    """Where the first holds, the second does."""
+    """If `premise` holds, `conclusion` holds."""
 
     premise: Formula
     conclusion: Formula
@@ -162,7 +162,7 @@ class Implies:
 
 @dataclass(frozen=True, slots=True)
 class Always:
-    """At every moment of an interval."""
+    """The formula holds at every step of the interval."""
 
     formula: Formula
     interval: Interval = ALL_TIME
@@ -173,7 +173,7 @@ class Always:
 
 @dataclass(frozen=True, slots=True)
 class Eventually:
-    """At some moment of an interval."""
+    """The formula holds at some step of the interval."""
 
     formula: Formula
     interval: Interval = ALL_TIME
@@ -184,7 +184,7 @@ class Eventually:
 
 @dataclass(frozen=True, slots=True)
 class Until:
-    """The second holds at some moment of an interval, and the first at every moment before that one."""
+    """`then` holds at some step of the interval, and `before` at every step before that one."""
 
     before: Formula
     then: Formula
@@ -198,7 +198,7 @@ Formula: TypeAlias = Comparison | Not | And | Or | Implies | Always | Eventually
 
 
 def parts(formula: Formula) -> tuple[Formula, ...]:
-    """What a formula says something of."""
+    """Return the direct subformulas of a formula."""
     match formula:
         case Comparison():
             return ()
@@ -213,19 +213,19 @@ def parts(formula: Formula) -> tuple[Formula, ...]:
 
 
 def everything(formula: Formula) -> Iterator[Formula]:
-    """A formula and all that is inside it."""
+    """Yield a formula and all its subformulas."""
     yield formula
     for part in parts(formula):
         yield from everything(part)
 
 
 def comparisons(formula: Formula) -> Iterator[Comparison]:
-    """All comparisons of a formula, from the left."""
+    """Yield all comparisons of a formula, from the left."""
     return (part for part in everything(formula) if isinstance(part, Comparison))
 
 
 def signals(term: Term) -> Iterator[Signal]:
-    """All signals of a term, from the left."""
+    """Yield all signals of a term, from the left."""
     match term:
         case Signal():
             yield term
@@ -240,7 +240,7 @@ def signals(term: Term) -> Iterator[Signal]:
 
 
 def signals_of(formula: Formula) -> tuple[Signal, ...]:
-    """The signals of a formula, each once."""
+    """Return the signals of a formula, each once."""
     return tuple(
         dict.fromkeys(
             signal
@@ -252,16 +252,16 @@ def signals_of(formula: Formula) -> tuple[Signal, ...]:
 
 
 def horizon(formula: Formula) -> float:
-    """How long after a moment, in s, it is known whether a formula holds there; infinite without bounds."""
+    """Return the time in s after which the truth of a formula at a step is known; infinite if unbounded."""
     inner = max(map(horizon, parts(formula)), default=0.0)
     return inner + formula.interval.end if isinstance(formula, Always | Eventually | Until) else inner
 
 
 def _exact(value: float) -> str:
-    """All its digits."""
+    """Return a number with all its digits."""
     return repr(value).removesuffix(".0")
 
 
 def _inside(term: Term, *weaker: type) -> str:
-    """In parentheses, if it binds no stronger than what it stands in."""
+    """Return a part as text, in parentheses if it does not bind more strongly than its parent."""
     return f"({term})" if isinstance(term, weaker) else str(term)

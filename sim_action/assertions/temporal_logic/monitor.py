@@ -1,4 +1,4 @@
-"""The fold of a formula: its outermost operators are goals and invariants, what is inside of them looks ahead."""
+"""The monitor of a formula. Its outermost operators become goals and invariants; inner operators look ahead."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ if TYPE_CHECKING:
 
 _AT_ONCE: Final = Interval(0.0, 0.0)
 
-# To fold a formula that is judged at the end takes as long at each moment as all that came before.
-_MOST_MOMENTS: Final = 60
+# A formula that is judged at the end is computed again for each point of the curve.
+_MAX_POINTS: Final = 60
 
 
 @dataclass(frozen=True, slots=True)
 class StlMonitor:
-    """The fold of a whole formula.
+    """The monitor of a whole formula.
 
     Attributes:
-        units: of each comparison's margin, the SI symbol.
+        units: the SI symbol of the margin of each comparison.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -65,7 +65,7 @@ class StlMonitor:
 
     @classmethod
     def of(cls, formula: Formula, start_xy: tuple[float, float], comparison_units: Mapping[Comparison, str]) -> Self:
-        """The fold before the first moment; `start_xy` in m is where travel counts from."""
+        """Return the monitor before the first step; `start_xy` in m is the origin of `travel`."""
         return cls(formula, open_formula(formula), signals_of(formula), start_xy, comparison_units)
 
     @property
@@ -88,17 +88,17 @@ class StlMonitor:
         return Samples.of(trace, self.sampled, self.start_xy)
 
     def signals(self, trace: Trace) -> tuple[Curve, ...]:
-        """See PlottableMonitor.signals: what is compared, and the robustness."""
+        """See PlottableMonitor.signals. Returns the compared quantities and the robustness."""
         samples, found = self._samples(trace), set(self.units.values())
         robustness = robustness_so_far(self.part, samples, found.pop() if len(found) == 1 else "")
         return (*compared(self.formula, samples, self.units), robustness)
 
     def verdict(self) -> Verdict:
-        """Measured and limit are the two sides of the comparison that decides; the margin is the robustness."""
+        """Return the verdict: both sides of the deciding comparison, and the robustness as the margin."""
         value, decisive = self.part.outcome() if self.seen else (-math.inf, None)
         passed = value >= 0
         if decisive is None:
-            message = "the run ended before the interval that decides" if self.seen else "no moment to measure"
+            message = "the run ended before the deciding interval" if self.seen else "no physics step to measure"
             return Verdict(passed, None, None, None, "", None, message)
         unit = self.units[decisive.comparison]
         measured, limit, message = _told(decisive, unit)
@@ -106,7 +106,7 @@ class StlMonitor:
 
 
 def open_formula(formula: Formula, *, contrary: bool = False) -> Part:
-    """The fold of a formula, or of its contrary, before the first moment."""
+    """Return the fold of a formula, or of its negation, before the first step."""
     match formula:
         case Not():
             return open_formula(formula.formula, contrary=not contrary)
@@ -131,7 +131,7 @@ def open_formula(formula: Formula, *, contrary: bool = False) -> Part:
 
 @dataclass(frozen=True)
 class BooleanPart:
-    """All of several (`every`), or any of them; its state is worked out once, however often those around it ask."""
+    """All of several parts (`every`), or any of them. The state is cached."""
 
     parts: tuple[Part, ...]
     every: bool
@@ -162,7 +162,7 @@ class BooleanPart:
 
 @dataclass(frozen=True, slots=True)
 class NegatedPart:
-    """A part that is waited for, the other way round: it holds while that is waited for."""
+    """The negation of a goal: an invariant that breaks when the goal comes true."""
 
     part: Part
 
@@ -187,7 +187,7 @@ class NegatedPart:
 
 
 def _told(decisive: Cause, unit: str) -> tuple[float, float, str]:
-    """What is measured, against what, and that in words; of two signals the difference is."""
+    """Return measured value, limit and message; for two signals, the measured value is their difference."""
     comparison = decisive.comparison
     left, right = units.display_apart(decisive.left, decisive.right, unit)
     when = f"at {decisive.time:.2f} s"
@@ -199,14 +199,14 @@ def _told(decisive: Cause, unit: str) -> tuple[float, float, str]:
 
 
 class Asked(NamedTuple):
-    """A comparison, and whether it is its contrary that makes the formula true."""
+    """A comparison, and True if its negation makes the formula true."""
 
     comparison: Comparison
     contrary: bool
 
 
 def asked(formula: Formula, *, contrary: bool = False) -> Iterator[Asked]:
-    """All comparisons of a formula, from the left."""
+    """Yield all comparisons of a formula, from the left."""
     match formula:
         case Comparison():
             yield Asked(formula, contrary)
@@ -221,7 +221,7 @@ def asked(formula: Formula, *, contrary: bool = False) -> Iterator[Asked]:
 
 
 def compared(formula: Formula, samples: Samples, units: Mapping[Comparison, str]) -> Iterator[Curve]:
-    """A curve for each comparison, each once: what a verdict measures, against its limit."""
+    """Yield one curve for each comparison: its measured value with its limit."""
     for comparison, contrary in dict.fromkeys(asked(formula)):
         left, right = (values(term, samples) for term in (comparison.left, comparison.right))
         name, limit = str(comparison.left), float(right[0])
@@ -237,8 +237,8 @@ def _inside(comparison: Comparison) -> str:
 
 
 def robustness_so_far(part: Part, samples: Samples, unit: str) -> Curve:
-    """What the margin of a whole formula would be, were the run over at each moment; nothing where none counts yet."""
-    count = min(len(samples), _MOST_MOMENTS)
+    """Return the robustness of a formula as if the run ended at each step; NaN where it is undefined."""
+    count = min(len(samples), _MAX_POINTS)
     ends = np.unique(np.linspace(1, len(samples), count).round().astype(np.intp))
     margins, begin = [], 0
     for end in ends.tolist():

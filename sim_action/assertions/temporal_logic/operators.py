@@ -1,4 +1,4 @@
-"""Parts of a formula, folded over the moments whose future is known; the others wait until it is."""
+"""Temporal operators as folds: steps whose future is known are judged, the others are kept."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from sim_action.assertions.temporal_logic.robustness import Cause, cause, robust
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.state.trace import FloatArray
 
-# What looks further ahead, in s, would be computed anew with each block over too many moments.
-_MOST_LOOKAHEAD: Final = 60.0
-TIME_ROUNDING: Final = 1e-9
-"""Sim time is step / rate: two ways to the same moment differ by rounding alone."""
+# A longer lookahead would compute too many steps again with each block.
+_MAX_LOOKAHEAD_S: Final = 60.0
+TIME_ROUNDING_S: Final = 1e-9
+"""Tolerance for sim times in s: they are step / rate, so two computations differ by rounding."""
 
 
 def lookahead(*formulas: Formula) -> float:
-    """How far formulas look ahead, in s; infinite if they are judged at the end of the run."""
+    """Return the lookahead of formulas in s; infinite if they are judged at the end of the run."""
     reach = max(map(horizon, formulas))
-    return reach if reach <= _MOST_LOOKAHEAD else math.inf
+    return reach if reach <= _MAX_LOOKAHEAD_S else math.inf
 
 
 class Part(Protocol):
-    """A formula at the first moment, as far as it is known."""
+    """A formula at the first step, as far as it is known."""
 
     @property
     def state(self) -> State:
@@ -38,21 +38,21 @@ class Part(Protocol):
         """See DecidingMonitor.is_decided."""
 
     def observe(self, samples: Samples) -> Part:
-        """After the moments that follow."""
+        """Return the part after more steps."""
 
     def outcome(self) -> tuple[float, Cause | None]:
-        """Its robustness, if nothing more came, and what decides it; infinite if no moment counts."""
+        """Return the robustness as if the run ended now, and its cause; infinite if no step counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampleChain:
-    """Samples, and those that came before them: to add to it copies nothing."""
+    """Samples linked to the samples before them, so that adding more copies nothing."""
 
     samples: Samples
     earlier: SampleChain | None = None
 
     def whole(self) -> Samples:
-        """All samples in one piece."""
+        """Return all samples in one piece."""
         pieces = [self.samples]
         link = self.earlier
         while link is not None:
@@ -63,7 +63,7 @@ class SampleChain:
 
 @dataclass(frozen=True, slots=True)
 class BestMoment:
-    """The robustness that decides so far: of which formula, and the samples from its moment on that it depends on."""
+    """The deciding robustness so far, its formula, and the samples that it depends on."""
 
     value: float
     formula: Formula
@@ -76,7 +76,7 @@ class BestMoment:
 
     @classmethod
     def at(cls, value: float, formula: Formula, rows: Samples, index: int) -> Self:
-        """What was found at a moment of some rows."""
+        """Return the robustness at one row, with the samples that it depends on."""
         reach = horizon(formula)
         end = len(rows) if math.isinf(reach) else int(rows.after(float(rows.time[index]) + reach))
         return cls(value, formula, rows.between(index, end))
@@ -87,11 +87,11 @@ class Extreme:
     """The least robustness of a formula over an interval (`always`), or the greatest (`eventually`).
 
     Attributes:
-        reach: s that the formula looks ahead; infinite if it is judged at the end of the run.
-        begin: s of sim time, the first moment seen.
-        open: samples from the first moment on whose future is not known yet.
-        found: among the moments whose future is known.
-        closed: whether all moments of the interval are such.
+        reach: lookahead of the formula in s; infinite if it is judged at the end of the run.
+        begin: sim time of the first step, in s.
+        open: samples whose future is not known yet.
+        found: the extreme among the steps whose future is known.
+        closed: True if the future of all steps of the interval is known.
     """
 
     formula: Formula
@@ -105,12 +105,12 @@ class Extreme:
 
     @classmethod
     def of(cls, formula: Formula, interval: Interval, *, greatest: bool) -> Self:
-        """The fold before the first moment."""
+        """Return the fold before the first step."""
         return cls(formula, interval, greatest, lookahead(formula))
 
     @property
     def state(self) -> State:
-        """See Monitor.state: what is judged at the end of the run is neither waited for nor broken before."""
+        """See Monitor.state. A formula that is judged at the end of the run counts as holding until then."""
         if self._is_settled:
             return State.HOLDS if self.greatest else State.BROKEN
         if not self.greatest or math.isinf(self.reach):
@@ -124,7 +124,7 @@ class Extreme:
 
     @property
     def _is_settled(self) -> bool:
-        """Whether one moment has settled it, whatever the others are."""
+        """True if one step has decided the result."""
         return self.found is not None and (self.found.value >= 0) == self.greatest
 
     def observe(self, samples: Samples) -> Self:
@@ -142,7 +142,7 @@ class Extreme:
             later,
             open=SampleChain(rows.between(end, len(rows))) if end < len(rows) else None,
             found=later._best(rows, end),  # noqa: SLF001 - its own
-            closed=begin + self.interval.end <= known + TIME_ROUNDING,
+            closed=begin + self.interval.end <= known + TIME_ROUNDING_S,
         )
 
     def outcome(self) -> tuple[float, Cause | None]:
@@ -156,7 +156,7 @@ class Extreme:
         return found.value, found.cause
 
     def _best(self, rows: Samples, end: int) -> BestMoment | None:
-        """The extreme so far, or a better one among the rows before `end` that lie in the interval."""
+        """Return the extreme including the rows before `end` that lie in the interval."""
         assert self.begin is not None
         first = int(rows.at_or_after(self.begin + self.interval.start))
         last = min(end, int(rows.after(self.begin + self.interval.end)))
@@ -172,16 +172,16 @@ class Extreme:
 
 @dataclass(frozen=True, slots=True)
 class UntilFold:
-    """What must hold before, so far, and the best moment at which the other thing holds.
+    """An `until`: the condition that must hold before, and the best step of the other condition.
 
     Attributes:
-        reach: s that the two formulas look ahead.
-        strict: whether a robustness of 0 is not enough: it is for the contrary.
-        begin: s of sim time, the first moment seen.
+        reach: lookahead of both formulas in s.
+        strict: True if a robustness of 0 does not hold; used for the negation.
+        begin: sim time of the first step, in s.
         open: samples whose future is not known yet.
-        held: the least robustness of what must hold before, at all moments whose future is known.
-        found: the best of these moments.
-        closed: whether all moments of the interval are among them.
+        held: the least robustness of `before` over all steps whose future is known.
+        found: the best step so far.
+        closed: True if the future of all steps of the interval is known.
     """
 
     formula: Until
@@ -195,7 +195,7 @@ class UntilFold:
 
     @classmethod
     def of(cls, formula: Until, *, strict: bool) -> Self:
-        """The fold before the first moment."""
+        """Return the fold before the first step."""
         return cls(formula, lookahead(formula.before, formula.then), strict)
 
     @property
@@ -224,7 +224,7 @@ class UntilFold:
         end = int(rows.after(known))
         later = replace(self, begin=begin)._after(rows, end)  # noqa: SLF001 - its own
         waiting = SampleChain(rows.between(end, len(rows))) if end < len(rows) else None
-        return replace(later, open=waiting, closed=begin + self.formula.interval.end <= known + TIME_ROUNDING)
+        return replace(later, open=waiting, closed=begin + self.formula.interval.end <= known + TIME_ROUNDING_S)
 
     def outcome(self) -> tuple[float, Cause | None]:
         """See Part.outcome."""
@@ -234,7 +234,7 @@ class UntilFold:
         return (-math.inf, None) if last.found is None else (last.found.value, last.found.cause)
 
     def _after(self, rows: Samples, end: int) -> Self:
-        """The fold after the rows before `end`."""
+        """Return the fold after the rows before `end`."""
         if end == 0:
             return self
         before, then = (robustness(part, rows)[:end] for part in (self.formula.before, self.formula.then))
@@ -242,7 +242,7 @@ class UntilFold:
         return replace(self, held=self._least(rows, before), found=found)
 
     def _best(self, rows: Samples, before: FloatArray, then: FloatArray) -> BestMoment | None:
-        """The best moment of the interval until now, with the rows that come next."""
+        """Return the best step of the interval, including the next rows."""
         assert self.begin is not None
         first = int(rows.at_or_after(self.begin + self.formula.interval.start))
         last = min(len(then), int(rows.after(self.begin + self.formula.interval.end)))
@@ -259,7 +259,7 @@ class UntilFold:
         return BestMoment.at(value, self.formula.then, rows, index) if decides else self._least(rows, before[:index])
 
     def _least(self, rows: Samples, before: FloatArray) -> BestMoment | None:
-        """What held the least until now, with the rows that come next."""
+        """Return the least robustness of `before`, including the next rows."""
         if not len(before):
             return self.held
         index = int(before.argmin())

@@ -1,8 +1,8 @@
-"""Text -> Formula, by precedence climbing.
+"""The parser of formulas: text to Formula, by precedence climbing.
 
-From weak to strong: `implies` (of several, the last first), `or`, `and`, `until`, comparisons, `+ -`, `*`. `not`,
-`always` and `eventually` take the comparison or the parenthesis that follows. Where people could read a text in two
-ways, it is refused: `always speed < 1 and tilt < 1` needs parentheses.
+From weak to strong: `implies` (right-associative), `or`, `and`, `until`, comparisons, `+ -`, `*`. `not`, `always` and
+`eventually` apply to the comparison or the parenthesis that follows. Ambiguous texts are refused: `always speed < 1 and
+tilt < 1` needs parentheses.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from sim_action.core.units import TIME
 from sim_action.robot.robot_model import READINGS
 
 MAX_DEPTH: Final = 30
-"""How many parentheses and operators may be inside each other."""
+"""Maximum depth of nested parentheses and operators."""
 
 _IMPLIES, _OR, _AND, _UNTIL, _COMPARE, _ADD, _MULTIPLY = range(1, 8)
 _STRENGTH: Final = {
@@ -54,15 +54,15 @@ _STRENGTH: Final = {
 }
 _CONNECTIVES: Final = frozenset({"implies", "or", "and", "until"})
 _NO_OPERATORS: Final = {
-    "==": "two signals are hardly ever equal; say how near they are: abs(x - 1 m) < 1 cm",
-    "!=": "two signals are hardly ever equal; say how far apart they are: abs(x - 1 m) > 1 cm",
-    "=": "compare by <, <=, > or >=",
-    "/": "nothing is divided; multiply by what it would be divided by on the other side",
+    "==": "signals are rarely exactly equal; bound the difference: abs(x - 1 m) < 1 cm",
+    "!=": "signals are rarely exactly equal; bound the difference: abs(x - 1 m) > 1 cm",
+    "=": "compare with <, <=, > or >=",
+    "/": "division is not supported; multiply the other side instead",
 }
 
 
 def parse(text: str) -> Formula:
-    """The formula that a text says. Raises FormulaError with the place in the text."""
+    """Return the formula of a text. Raises FormulaError with the place in the text."""
     return _Parser(text).formula()
 
 
@@ -72,9 +72,9 @@ class _Parser:
         self._tokens = list(tokens(text))
         self._position = 0
         self._depth = 0
-        # Where a parenthesis begins -> where it ended.
+        # Begin of each parenthesis -> its end.
         self._ends: dict[int, int] = {}
-        # The last one whose reach people could read in two ways.
+        # The last operator whose operands are ambiguous.
         self._open: Formula | None = None
 
     def formula(self) -> Formula:
@@ -104,20 +104,20 @@ class _Parser:
         raise FormulaError(self._text, token.at, message)
 
     def _hint(self) -> str:
-        """What a word is meant to be that stands where an operator would."""
+        """Return a hint for a word in the place of an operator."""
         meant = operator_like(self._next.text) if self._next.kind == "word" else None
         return f"; did you mean '{meant}'?" if meant else self._unit_hint()
 
     def _unit_hint(self) -> str:
         is_unit = self._position and self._tokens[self._position - 1].kind == "number" and self._next.kind == "word"
-        return f", which is no unit (allowed: {unit_names()})" if is_unit else ""
+        return f"; it is not a unit (allowed: {unit_names()})" if is_unit else ""
 
     def _expression(self, least: int) -> Formula | Term:
-        """Operators that bind as strongly as `least`, or stronger, and what stands between them."""
+        """Parse operators that bind at least as strongly as `least`, and their operands."""
         first = self._next
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            self._refuse(first, f"more than {MAX_DEPTH} operators and parentheses inside each other")
+            self._refuse(first, f"more than {MAX_DEPTH} nested operators and parentheses")
         left = self._operand()
         while self._next.kind in ("symbol", "keyword"):
             operator = self._next
@@ -133,7 +133,7 @@ class _Parser:
         return left
 
     def _combined(self, left: Formula | Term, first: Token, strength: int) -> Formula | Term:
-        """What one or several operators of the same strength make of what is left of them."""
+        """Parse one or several operators of the same precedence and their right operands."""
         if strength == _COMPARE:
             return self._comparison(left, first)
         if strength >= _ADD:
@@ -153,7 +153,7 @@ class _Parser:
                 return And(tuple(items)) if strength == _AND else Or(tuple(items))
 
     def _joined(self, found: Formula | Term, first: Token, operator: Token) -> Formula:
-        """One side of `and`, `or` or `implies`; `until` beside them has its own parentheses."""
+        """Parse one side of `and`, `or` or `implies`; an `until` there needs parentheses."""
         if isinstance(found, Until) and found is self._open:
             self._ambiguous(operator)
         return self._as_formula(found, first)
@@ -163,7 +163,9 @@ class _Parser:
         if isinstance(self._open, Until):
             self._refuse(operator, f"put parentheses around 'until' beside '{text}': (... until ...) {text} ...")
         word = "always" if isinstance(self._open, Always) else "eventually"
-        self._refuse(operator, f"say how far '{word}' reaches: {word} (... {text} ...), or ({word} ...) {text} ...")
+        self._refuse(
+            operator, f"ambiguous without parentheses: write {word} (... {text} ...) or ({word} ...) {text} ..."
+        )
 
     def _until(self, before: Formula) -> Formula:
         self._advance()
@@ -178,9 +180,9 @@ class _Parser:
         right = self._as_term(self._expression(_ADD), start)
         found = Comparison(self._as_term(left, first), cast("Relation", operator.text), right, first.at)
         if self._next.text in get_args(Relation):
-            self._refuse(self._next, "one comparison at a time: join two by 'and'")
+            self._refuse(self._next, "comparisons cannot be chained; join two with 'and'")
         if not any(signal for term in (found.left, found.right) for signal in signals(term)):
-            self._refuse(first, f"'{found}' names no signal (allowed: {', '.join(NAMES)})")
+            self._refuse(first, f"'{found}' is not a signal (allowed: {', '.join(NAMES)})")
         return found
 
     def _sum(self, left: Formula | Term, first: Token) -> Sum:
@@ -234,7 +236,7 @@ class _Parser:
         interval = ALL_TIME if token.text == "not" else self._interval()
         begin, start = self._position, self._next
         formula = self._as_formula(self._expression(_COMPARE), start)
-        # Nothing can be read in two ways that ends with its parenthesis.
+        # An operand that ends with its parenthesis is not ambiguous.
         closed = self._ends.get(begin) == self._position
         inherits = start.text in ("not", "always", "eventually")
         reaches_on = formula is self._open if inherits else not closed and token.text != "not"
@@ -253,14 +255,14 @@ class _Parser:
         end = math.inf if self._accept("end") is not None else self._seconds()
         self._expect("]", "after the two times")
         if end < start:
-            self._refuse(opening, f"[{start:g} s, {end:g} s] ends before it begins; exchange the two?")
+            self._refuse(opening, f"[{start:g} s, {end:g} s] ends before it begins; swap the two?")
         return Interval(start, end, opening.at)
 
     def _seconds(self) -> float:
         token = self._advance()
         if token.kind != "number" or token.unit not in ("", TIME.si):
             hint = self._unit_hint()
-            self._refuse(token, f"expected a time such as 2 s, counted from the moment itself, found {token}{hint}")
+            self._refuse(token, f"expected a relative time such as 2 s, found {token}{hint}")
         return token.value
 
     def _number_or_signal(self, token: Token) -> Number | Signal:
@@ -276,7 +278,7 @@ class _Parser:
 
     def _as_formula(self, found: Formula | Term, first: Token) -> Formula:
         if isinstance(found, Term):
-            self._refuse(first, f"'{found}' is not compared with anything; say, for example, {found} < 1")
+            self._refuse(first, f"'{found}' is not compared with anything; write, for example, {found} < 1")
         return found
 
     def _as_term(self, found: Formula | Term, first: Token) -> Term:

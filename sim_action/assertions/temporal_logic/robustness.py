@@ -1,4 +1,4 @@
-"""By how much a formula holds at each moment, and what decides that at one of them."""
+"""The robustness of a formula at each step, and the comparison that decides it."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ from sim_action.state.trace import FloatArray
 Indices = NDArray[np.intp]
 
 NOTHING_LEAST: Final = np.inf
-"""The least value of an empty window."""
+"""The minimum of an empty window."""
 
 
 def least_of_windows(values: FloatArray, first: Indices, last: Indices) -> FloatArray:
-    """(N,) the least of `values[first:last]` for N windows; +inf for an empty one. Takes O(n log n) time.
+    """Return (N,) the minimum of `values[first:last]` for N windows; +inf for an empty one. Runs in O(n log n).
 
-    A window is covered by two of a power of two each, which may overlap: the least of these are made by doubling
-    (a sparse table, of which one row at a time is kept).
+    Two overlapping windows of a power of two cover each window. Their minima come from a sparse table by doubling, of
+    which only one row is kept.
     """
     found = np.full(len(first), NOTHING_LEAST)
     length = last - first
-    # Of a positive whole number, the exponent of the greatest power of two that is not above it.
+    # The base-2 logarithm of the length, rounded down.
     level = np.frexp(length.astype(np.float64))[1] - 1
     row, width = values, 1
     for step in range(int(level.max(initial=-1)) + 1):
@@ -58,15 +58,15 @@ def least_of_windows(values: FloatArray, first: Indices, last: Indices) -> Float
 
 
 def greatest_of_windows(values: FloatArray, first: Indices, last: Indices) -> FloatArray:
-    """(N,) the greatest of `values[first:last]` for N windows; -inf for an empty one."""
+    """Return (N,) the maximum of `values[first:last]` for N windows; -inf for an empty one."""
     return -least_of_windows(-values, first, last)
 
 
 def until(before: FloatArray, then: FloatArray) -> FloatArray:
-    """(T,) z with z[i] = max(then[i], min(before[i], z[i + 1])), where nothing follows the last. O(n log n) time.
+    """Return (T,) z with z[i] = max(then[i], min(before[i], z[i + 1])), and z[T] = -inf. Runs in O(n log n).
 
-    What a moment does to the value of the next one is to clip it, from `then` to the greater of both; two such steps
-    are one again, so those of 1, 2, 4, ... moments are made by doubling.
+    Each step clips the value of the next one to [then, max(before, then)]. Two such clips are one clip again, so the
+    clips of 1, 2, 4, ... steps are made by doubling.
     """
     lower, upper = then.copy(), np.maximum(before, then)
     width = 1
@@ -81,7 +81,7 @@ def until(before: FloatArray, then: FloatArray) -> FloatArray:
 
 
 def robustness(formula: Formula, samples: Samples) -> FloatArray:  # noqa: PLR0911 - a line for each kind
-    """(T,) margins: positive where the formula holds, as far as the samples go."""
+    """Return (T,) margins: positive where the formula holds on the given samples."""
     match formula:
         case Comparison(left, relation, right):
             difference = values(left, samples) - values(right, samples)
@@ -104,7 +104,7 @@ def robustness(formula: Formula, samples: Samples) -> FloatArray:  # noqa: PLR09
 
 
 def values(term: Term, samples: Samples) -> FloatArray:
-    """(T,) a term at each moment, in SI units."""
+    """Return (T,) the value of a term at each step, in SI units."""
     match term:
         case Number():
             return np.full(len(samples), term.value)
@@ -121,15 +121,15 @@ def values(term: Term, samples: Samples) -> FloatArray:
 
 
 def _windows(interval: Interval, samples: Samples) -> tuple[Indices, Indices]:
-    """For each moment, where its interval begins and ends, cut at the last moment."""
+    """Return the begin and end index of the interval of each step, cut at the last step."""
     first = samples.at_or_after(samples.time + interval.start)
     return first, np.maximum(first, samples.after(samples.time + interval.end))
 
 
 def _until(before: FloatArray, then: FloatArray, interval: Interval, samples: Samples) -> FloatArray:
-    """The bounded one by three that are cheap: something in the interval, all before it, and no end (Donze 2013).
+    """Return the bounded `until` from three cheap parts (Donze 2013).
 
-    `p until[a, b] q` says as much as `eventually[a, b] q`, p at every moment before a, and `p until q` at a.
+    `p until[a, b] q` equals `eventually[a, b] q`, and p at every step before a, and `p until q` at a.
     """
     endless = until(before, then)
     first, last = _windows(interval, samples)
@@ -143,11 +143,11 @@ def _until(before: FloatArray, then: FloatArray, interval: Interval, samples: Sa
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """The one comparison, at one moment, whose difference is the robustness of a whole formula.
+    """The comparison and the step whose difference equals the robustness of a whole formula.
 
     Attributes:
-        time: s of sim time.
-        left, right: its two sides, in SI units.
+        time: sim time in s.
+        left, right: both sides in SI units.
         margin: their difference, positive if the formula holds.
     """
 
@@ -159,7 +159,7 @@ class Cause:
 
 
 def cause(formula: Formula, samples: Samples, index: int = 0) -> Cause | None:
-    """What decides about a formula at a moment; None where its window is empty."""
+    """Return the comparison that decides a formula at a step; None if its window is empty."""
     ahead = samples.between(index, _seen_from(formula, samples, index))
     match formula:
         case Comparison():
@@ -179,7 +179,7 @@ def cause(formula: Formula, samples: Samples, index: int = 0) -> Cause | None:
 
 
 def _seen_from(formula: Formula, samples: Samples, index: int) -> int:
-    """Where the moments end that a formula depends on at one of them."""
+    """Return the end index of the samples that a formula at a step depends on."""
     if math.isinf(reach := horizon(formula)):
         return len(samples)
     return max(index + 1, int(samples.after(float(samples.time[index]) + reach)))

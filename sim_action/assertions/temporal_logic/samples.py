@@ -1,4 +1,4 @@
-"""Signals as columns over time, read off a trace."""
+"""The signals of a formula as columns over time, read from a trace."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from sim_action.state.trace import FloatArray, Trace
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What signals were at T moments, in SI units.
+    """The values of signals at T steps, in SI units.
 
     Attributes:
-        signals: S of them, each once.
-        rows: (T, 1 + S), time and then the signals.
+        signals: the S signals, each once.
+        rows: (T, 1 + S), time and the signals.
     """
 
     signals: tuple[Signal, ...]
@@ -30,35 +30,35 @@ class Samples:
 
     @classmethod
     def of(cls, trace: Trace, signals: tuple[Signal, ...], start_xy: tuple[float, float]) -> Self:
-        """The samples of a trace; `start_xy` in m is where travel counts from."""
+        """Return the samples of a trace; `start_xy` in m is the origin of `travel`."""
         columns = [trace.time, *(_column(trace, signal, start_xy) for signal in signals)]
         return cls(signals, np.column_stack(columns))
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
-        """Samples of the same signals, one after the other."""
+        """Return consecutive samples of the same signals in one piece."""
         first, *others = parts
         return first if not others else replace(first, rows=np.concatenate([part.rows for part in parts]))
 
     @property
     def time(self) -> FloatArray:
-        """(T,) s, rising."""
+        """Sim time, (T,) s, increasing."""
         return self.rows[:, 0]
 
     def of_signal(self, signal: Signal) -> FloatArray:
-        """(T,) of one signal."""
+        """Return (T,) the values of one signal."""
         return self.rows[:, 1 + self.signals.index(signal)]
 
     def between(self, first: int, last: int) -> Self:
-        """The moments from index `first` to before `last`."""
+        """Return the samples from index `first` up to, not including, `last`."""
         return replace(self, rows=self.rows[first:last])
 
     def at_or_after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-        """The index of the first moment at or after a time, or (N,) of them."""
+        """Return the index of the first step at or after a time, or (N,) of them."""
         return np.asarray(np.searchsorted(self.time, np.asarray(time) - TIME_EPSILON), dtype=np.intp)
 
     def after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-        """The index of the first moment after a time, or (N,) of them."""
+        """Return the index of the first step after a time, or (N,) of them."""
         return np.asarray(np.searchsorted(self.time, np.asarray(time) + TIME_EPSILON), dtype=np.intp)
 
 
@@ -79,7 +79,7 @@ def _column(trace: Trace, signal: Signal, start_xy: tuple[float, float]) -> Floa
 
 
 def _rolled_or_pitched(trace: Trace, name: str) -> FloatArray:
-    """(T,) rad, as URDF turns: first about x (roll), then about y (pitch), then about z of the world."""
+    """Return (T,) rad in URDF's convention: roll about x, then pitch about y, then yaw about z of the world."""
     x, y, z, w = trace.base_orientation_xyzw.T
     if name == "roll":
         return np.asarray(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), dtype=np.float64)

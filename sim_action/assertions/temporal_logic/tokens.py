@@ -1,4 +1,4 @@
-"""The text of a formula, cut into tokens."""
+"""The tokens of a formula, and hints for misspelt words and other notations."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SIGNS: Final = MappingProxyType(
         "\N{GREATER-THAN OR EQUAL TO}": ">=",
     }
 )
-"""A sign of another notation -> what is written here; of two that begin alike, the longer one first."""
+"""Operators of other notations -> the operator here. Of two with the same beginning, the longer comes first."""
 
 _OPERATORS: Final = ("not", "and", "or", "implies", "always", "eventually", "until", "abs")
 _OTHER_WORDS: Final = {
@@ -40,7 +40,7 @@ _OTHER_WORDS: Final = {
     "u": "until",
 }
 
-# Names of signals and units are nearer to some operator than this asks for.
+# A lower cutoff would match names of signals and units.
 _ALIKE: Final = 0.75
 MAX_CHARACTERS: Final = 2000
 KEYWORDS: Final = frozenset({"not", "and", "or", "implies", "always", "eventually", "until", "abs", "end"})
@@ -57,7 +57,7 @@ _DIMENSIONS: Final = (
 
 _UNITS: Final = {symbol: (factor, kind.si) for kind in _DIMENSIONS for symbol, factor in kind.factors.items()}
 
-# The longest that fits: "m/s" is not "m", and "N m" is not "N".
+# The longest match: "m/s" is not "m", and "N m" is not "N".
 _UNIT: Final = "|".join(re.escape(symbol) for symbol in sorted(_UNITS, key=len, reverse=True))
 _TOKEN: Final = re.compile(
     rf"""\s*+(?:
@@ -77,14 +77,14 @@ Kind = Literal["number", "signal", "word", "keyword", "symbol", "end"]
 
 
 def operator_like(word: str) -> str | None:
-    """The operator that a word is meant to be, if that is plain."""
+    """Return the operator that a misspelt word is closest to, or None."""
     word = word.lower()
     near = difflib.get_close_matches(word[:20], _OPERATORS, n=1, cutoff=_ALIKE)
     return _OTHER_WORDS.get(word) or (near[0] if near else None)
 
 
 class FormulaError(ValueError):
-    """A text that is no formula; the message says where and why, and `at` is the place, counted from 0."""
+    """An invalid formula. The message gives place and reason; `at` is the index in the text."""
 
     def __init__(self, text: str, at: int, message: str) -> None:
         self.at = at
@@ -92,7 +92,7 @@ class FormulaError(ValueError):
 
 
 def place(text: str, at: int) -> str:
-    """A place in a text, as a message shows it: "at character 9, the arrow: always (-> sped < 1)"."""
+    """Return a place in a text as messages show it: "at character 9, the arrow: always (-> sped < 1)"."""
     before, after = text[:at], text[at:]
     before = before if len(before) <= _SHOWN else f"...{before[-_SHOWN:]}"
     after = after if len(after) <= _SHOWN else f"{after[:_SHOWN]}..."
@@ -101,14 +101,14 @@ def place(text: str, at: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """A piece of the text.
+    """A token of the text.
 
     Attributes:
-        text: as it was written; the name of the reading for a joint's signal.
-        at: where it begins, counted from 0.
-        value: of a number, in SI.
-        unit: of a number, the SI symbol.
-        joint: of a signal.
+        text: the text as written; for a signal of a joint, the name of the reading.
+        at: index in the text at which it begins.
+        value: the SI value of a number.
+        unit: the SI symbol of a number.
+        joint: the joint of a signal.
     """
 
     kind: Kind
@@ -123,9 +123,9 @@ class Token:
 
 
 def tokens(text: str) -> Iterator[Token]:
-    """All tokens, and one that says that the text is over. Raises FormulaError."""
+    """Return all tokens and an end token. Raises FormulaError."""
     if len(text) > MAX_CHARACTERS:
-        message = f"a formula of {len(text)} characters; at most {MAX_CHARACTERS} are read"
+        message = f"the formula has {len(text)} characters; at most {MAX_CHARACTERS} are allowed"
         raise FormulaError(text, MAX_CHARACTERS, message)
     at, end = 0, len(text.rstrip())
     while at < end:
@@ -159,5 +159,5 @@ def _token(text: str, match: re.Match[str]) -> Token:
 
 
 def unit_names() -> str:
-    """All units, for messages."""
+    """Return all units as text for messages."""
     return ", ".join(_UNITS)

@@ -21,7 +21,7 @@ both = pytest.mark.parametrize("kind", [Travel, PathLength])
     ("bounds", "message"),
     [
         ({}, "give 'at_least', 'at_most' or both"),
-        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 m and at most 1 m; exchange the two?"),
+        ({"at_least": 2, "at_most": 1}, "nothing is at least 2 m and at most 1 m; swap the two?"),
         ({"at_least": 0}, "greater than 0"),
         ({"at_least": "-1 m"}, "greater than 0"),
         ({"at_most": "-1 m"}, "greater than or equal to 0"),
@@ -85,11 +85,14 @@ def test_margins_are_compared_as_parts_of_their_scales() -> None:
     scaled = IntervalsMonitor((*PLACE.sides(2.0), *SPEED.sides(20.0))).observe(MOMENT).verdict()
     assert (scaled.margin, scaled.message) == (
         1.0,
-        "stayed within; nearest to speed = 20 m/s with speed = 19 m/s at 3.00 s",
+        "stayed within bounds; closest to speed = 20 m/s with speed = 19 m/s at 3.00 s",
     )
 
 
 def test_a_bound_that_is_passed_breaks_it() -> None:
     narrow = Interval("x", "m", 0.75, 2.0, PLACE.signal)
     monitor = IntervalsMonitor(tuple(narrow.sides())).observe(MOMENT)
-    assert (monitor.state, monitor.verdict().message) == (State.BROKEN, "left past x = 0.75 m: x = 0.5 m at 1.00 s")
+    assert (monitor.state, monitor.verdict().message) == (
+        State.BROKEN,
+        "crossed the bound x = 0.75 m: x = 0.5 m at 1.00 s",
+    )

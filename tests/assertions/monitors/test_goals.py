@@ -89,13 +89,13 @@ def test_a_heading_counts_as_a_part_of_its_tolerance() -> None:
     # Twice the angle that is allowed, at the second moment, is the least of what is too much.
     assert (seen.goal.margin, seen.distance, seen.yaw_error, seen.goal.time) == (-0.5, 0.25, 0.5, 2.0)
     assert seen.verdict().message == (
-        "came no nearer than 0.25 m to (2, 0), 28.65 deg off its heading, in 3.0 s; nearest at 2.00 s"
+        "came no closer than 0.25 m to (2, 0), 28.65 deg off its heading, in 3.0 s; closest at 2.00 s"
     )
 
 
 def test_without_a_moment_nothing_came_near() -> None:
     assert ELBOW.observe(DISTANCE_TIME[:0], DISTANCE_TIME[:0]) is ELBOW
-    assert ELBOW.verdict().message == "no moment to measure"
+    assert ELBOW.verdict().message == "no physics step to measure"
 
 
 HOLD_TIME = np.arange(1.0, 9.0)
