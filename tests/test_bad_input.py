@@ -30,10 +30,10 @@ def only(folder: Path, text: str | bytes) -> str:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "1:1: the file is empty; a scenario begins with 'name:', 'robot:', 'expect:', 'time_limit:'"),
-        ("# nothing yet\n", "1:1: the file is empty; a scenario begins with"),
-        ("just words\n", "1:1: the file holds no map of keys; a scenario begins with"),
-        ("- a\n- b\n", "1:1: the file holds no map of keys; a scenario begins with"),
+        ("", "1:1: the file is empty; a scenario starts with 'name:', 'robot:', 'expect:' and 'time_limit:'"),
+        ("# nothing yet\n", "1:1: the file is empty; a scenario starts with"),
+        ("just words\n", "1:1: the file is not a map of keys; a scenario starts with"),
+        ("- a\n- b\n", "1:1: the file is not a map of keys; a scenario starts with"),
         ("name: [a\nrobot: b\n", "2:6: not valid YAML: while parsing a flow sequence expected ',' or ']'"),
         ("name: {{ name }}", "1:8: a key must be text; this is a map, a list or an alias"),
         ("\x7fELF\x02\x01", "1:1: the control character U+007F is not allowed; remove it"),
@@ -117,8 +117,8 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
         ("1.5 m", "1.5 s", "9:14: expect.0.travel.at_least: 's' is not a unit of length; use one of: m, mm, cm, km"),
         ("10 Hz", "10 s", "5:3: commands.rate: 's' is not a unit of frequency; use one of: Hz, kHz"),
         # Rates, windows, claims
-        ("10 Hz", "7 Hz", "5:3: commands.rate: 7 Hz does not divide physics.rate, 240 Hz; near: 6 Hz and 8 Hz"),
-        ("10 Hz", "1e-323", "5:3: commands.rate: 9.88131e-324 Hz does not divide physics.rate, 240 Hz; near: 1 Hz"),
+        ("10 Hz", "7 Hz", "5:3: commands.rate: 7 Hz does not divide physics.rate, 240 Hz; nearest: 6 Hz and 8 Hz"),
+        ("10 Hz", "1e-323", "5:3: commands.rate: 9.88131e-324 Hz does not divide physics.rate, 240 Hz; nearest: 1 Hz"),
         ("1.5 m}", "1.5 m}\n    before: 31 s", "10:5: expect.0.before: must not be later than time_limit (30 s)"),
         ("  - travel: {at_least: 1.5 m}", "  []", "8:1: expect: must not be empty"),
         ("travel: {at_least: 1.5 m}", "travel: {}", "9:5: expect.0.travel: give 'at_least', 'at_most' or both"),
@@ -267,7 +267,7 @@ def test_a_huge_file_is_refused_unread(size: int, tmp_path: Path) -> None:
     path = tmp_path / "s.sim.yml"
     with path.open("wb") as file:
         file.truncate(size)
-    assert refusal(path) == "a scenario of more than 1000 kB is not read; is this the right file?"
+    assert refusal(path) == "a scenario of more than 1000 kB cannot be read; check that this is the right file"
 
 
 def test_a_file_without_an_end() -> None:

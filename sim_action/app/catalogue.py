@@ -1,4 +1,4 @@
-"""What a scenario can name, with each one's fields and units: for the lists of the command line and the README."""
+"""List the assertions, commands, drives, sensors and models that a scenario can name, with their fields and units."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ class Entry:
 
 
 def assertions() -> tuple[Entry, ...]:
-    """What can stand below `expect:`."""
+    """Return the assertions for `expect:`."""
     return tuple(_entry(name, ASSERTIONS.load(name)) for name in ASSERTIONS)
 
 
 def commands() -> tuple[Entry, ...]:
-    """What can stand below `commands:`."""
+    """Return the command sources for `commands:`."""
     return tuple(_entry(name, COMMANDS.load(name)) for name in COMMANDS)
 
 
 def drives() -> tuple[Entry, ...]:
-    """What can stand below `robot.drive:`."""
+    """Return the drives for `robot.drive:`."""
     return tuple(_entry(name, DRIVES.load(name)) for name in DRIVES)
 
 
 def sensors() -> tuple[Entry, ...]:
-    """What can stand below `sensors:`."""
+    """Return the sensors for `sensors:`."""
     return tuple(_entry(name, SENSORS.load(name)) for name in SENSORS)
 
 
@@ -85,7 +85,7 @@ def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
 
 
 def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:
-    """What a value is, and its bounds."""
+    """Return the type of a value and its bounds, in words."""
     bounds = bounds_text(annotation, metadata)
     return f"{_kind_of(annotation, metadata)}{bounds and f', {bounds}'}"
 
@@ -117,7 +117,7 @@ def _kind_of(annotation: Any, metadata: Iterable[Any]) -> str:  # noqa: PLR0911 
 def _kind(dimensions: tuple[units.Dimension, ...]) -> str:
     symbols = [dimension.si for dimension in dimensions if dimension.si]
     if len(dimensions) > 1:
-        return f"number ({', '.join(symbols)}: as the joint needs)"
+        return f"number ({', '.join(symbols)}, rad or m by joint type)"
     return f"{dimensions[0].name} ({symbols[0]})" if symbols else "number"
 
 

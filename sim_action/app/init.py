@@ -1,4 +1,4 @@
-"""What `sim-action init` writes: a commented scenario that passes, and a workflow that runs it."""
+"""The use case `init`: write a commented scenario that passes and a workflow that runs it."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from sim_action.core.errors import UsageError
 
 _SCENARIO: Final = """\
 # yaml-language-server: $schema=scenario.schema.json
-# What a robot must do in simulation. Run it: sim-action run simulation
+# A simulation test of a robot. Run it with: sim-action run simulation
 name: robot drives straight
 
 robot:
-  model: turtlebot3_burger      # a built-in model (sim-action models), or the path of your .urdf from this folder
+  model: turtlebot3_burger      # a built-in model (sim-action models), or the path of your .urdf, relative to this file
 
-# world:                        # flat ground; put something into it:
+# world:                        # the default is flat ground; add objects like this:
 #   objects:
 #     - {name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}
 
-commands:                       # what drives it (sim-action commands)
+commands:                       # command sources that drive the robot (sim-action commands)
   rate: 10 Hz
   twist:
     - {linear: 0.5, for: 4 s}
     - {linear: 0.2, angular: 30 deg/s}
 
-expect:                         # what must come true (sim-action assertions)
-  - travel: {at_least: 1.5 m}   # a goal: when all goals are met, the run is over
+expect:                         # assertions (sim-action assertions)
+  - travel: {at_least: 1.5 m}   # a goal: the run ends when all goals are met
     before: 10 s
-  - no_collision                # an invariant: when it is broken, the run is over
+  - no_collision                # an invariant: the run ends when it is broken
   - upright: {max_tilt: 10 deg}
 
-time_limit: 20 s                # of simulated time
+time_limit: 20 s                # simulated time
 """
 
 _WORKFLOW: Final = """\
@@ -64,7 +64,7 @@ def write_scaffold(folder: Path, schema: str, *, force: bool) -> list[Path]:
     targets = {folder / name: text for name, text in files(schema).items()}
     existing = [str(path) for path in targets if path.exists()]
     if existing and not force:
-        raise UsageError(f"already there: {', '.join(existing)}; --force overwrites")
+        raise UsageError(f"file exists already: {', '.join(existing)}; use --force to overwrite it")
     for path, text in targets.items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

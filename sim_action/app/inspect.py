@@ -1,4 +1,4 @@
-"""What a robot model is: a look at it before anything is simulated."""
+"""The use case `inspect`: describe a robot model before anything is simulated."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
 _WIDTH: Final = 80
-_LONGEST_NAME: Final = 60
+_MAX_NAME_CHARS: Final = 60
 _AXES: Final = {sign * place: f"{'-' * (sign < 0)}{name}" for place, name in enumerate("xyz", 1) for sign in (1, -1)}
 
 
 def inspection_text(found: Inspection) -> str:
-    """What it is, its joints as a tree, what the audit found, and a block to paste."""
-    block = ["to paste into a scenario in this folder:", "", found.robot]
+    """Return the description of a model as text: summary, tree of joints, findings of the audit, `robot:` block."""
+    block = ["block for a scenario in this folder:", "", found.robot]
     parts = (_summary(found), _tree(found), _findings(found), block)
     return "\n\n".join("\n".join(map(log_line, "\n".join(part).split("\n"))) for part in parts)
 
 
 def _summary(found: Inspection) -> Iterator[str]:
     moving = sum(joint.type != "fixed" for joint in found.joints)
-    name = found.name if len(found.name) <= _LONGEST_NAME else f"{found.name[:_LONGEST_NAME]}..."
+    name = found.name if len(found.name) <= _MAX_NAME_CHARS else f"{found.name[:_MAX_NAME_CHARS]}..."
     yield f"{name}: {len(found.links)} links, {len(found.joints)} joints ({moving} move), {found.mass:.4g} kg"
     if found.lower_xyz and found.upper_xyz and found.height is not None:
         sizes = (_length(upper - lower) for lower, upper in zip(found.lower_xyz, found.upper_xyz, strict=True))
@@ -55,7 +55,7 @@ def _summary(found: Inspection) -> Iterator[str]:
     if found.drive:
         yield from _wrapped(f"recognised: {found.drive}")
     elif found.wheels:
-        yield "how these drive is not plain: robot.drive has to say it"
+        yield "the drive cannot be recognised from these wheels: state it in robot.drive"
 
 
 def _above(height: float) -> str:
@@ -63,7 +63,7 @@ def _above(height: float) -> str:
 
 
 def _length(metres: float) -> str:
-    """To a tenth of a millimetre: a file's digits of pi leave less than that behind."""
+    """Return a length in m, rounded to 0.1 mm."""
     return f"{round(metres, 4) + 0.0:.4g}"
 
 
@@ -99,7 +99,7 @@ def _joint(joint: JointEntry) -> str:
 
 
 def _axis(direction: Vector3) -> str:
-    """Such as "-z", or all three parts of one that is askew."""
+    """Return an axis such as "-z", or all three components if it is not parallel to an axis."""
     along = [place * round(part) for place, part in enumerate(direction, 1) if abs(part) > 1 - 1e-6]
     return _AXES[along[0]] if along else " ".join(f"{part:.3g}" for part in direction)
 
@@ -117,18 +117,18 @@ def _details(joint: JointEntry) -> Iterator[str]:
 
 def _findings(found: Inspection) -> Iterator[str]:
     if not found.findings:
-        yield "the audit found nothing"
+        yield "the audit found no problems"
         return
     yield "the audit found:"
     for rule in dict.fromkeys(finding.rule for finding in found.findings):
         same = [finding for finding in found.findings if finding.rule == rule]
-        yield f"{same[0].level} {rule}{', to be let go by robot.allow' if rule in found.needs else ''}"
+        yield f"{same[0].level} {rule}{', can be allowed by robot.allow' if rule in found.needs else ''}"
         for message in dict.fromkeys(finding.message for finding in same):
             yield from _wrapped(_places([finding for finding in same if finding.message == message]), "  ")
 
 
 def _places(findings: list[Finding]) -> str:
-    """One finding, and where else the same was found."""
+    """Return a finding with all lines where it occurs."""
     first, *others = findings
     lines = ", ".join(str(finding.location.line) for finding in others)
     also = f" (also on line{'s' * (len(others) > 1)} {lines})" if others else ""
@@ -136,20 +136,20 @@ def _places(findings: list[Finding]) -> str:
 
 
 def _wrapped(text: str, indent: str = "") -> list[str]:
-    # Paths stay whole, for those who click or copy them.
+    # Paths stay whole, so that they can be clicked and copied.
     below = f"{indent}  "
     return textwrap.wrap(
         text, _WIDTH, initial_indent=indent, subsequent_indent=below, break_long_words=False, break_on_hyphens=False
     )
 
 
-# What every reader of YAML takes for this text, and for nothing else.
+# Texts that every YAML reader reads as a string.
 _PLAIN: Final = re.compile(r"(?:[A-Za-z_/]|\.\.?/)[A-Za-z0-9_./-]*")
 _WORDS: Final = frozenset(["null", "true", "false", "yes", "no", "on", "off", "y", "n"])
 
 
 def robot_block(robot: Robot, drive: Drive | None, *remarks: str) -> str:
-    """The block of a robot; `remarks`: keys that are left to the reader, as comments."""
+    """Return a `robot:` block for a scenario; `remarks`: keys for the reader to decide, as comments."""
     stated = robot.model_dump(exclude_defaults=True)
     lines = [f"  {key}: {_flow(value)}" for key, value in stated.items()]
     lines += [f"  drive: {drive_text(drive)}"] if drive else []
@@ -158,7 +158,7 @@ def robot_block(robot: Robot, drive: Drive | None, *remarks: str) -> str:
 
 
 def drive_text(drive: Drive) -> str:
-    """What stands behind `drive:`."""
+    """Return the value for `drive:`."""
     return _flow({drive.key: drive.model_dump(exclude_defaults=True)})
 
 
@@ -170,13 +170,13 @@ def _flow(value: object) -> str:
         return "[" + ", ".join(map(_flow, value)) + "]"
     if isinstance(value, str) and _PLAIN.fullmatch(value) and value.lower() not in _WORDS:
         return value
-    # JSON is YAML, but for its two halves of a character beyond U+FFFF, and for what YAML takes for line breaks.
+    # JSON is YAML, except for surrogate pairs and YAML's additional line breaks.
     text = json.dumps(value, ensure_ascii=False)
     return "".join(char if char.isprintable() else f"\\U{ord(char):08x}" for char in text)
 
 
 class JointEntry(FrozenModel):
-    """A joint; positions in rad (m if it slides), limits None without; `mimics`: the joint that it follows."""
+    """A joint; positions in rad (m if prismatic), None without a limit; `mimics`: the joint that it follows."""
 
     name: str
     type: JointType
@@ -190,7 +190,7 @@ class JointEntry(FrozenModel):
 
 
 class LinkEntry(FrozenModel):
-    """A link; mass in kg, None where the model does not say."""
+    """A link; mass in kg, None if the model does not state it."""
 
     name: str
     mass: float | None
@@ -198,7 +198,7 @@ class LinkEntry(FrozenModel):
 
 
 class WheelEntry(FrozenModel):
-    """A round link on the ground that a joint turns freely; radius and place in m, axis too in the base frame."""
+    """A round link on the ground on a freely turning joint; radius and place in m, axis in the base frame."""
 
     joint: str
     radius: float
@@ -207,18 +207,15 @@ class WheelEntry(FrozenModel):
 
 
 class Inspection(FrozenModel):
-    """All of it.
+    """The description of a robot model.
 
     Attributes:
         model: as a scenario names it.
-        mass: kg, of the links that say what they weigh.
-        lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, joints where they
-            begin; None if there are no shapes.
-        height: m, of the base link above the ground when the lowest shape touches it; 0 if it is bolted to the world.
-        wheels: what looks like wheels, whether or not it is plain how they drive.
-        drive: how it drives, if that was recognised, with the figures.
-        needs: rules that `robot.allow` has to name.
-        robot: a `robot:` block to paste.
+        mass: kg, of all links with a stated mass.
+        lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, with the joints at
+        their start; None without shapes. height: m, of the base link above the ground when the lowest shape touches
+        it; 0 if it is bolted to the world. wheels: links that look like wheels. drive: the recognised drive with its
+        figures, if any. needs: rules that `robot.allow` must name. robot: a `robot:` block to paste.
     """
 
     name: str
@@ -238,9 +235,9 @@ class Inspection(FrozenModel):
 
 
 def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
-    """Looks at what a scenario could have as its robot, as if it allowed all that can be allowed.
+    """Inspect a model as if the scenario allowed every rule that can be allowed.
 
-    Raises ModelError for what no engine could take.
+    Raises ModelError if no engine accepts the model.
     """
     model = load_model(robot.model_copy(update={"allow": ALLOWABLE}), workspace)
     needs = tuple(sorted({finding.rule for finding in model.findings if finding.level == "error"}))
@@ -272,9 +269,9 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
 
 
 def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], drive: Drive | None) -> Iterator[str]:
-    """What may be so, and is for the robot's owner to say."""
+    """Yield keys that the robot's owner has to decide."""
     if robot.base is None and model.root != WORLD and not wheels and drive is None:
-        yield "base: fixed  # if it is bolted to the world, as arms are"
+        yield "base: fixed  # if the robot is bolted to the world, like an arm"
     sides = None if drive else sides_on_ground(model)
     if sides:
         left, right = sides
@@ -283,12 +280,12 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
 
 
 def _height(model: RobotModel, lowest_corner: Vector3) -> float:
-    """Of the base link above the ground, in m."""
+    """Return the height of the base link above the ground in m."""
     return 0.0 if model.root == WORLD else -lowest_corner[2]
 
 
 def _base(model: RobotModel) -> str | None:
-    """What has to be said of a base that weighs nothing: an engine holds it still."""
+    """Return "fixed" for a base without mass, which engines hold still."""
     return "fixed" if model.links_by_name[model.root].mass == 0 and model.root != WORLD else None
 
 
@@ -297,7 +294,7 @@ def _link_entry(link: Link) -> LinkEntry:
 
 
 def _wheel_entry(wheel: Wheel) -> WheelEntry:
-    assert wheel.radius is not None, "what is on the ground is round"
+    assert wheel.radius is not None, "wheels on the ground are round"
     return WheelEntry(joint=wheel.joint, radius=wheel.radius, position_xyz=wheel.position_xyz, axis_xyz=wheel.axis_xyz)
 
 

@@ -1,7 +1,7 @@
-"""A look at a model that has to be evaluated: in a process of its own, with no more time and memory than a scenario.
+"""Inspect a xacro model in a process of its own, with the time and memory limits of a scenario.
 
-What xacro evaluates is a stranger's, and may take for ever. The process answers on its standard output, and is ended
-when its time is over; memory is limited on Linux, as that of scenarios is.
+xacro evaluates code of strangers and may never end. The process answers on its standard output and is killed at the
+time limit. Memory is limited on Linux only.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _CALL: Final = [sys.executable, "-P", "-m", "sim_action.app.inspect_process"]
 
 
 class _Answer(FrozenModel):
-    """One of: what was found, why the model cannot be read, how sim-action failed."""
+    """The answer of the process: an inspection, the reason for a refusal, or a traceback."""
 
     found: Inspection | None = None
     refused: str = ""
@@ -37,7 +37,7 @@ class _Answer(FrozenModel):
 def inspect_apart(
     robot: Robot, workspace: Workspace, seconds: float = WALL_SECONDS, memory: int = MEMORY
 ) -> Inspection:
-    """As `inspect_model`, within `seconds` of wall time and `memory` bytes if xacro is evaluated. Raises ModelError."""
+    """Inspect a model; xacro is limited to `seconds` of wall time and `memory` bytes. Raises ModelError."""
     if not robot.is_xacro:
         return inspect_model(robot, workspace)
     answer = _asked(robot, workspace, seconds, memory)
@@ -55,16 +55,18 @@ def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _
             _CALL, input=task, stdout=subprocess.PIPE, stderr=quiet, timeout=seconds, env=environment(), check=False
         )
     except subprocess.TimeoutExpired:
-        message = f"{robot.model}: not evaluated after {seconds:g} s: does something in it go on without end?"
+        message = (
+            f"{robot.model}: the evaluation was stopped after {seconds:g} s; check the file for an endless recursion"
+        )
         raise ModelError(message) from None
     if ended.returncode or not ended.stdout:
         code = ended.returncode
-        raise ModelError(f"{robot.model}: the process that evaluated it ended with exit code {code} and no answer")
+        raise ModelError(f"{robot.model}: the process that evaluated it ended with exit code {code} without a result")
     return _Answer.model_validate_json(ended.stdout)
 
 
 def main() -> None:
-    """The process: what to look at comes on standard input."""
+    """Run the process: read the request from standard input, write the answer to standard output."""
     robot, workspace, memory = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent
     with os.fdopen(os.dup(1), "wb") as answer:
         redirect_output(Path(os.devnull))
@@ -81,8 +83,8 @@ def _looked(robot: Robot, workspace: Workspace, memory: int) -> _Answer:
     except ModelError as error:
         return _Answer(refused=str(error))
     except MemoryError:
-        return _Answer(refused=f"{robot.model}: it takes more than {memory / 2**30:.4g} GiB of memory to evaluate")
-    except Exception:  # noqa: BLE001 - a fault of ours is told by the parent
+        return _Answer(refused=f"{robot.model}: its evaluation needs more than {memory / 2**30:.4g} GiB of memory")
+    except Exception:  # noqa: BLE001 - the parent reports a fault of sim-action
         return _Answer(fault=traceback.format_exc())
 
 

@@ -30,7 +30,7 @@ class _Untitled(GenerateJsonSchema):
 
 
 def schema_text(schema: Schema) -> str:
-    """What `sim-action schema` prints."""
+    """Return the text that `sim-action schema` prints."""
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
@@ -78,7 +78,7 @@ def _combined_assertions(definitions: Schema) -> Schema:
 
 
 def _loosen(scenario: Schema, definitions: Schema) -> None:
-    """What other files or the keys beside it may complete need not be whole: only a file on its own has to be."""
+    """Drop required keys where other files or shared keys may supply them."""
     parts = scenario["properties"]
     strict = {"commands": parts["commands"], "robot": {"required": definitions["DrivenRobot"].pop("required")}}
     alone = {"required": scenario.pop("required"), "properties": strict}

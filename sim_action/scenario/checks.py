@@ -1,4 +1,4 @@
-"""What a whole scenario must satisfy, beyond what each of its keys does."""
+"""Checks of a whole scenario that no single key can do."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from sim_action.world.scene import Scene
 _TIME_ROUNDING: Final = 1e-9
 # m: patches that share an edge do not lie on each other.
 _EDGE: Final = 1e-9
-# Bytes that sensors may add to a trace: they are held several times over until it is stored.
+# Bytes of all sensors in a trace. They are copied several times before they are stored.
 _MAX_KEPT: Final = 500_000_000
 
 
 def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
-    """Times that exclude each other."""
+    """Yield times that contradict each other."""
     limit = scenario.time_limit
     if scenario.duration is not None and scenario.duration > limit:
         yield ("duration",), f"must not be longer than time_limit ({limit:g} s)"
@@ -40,13 +40,13 @@ def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecPr
             yield (*path, "after"), f"must be earlier than time_limit ({limit:g} s)"
         first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
         if expectation.after < expectation.before < first - _TIME_ROUNDING:
-            yield (*path, "before"), f"too early: the first physics step that counts is at {first:.4g} s"
+            yield (*path, "before"), f"too early: the first physics step in the window is at {first:.4g} s"
 
 
 def rate_problems(
     scenario: Scenario, command_paths: Sequence[KeyPath], sensor_paths: Sequence[KeyPath]
 ) -> SpecProblems:
-    """Rates whose ticks would fall between physics steps."""
+    """Yield rates whose ticks fall between physics steps."""
     ticking = [source.rate for source in scenario.commands] + [sensor.rate for sensor in scenario.sensors]
     rates: list[tuple[KeyPath, float]] = [
         ((*path, "rate"), rate) for path, rate in zip((*command_paths, *sensor_paths), ticking, strict=True)
@@ -56,22 +56,25 @@ def rate_problems(
     for path, rate in rates:
         if not rate_divides(scenario.physics.rate, rate):
             near = " and ".join(f"{near:g} Hz" for near in _rates_near(scenario.physics.rate, rate))
-            yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; near: {near}"
+            yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; nearest: {near}"
 
 
 def trace_problems(scenario: Scenario, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
-    """Pictures that would not fit into a trace."""
+    """Yield cameras whose pictures do not fit into a trace."""
     kept = 0.0
     for path, mounted in zip(sensor_paths, scenario.sensors, strict=True):
         size = mounted.sensor.reading_bytes * mounted.rate * scenario.time_limit if mounted.trace else 0.0
         kept += size
         if size and kept > _MAX_KEPT:
             what = f"until time_limit ({scenario.time_limit:g} s) its readings take {size / 1e6:.0f} MB"
-            yield (*path, "trace"), f"{what}; of all sensors a trace keeps {_MAX_KEPT / 1e6:.0f} MB: smaller or fewer"
+            yield (
+                (*path, "trace"),
+                f"{what}; a trace holds {_MAX_KEPT / 1e6:.0f} MB for all sensors; use fewer or smaller pictures",
+            )
 
 
 def reading_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecProblems:
-    """Assertions about sensors that there are not, or about what these do not tell."""
+    """Yield assertions about missing sensors or about readings that a sensor does not have."""
     kinds = {mounted.name: mounted.sensor.key for mounted in scenario.sensors}
     for path, expectation in zip(expect_paths, scenario.expect, strict=True):
         for below, message in expectation.assertion.sensor_problems(kinds):
@@ -79,13 +82,13 @@ def reading_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Spe
 
 
 def engine_problems(scenario: Scenario) -> SpecProblems:
-    """One engine that is named, and an agreement that takes all of them."""
+    """Yield a `backend` that contradicts `agreement`."""
     if scenario.agreement is not None and scenario.backend != "auto":
-        yield ("backend",), "leave it out beside 'agreement', which runs the scenario on every engine"
+        yield ("backend",), "remove it: 'agreement' runs the scenario on every engine"
 
 
 def name_problems(scenario: Scenario) -> SpecProblems:
-    """Bodies that could not be told apart."""
+    """Yield bodies with the same name."""
     names = [GROUND, *(body.name for body in scenario.world.objects)]
     for index, name in enumerate(names):
         if name in names[:index]:
@@ -93,7 +96,7 @@ def name_problems(scenario: Scenario) -> SpecProblems:
 
 
 def patch_problems(scenario: Scenario) -> SpecProblems:
-    """Patches of the ground that lie on each other: nobody could say what the friction is there."""
+    """Yield overlapping patches of the ground, whose friction would be ambiguous."""
     patches = scenario.world.patches
     for index, patch in enumerate(patches):
         for other, before in enumerate(patches[:index]):
@@ -103,7 +106,7 @@ def patch_problems(scenario: Scenario) -> SpecProblems:
 
 
 def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Sequence[KeyPath]) -> SpecProblems:
-    """Links that are not there, names that are taken, and what each sensor finds amiss."""
+    """Yield sensors with missing links or repeated names, and the problems of each sensor itself."""
     names: set[str] = set()
     for path, mounted in zip(paths, sensors, strict=True):
         if mounted.name in names:
@@ -120,7 +123,7 @@ def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Seque
 
 
 def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
-    """A base that would not move, joints that are not there or cannot begin there, a drive that does not fit."""
+    """Yield a base that cannot move, missing joints, invalid start positions and a drive that does not fit."""
     robot = scenario.robot
     if robot.base != "fixed" and model.root != WORLD and model.links_by_name[model.root].mass == 0:
         message = f"the base link '{model.root}' has no mass, so the engine would hold it still"
@@ -144,7 +147,7 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
 
 
 def follower_problems(scene: Scene) -> SpecProblems:
-    """Joints that follow others, and would begin where they cannot be: what begins there stays there."""
+    """Yield mimic joints that would start outside their limits and stay there."""
     model, stated = scene.model, scene.robot.joints
     try:
         positions = scene.joint_positions
@@ -162,19 +165,19 @@ def follower_problems(scene: Scene) -> SpecProblems:
 
 
 def rule_problems(scenario: Scenario) -> SpecProblems:
-    """Rules that there are not, and those that cannot be let go."""
+    """Yield unknown rules in `robot.allow` and rules that cannot be allowed."""
     hinted = FirstFew()
     for index, name in enumerate(scenario.robot.allow):
         if name not in ALLOWABLE:
             path: KeyPath = ("robot", "allow", index)
-            hint = "; no engine could take such a model" if name in RULES else ""
+            hint = "; no engine accepts such a model" if name in RULES else ""
             if not hint and hinted.one_more():
                 hint = did_you_mean(name, ALLOWABLE)
-            yield path, f"'{name}' is no rule that can be let go{hint}"
+            yield path, f"'{name}' is not a rule that can be allowed{hint}"
 
 
 def wheel_problems(scenario: Scenario, scene: Scene, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
-    """Twists and wheel odometry for a robot without a drive, if its model does not tell which joints are wheels."""
+    """Yield twists and wheel odometry for a robot whose drive is neither given nor recognised."""
     drives = any(source.gives_twists(scene) for source in scenario.commands)
     sensors = zip(sensor_paths, scenario.sensors, strict=True)
     odometry = [(*path, mounted.sensor.key) for path, mounted in sensors if mounted.sensor.reads_wheels]
@@ -191,7 +194,7 @@ def _no_wheels(model: RobotModel) -> str:
 
 
 def source_problems(scenario: Scenario, scene: Scene, command_paths: Sequence[KeyPath]) -> SpecProblems:
-    """Sources that would move the same joint at the same time, as far as is known before they run."""
+    """Yield command sources that move the same joint at the same time, as far as known before the run."""
     wheels = _wheels(scenario, scene.model)
     owners: dict[str, KeyPath] = {}
     driver: KeyPath | None = None
@@ -214,7 +217,7 @@ def _dotted(path: KeyPath) -> str:
 
 
 def _wheels(scenario: Scenario, model: RobotModel) -> frozenset[str]:
-    """The joints that twists turn; none where that is not plain, which is told elsewhere."""
+    """Return the joints that twists turn; empty if they are unknown, which another check reports."""
     drive = scenario.robot.drive or recognise(model)
     if drive is None or any(drive.problems(model)):
         return frozenset()
@@ -222,7 +225,7 @@ def _wheels(scenario: Scenario, model: RobotModel) -> frozenset[str]:
 
 
 def _rates_near(physics_rate: float, rate: float) -> list[float]:
-    """The next lower and higher rate that fall on whole steps, whole hertz first."""
+    """Return the next lower and higher rate that fall on whole steps, whole hertz first."""
     whole = [float(hertz) for hertz in range(1, int(physics_rate) + 1) if rate_divides(physics_rate, hertz)]
     candidates = whole or [physics_rate / steps for steps in range(1, 1000)]
     below = max((r for r in candidates if r < rate), default=None)

@@ -1,6 +1,7 @@
-"""Documents that build on others: maps merge, lists and scalars replace, null takes a key out.
+"""Documents that extend others: maps merge, lists and scalars replace, null removes a key.
 
-Each value keeps the place of the file that it is from, so that an error about it leads there.
+Each value keeps its place in the file that it comes from, so that an error points there. File names in a base are
+rewritten as seen from the folder of the scenario.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Pattern = tuple[str, ...]
 
 @cache
 def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
-    """Each way to a text that the specs annotate as NamesFile, as far as such patterns can say it."""
+    """Return the patterns of all keys that the specs annotate as NamesFile."""
     found = [
         *_ways(Robot, if_there, ("robot",)),
         *_ways(World, if_there, ("world",)),
@@ -46,7 +47,7 @@ def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
     for key in ASSERTIONS:
         spec = ASSERTIONS.load(key)
         ways = list(_ways(spec, if_there, ("expect", _DEEP, key)))
-        # Its value may stand alone in the place of its keys.
+        # Its value may be given directly instead of its keys.
         found += [*(way[:-1] for way in ways if way[-1] == spec.bare_value), *ways]
     return tuple(dict.fromkeys(found))
 
@@ -57,7 +58,7 @@ def _ways(model: type[BaseModel], if_there: bool, to: Pattern) -> Iterator[Patte
 
 
 def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Pattern) -> Iterator[Pattern]:
-    """Those in a type; what is said of a list or a map is said of its entries."""
+    """Yield the patterns in a type. Annotations of a list or a map hold for its entries."""
     told = [*metadata, *getattr(annotation, "__metadata__", ())]
     if annotation is str and NamesFile(if_there) in told:
         yield to
@@ -74,7 +75,7 @@ def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Patte
 
 
 def seen_from(folder: Path, document: Document, own: Path) -> Document:
-    """The document as it would be written in `folder`, of one that lies in the folder `own`."""
+    """Return a document of folder `own` with its file names as seen from `folder`."""
     if folder == own:
         return document
 
@@ -93,7 +94,7 @@ def seen_from(folder: Path, document: Document, own: Path) -> Document:
 
 
 def _with_variations(data: object, relocated: Callable[[object], object]) -> object:
-    """The data with the values of its variations changed as they would be where their keys lead."""
+    """Return the data with the file names in its variations rewritten."""
     if not isinstance(data, dict) or not isinstance(stated := data.get("variations"), dict):
         return data
     varied = {key: _varied(key.split("."), values, relocated) for key, values in stated.items()}
@@ -105,7 +106,7 @@ def _varied(steps: list[str], values: object, relocated: Callable[[object], obje
 
 
 def _led_to(steps: list[str], value: object, relocated: Callable[[object], object]) -> object:
-    """A value as it is changed at the end of a way."""
+    """Return a value rewritten at the end of a key path."""
     whole = value
     for step in reversed(steps):
         whole = {step: whole}
@@ -117,14 +118,14 @@ def _led_to(steps: list[str], value: object, relocated: Callable[[object], objec
 
 
 def _is_relative_file(name: str, folder: Path) -> bool:
-    """Else it is an address, the name of a robot that is built in, or a misspelt one."""
+    """Return True for a relative path; others are addresses, built-in robots or misspelt names."""
     if "://" in name or Path(name).is_absolute() or not name.isprintable():
         return False
     return "/" in name or "." in name or (name not in BUILT_IN and _is_there(name, folder))
 
 
 def _words(text: str) -> object:
-    """As the command takes text apart."""
+    """Split a text into words as a command line is split."""
     try:
         import shlex
 
@@ -141,7 +142,7 @@ def _is_there(name: str, folder: Path) -> bool:
 
 
 def _changed(data: object, pattern: tuple[str, ...], change: Callable[[str], object]) -> object:
-    """The data with every text changed that a pattern leads to."""
+    """Return the data with every text changed that a pattern matches."""
     if not pattern:
         return change(data) if isinstance(data, str) else data
     step, *rest = pattern
@@ -158,7 +159,7 @@ def _changed(data: object, pattern: tuple[str, ...], change: Callable[[str], obj
 
 
 def merged(base: Document, over: Document) -> Document:
-    """Two maps of keys as one, in which `over` has the last word."""
+    """Merge two maps of keys; `over` takes precedence."""
     replaced: set[KeyPath] = set()
     data = _merged(base.data, over.data, (), replaced)
     kept = {path: place for path, place in base.marks.items() if replaced.isdisjoint(_leading_to(path))}
@@ -166,7 +167,7 @@ def merged(base: Document, over: Document) -> Document:
 
 
 def entries_of(document: Document, key: str) -> list[Document]:
-    """The entries of a list below one of the topmost keys, each as a document of its own."""
+    """Return the entries of a list below a top-level key, each as a document."""
     assert isinstance(document.data, dict)
     entries: tuple[object, ...] = document.data[key]
     marks: list[dict[KeyPath, Location]] = [{} for _ in entries]
@@ -178,7 +179,7 @@ def entries_of(document: Document, key: str) -> list[Document]:
 
 
 def without(document: Document, *keys: str) -> Document:
-    """The document without some of its topmost keys."""
+    """Return the document without some of its top-level keys."""
     assert isinstance(document.data, dict)
     return Document(
         document.file,

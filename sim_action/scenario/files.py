@@ -1,7 +1,7 @@
-"""From a file to the scenarios that are written in it, each a document of its own, before anybody looks what they say.
+"""Read the scenarios of a file, each as a document of its own, before they are checked.
 
-`extends: other.base.yml` puts a file on top of another; `scenarios:` is a list of what each scenario of a file adds to
-the keys beside it.
+`extends: other.base.yml` adds the keys of another file. `scenarios:` is a list of scenarios that add to the keys of the
+file.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ MAX_BASES: Final = 10
 MAX_SCENARIOS: Final = 1_000
 """How many a file may hold."""
 
-# Of values, what they share counted for each.
+# Number of values; shared values count for each scenario.
 _MAX_WRITTEN_OUT: Final = 1_000_000
 
-_NOTHING: Final = "a scenario begins with 'name:', 'robot:', 'expect:', 'time_limit:'"
+_NOTHING: Final = "a scenario starts with 'name:', 'robot:', 'expect:' and 'time_limit:'"
 
 
 def read_file(path: Path, permissions: Permissions, seed: int | None = None) -> tuple[Source | Refused, ...]:
-    """Every scenario of a file with its variations, in order; what is wrong with one of them is told of that one.
+    """Return every scenario of a file with its variations, in order. A problem of one scenario refuses only that one.
 
-    `seed`: of what variations draw; None: as each scenario says.
+    `seed` draws the variations; None takes the seed of each scenario.
     """
     try:
         workspace = _workspace(path, permissions)
@@ -75,16 +75,16 @@ def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterat
 
 
 def _refuse_twins(source: Source, runs: Iterable[Source], taken: AbstractSet[str]) -> None:
-    """Raises InvalidScenario: a name is what tells runs of a file apart, and what runs one of them again."""
+    """Raise InvalidScenario if two runs of a file have the same name."""
     for run in runs:
         if run.name in taken:
             which = "this scenario is" if run.group is None else f"a variation of '{run.group}' is"
-            message = f"{which} called '{run.name}', as is another run of this file; choose another name"
+            message = f"{which} called '{run.name}', like another run of this file; choose another name"
             raise InvalidScenario([source.document.problem(("name",), message)])
 
 
 def read_only_scenario(path: Path, permissions: Permissions) -> Source:
-    """The scenario of a file that holds no other. Raises InvalidScenario."""
+    """Return the scenario of a file that holds exactly one. Raises InvalidScenario."""
     first, *others = read_file(path, permissions)
     if isinstance(first, Refused):
         raise first.error
@@ -101,13 +101,13 @@ def _workspace(path: Path, permissions: Permissions) -> Workspace:
 
 
 def _several(path: Path, workspace: Workspace, document: Document) -> Iterator[Source | Refused]:
-    """The entries of `scenarios:`, each on top of what stands beside that. Raises InvalidScenario."""
+    """Yield the entries of `scenarios:`, each merged with the keys of the file. Raises InvalidScenario."""
     entries = _keys(document)["scenarios"]
     if not isinstance(entries, tuple) or not entries:
         raise InvalidScenario([document.problem(("scenarios",), f"expected a list of maps, found {shown(entries)}")])
     shared = without(document, "scenarios")
     if len(entries) > MAX_SCENARIOS or len(entries) * shared.size > _MAX_WRITTEN_OUT:
-        message = f"more than {MAX_SCENARIOS} scenarios, or too much beside them; make several files of it"
+        message = f"more than {MAX_SCENARIOS} scenarios, or too many shared keys; split the file"
         raise InvalidScenario([document.problem(("scenarios",), message)])
     taken: set[str] = set()
     for number, entry in enumerate(entries_of(document, "scenarios"), start=1):
@@ -126,13 +126,13 @@ def _entry_problems(entry: Document, name: str, *, is_second: bool) -> Iterator[
         return
     for key in ("extends", "scenarios"):
         if key in entry.data:
-            yield entry.problem((key,), "belongs to a whole file, not to one of its scenarios")
+            yield entry.problem((key,), "is a key of the file, not of one of its scenarios")
     if is_second:
         yield entry.problem(("name",), f"a second scenario named '{name}' in this file")
 
 
 def _called(path: Path) -> str:
-    """What is to be said for a name, where there is none but the file's."""
+    """Return a name made from the file's name."""
     return Path(file_name(path)).name
 
 
@@ -142,20 +142,20 @@ def _keys(document: Document) -> dict[str, object]:
 
 
 def _name(document: Document) -> str | None:
-    """As far as it has one that reports can show."""
+    """Return the name of a document if reports can show it."""
     name = _keys(document).get("name") if isinstance(document.data, dict) else None
     return name if isinstance(name, str) and name and is_plain_name(name) else None
 
 
 def _whole(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> Document:
-    """With everything that the files say that it extends; `chain`: the way here. Raises InvalidScenario."""
+    """Return a document merged with all files that it extends; `chain`: the files so far. Raises InvalidScenario."""
     if "extends" not in _keys(document):
         return document
     return merged(_base(document, workspace, chain), without(document, "extends"))
 
 
 def _base(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> Document:
-    """What a document extends, as it would be written beside it."""
+    """Return the document that another one extends, as seen from that one's folder."""
     reference = _keys(document)["extends"]
     try:
         path = _found(reference, workspace, chain)
@@ -164,13 +164,13 @@ def _base(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> 
     own = replace(workspace, directory=path.parent)
     base = _whole(_read(path, _named(document.file, str(reference), path)), own, (*chain, path))
     if "scenarios" in _keys(base):
-        message = f"{base.file} holds several scenarios; extend a file of one, or of what they share"
+        message = f"{base.file} holds several scenarios; extend a file with one scenario"
         raise InvalidScenario([document.problem(("extends",), message)])
     return seen_from(workspace.directory, base, path.parent)
 
 
 def _found(reference: object, workspace: Workspace, chain: tuple[Path, ...]) -> Path:
-    """Raises PathError."""
+    """Return the path of a base file. Raises PathError."""
     if not isinstance(reference, str):
         raise PathError(f"expected the path of one file, found {shown(reference)}")
     try:
@@ -179,14 +179,14 @@ def _found(reference: object, workspace: Workspace, chain: tuple[Path, ...]) -> 
         raise PathError(f"{error}{_near(workspace.directory / reference)}") from None
     if path in chain:
         circle = " -> ".join(step.name for step in (*chain[chain.index(path) :], path))
-        raise PathError(f"goes in a circle: {circle}")
+        raise PathError(f"the files extend each other in a circle: {circle}")
     if len(chain) > MAX_BASES:
         raise PathError(f"more than {MAX_BASES} files extend each other")
     return path
 
 
 def _near(path: Path) -> str:
-    """A hint at a file beside one that is not there."""
+    """Return a hint at a file with a similar name."""
     try:
         names = [file.name for file in path.parent.iterdir() if file.suffix in (".yml", ".yaml")]
     except (OSError, ValueError):
@@ -196,18 +196,18 @@ def _near(path: Path) -> str:
 
 
 def _named(file: str, reference: str, path: Path) -> str:
-    """How messages call a base: as it is seen from where the scenario's own name is."""
+    """Return the name of a base in messages, relative like the scenario's own name."""
     as_written = Path(file).parent / reference
     plain = Path(os.path.normpath(as_written))
     return file_name(plain if plain.resolve() == path else as_written)
 
 
 def _read(path: Path, name: str | None = None) -> Document:
-    """Raises InvalidScenario."""
+    """Read the document of a file. Raises InvalidScenario."""
     name = name or file_name(path)
     document = read_document(name, _text(path, name))
     if not isinstance(document.data, dict):
-        what = "the file is empty" if document.data is None else "the file holds no map of keys"
+        what = "the file is empty" if document.data is None else "the file is not a map of keys"
         raise InvalidScenario([document.problem((), f"{what}; {_NOTHING}")])
     return document
 
@@ -219,7 +219,7 @@ def _text(path: Path, name: str) -> str:
     except OSError as error:
         raise InvalidScenario([Problem(where, f"cannot be read: {error.strerror}")]) from None
     if data is None:
-        message = f"a scenario of more than {MAX_BYTES // 1000} kB is not read; is this the right file?"
+        message = f"a scenario of more than {MAX_BYTES // 1000} kB cannot be read; check that this is the right file"
         raise InvalidScenario([Problem(where, message)])
     try:
         return data.decode("utf-8")

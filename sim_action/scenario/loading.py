@@ -1,4 +1,7 @@
-"""YAML -> Scenario. Every error has file, line and column, and all of them are reported at once."""
+"""Load scenarios: from YAML text to checked `LoadedScenario` objects.
+
+Every error has its file, line and column, and all of them are reported at once.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ _PERMISSIONS: Final = Permissions()
 
 @dataclass(frozen=True, slots=True)
 class Libraries:
-    """What scenarios of the same suite have read: models of robots, and shapes of bodies."""
+    """Robot models and body shapes that the scenarios of a suite share, each read once."""
 
     models: ModelLibrary = field(default_factory=ModelLibrary)
     shapes: ShapeLibrary = field(default_factory=ShapeLibrary)
@@ -39,9 +42,9 @@ class Libraries:
 def load_scenario(
     path: Path, permissions: Permissions = _PERMISSIONS, libraries: Libraries | None = None, *, evaluate: bool = False
 ) -> LoadedScenario:
-    """Reads a file of one scenario, and checks everything that can be checked without running it.
+    """Read a file with one scenario and check everything that can be checked without a run.
 
-    `path`: of the file; problems name it so. The rest is as of `checked`. Raises InvalidScenario with all problems.
+    `path` is the file as problems name it. Raises InvalidScenario with all problems.
     """
     return checked(read_only_scenario(path, permissions), permissions, libraries, evaluate=evaluate)
 
@@ -49,10 +52,10 @@ def load_scenario(
 def checked(
     source: Source, permissions: Permissions, libraries: Libraries | None = None, *, evaluate: bool = False
 ) -> LoadedScenario:
-    """Checks everything that can be checked of a scenario without running it.
+    """Check everything of a scenario that can be checked without a run.
 
-    `evaluate`: whether models are read that may be read in a scenario's own process alone: xacro is code, and native
-    code reads MJCF. Raises InvalidScenario with all problems.
+    `evaluate` allows models that run code: xacro, and MJCF, which native code reads. Such models are otherwise only
+    read in the scenario's own process. Raises InvalidScenario with all problems.
     """
     loader = _Loader(source, permissions, libraries or Libraries(), evaluate=evaluate)
     scenario = loader.load()
@@ -66,11 +69,11 @@ def load_all(
     permissions: Permissions,
     libraries: Libraries | None = None,
 ) -> list[LoadedScenario | Refused]:
-    """Each as it can be run, or with what is wrong with it; models and shapes that several name are read once.
+    """Load all scenarios; each becomes a LoadedScenario, or a Refused with its problems.
 
-    Variations of one scenario are one that is not valid, with what is wrong with any of them, unless only values are
-    wrong that were drawn at random: then those variations alone are. A fault of ours is that scenario's alone.
-    `libraries`: what is read already. Raises UsageError.
+    Models and shapes are read once. If one variation is invalid, its whole scenario is refused, unless only randomly
+    drawn values are wrong: then only these variations are. A fault of sim-action concerns one scenario only.
+    `libraries` holds models that were read before. Raises UsageError.
     """
     libraries = libraries or Libraries()
     found: list[LoadedScenario | Refused] = []
@@ -81,20 +84,20 @@ def load_all(
 
 
 def scenarios_of(sources: Iterable[Source | Refused]) -> Iterator[tuple[Source | Refused, ...]]:
-    """The variations of one scenario together, what has none alone."""
+    """Yield the variations of each scenario together; a scenario without variations alone."""
     for _, several in groupby(enumerate(sources), lambda pair: _scenario_of(*pair)):
         yield tuple(source for _, source in several)
 
 
 def _scenario_of(index: int, source: Source | Refused) -> Hashable:
-    """What is the same for variations of one scenario."""
+    """Return a key that all variations of one scenario share."""
     return (source.path, source.group) if isinstance(source, Source) and source.group is not None else index
 
 
 def _together(
     sources: Sequence[Source | Refused], scenarios: Sequence[LoadedScenario | Refused]
 ) -> Sequence[LoadedScenario | Refused]:
-    """All variations of a scenario, in the light of what is wrong with any of them."""
+    """Return all variations of a scenario, refused as a whole if any of them is invalid."""
     refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
     alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
     pairs = list(zip(sources, scenarios, strict=True))
@@ -111,11 +114,10 @@ def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
 
 
 def _as_one(refused: Sequence[Refused], number: int) -> Refused:
-    """What is wrong with any of them, each of it once, also what is wrong with several values alike, such as their key.
+    """Return one refusal with the problems of all variations, each once.
 
-    Of a fault of ours, that alone: it may hide anything.
-
-    `number`: of the first of all variations, which is where it is told.
+    A fault of sim-action is reported alone, as it may hide other problems. `number` is that of the first variation,
+    where the refusal is reported.
     """
     if fault := next((each for each in refused if isinstance(each.error, Fault)), None):
         return replace(fault, number=number)
@@ -143,7 +145,7 @@ def _loaded_or_refused(
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:
-    """The scene of a scenario; its model is read if that has not been done. Raises ModelError."""
+    """Return the scene of a scenario; read its model if necessary. Raises ModelError."""
     model = loaded.model or load_model(loaded.scenario.robot, loaded.workspace)
     return _scene(loaded.scenario, model, loaded.source, loaded.parts)
 
@@ -167,7 +169,7 @@ def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping
 
 
 class _Loader:
-    """One document while it becomes a scenario."""
+    """Turns one document into a scenario."""
 
     def __init__(self, source: Source, permissions: Permissions, libraries: Libraries, *, evaluate: bool) -> None:
         self.model: RobotModel | None = None
@@ -192,7 +194,7 @@ class _Loader:
         return scenario
 
     def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
-        """What a whole scenario must satisfy."""
+        """Check the scenario as a whole."""
         self._problems.note_all((), self._own_problems(scenario))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes)
@@ -209,7 +211,7 @@ class _Loader:
             self._check_scene(scene, scenario, states_drive=states_drive)
 
     def _own_problems(self, scenario: Scenario) -> SpecProblems:
-        """Those that are seen without a look at any file."""
+        """Yield the problems that are visible without reading other files."""
         parts = self._parts
         yield from scenario_checks.time_problems(scenario, parts.expect_paths)
         yield from scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths)
@@ -221,14 +223,14 @@ class _Loader:
         yield from scenario_checks.patch_problems(scenario)
 
     def _read_model(self, robot: DrivenRobot) -> RobotModel | None:
-        """None: something is wrong with it, which is noted, or it may be read in the scenario's own process alone."""
+        """Return the robot model; None if it has a noted problem, or may only be read in the scenario's own process."""
         try:
             if (robot.is_xacro or robot.is_mjcf) and not self._evaluate:
                 self._check_text(robot)
                 return None
             return self._libraries.models.load(robot, self._workspace)
         except RefusedModel as error:
-            # They are mended in the model's own file.
+            # They must be fixed in the model's own file.
             for problem in error.problems:
                 self._problems.note_elsewhere(problem)
         except ModelError as error:
@@ -236,7 +238,7 @@ class _Loader:
         return None
 
     def _check_text(self, robot: DrivenRobot) -> None:
-        """What can be said of a model that only the scenario's own process may read; the rest is checked there."""
+        """Check the text of a model that only the scenario's own process may read."""
         if robot.is_xacro and self._permissions.scripts_refused:
             self._problems.note(("robot", "model"), self._permissions.scripts_refused)
         self.unchecked += check_text(robot, self._workspace)
@@ -247,7 +249,7 @@ class _Loader:
         self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
         self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
         self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
-        # A drive that was written and refused is missing from the scenario: that is not a second problem.
+        # A refused drive is missing from the scenario. That is not a second problem.
         if not states_drive:
             paths = self._parts.sensor_paths
             self._problems.note_all((), scenario_checks.wheel_problems(scenario, scene, paths))

@@ -1,4 +1,4 @@
-"""A scenario: a world, what drives the robot in it, what must come true, and how long it may take."""
+"""The scenario: a robot in a world, its command sources, expectations and time limit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from sim_action.state.verdict import Mark, Signal
     from sim_action.world.parts import Part
 
-# Of address space: the interpreter, the engine and numpy take 250 MB before anything is simulated.
+# Address space. The interpreter, the engine and numpy need 250 MB before the first step.
 _MIN_MEMORY: Final = 512 << 20
 _MAX_MEMORY: Final = 1 << 50
 MEMORY: Final = 4 << 30
@@ -58,15 +58,19 @@ Severity = Literal["error", "warning"]
 
 
 class ExpectationOptions(FrozenModel):
-    """What can be said of any assertion, beside its own key."""
+    """The keys that every assertion can have besides its own."""
 
-    name: Annotated[Name | None, Field(description="how reports call it; left out: what it asks")] = None
-    after: Annotated[NonNegativeSeconds, Field(description="sim time from which it counts")] = 0.0
+    name: Annotated[Name | None, Field(description="the name in reports; default: the condition in words")] = None
+    after: Annotated[NonNegativeSeconds, Field(description="start of the time window, in sim time")] = 0.0
     before: Annotated[
         PositiveSeconds | None,
-        Field(description="sim time by which a goal must have come true, and until which an invariant counts"),
+        Field(
+            description="end of the time window: a goal must come true before it, an invariant is checked until then"
+        ),
     ] = None
-    severity: Annotated[Severity, Field(description="warning: reported, does not fail")] = "error"
+    severity: Annotated[Severity, Field(description="error: the scenario fails; warning: it is only reported")] = (
+        "error"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,143 +86,149 @@ class Expectation:
 
     @property
     def channels(self) -> Channels:
-        """What its assertion reads, from `after` on."""
+        """Return the channels that the assertion reads from `after` on."""
         return self.assertion.channels.opening_at(self.after)
 
     def signals(self, scene: Scene, start: Observation, trace: Trace) -> tuple[Signal, ...]:
-        """What its assertion looked at over a whole run, which may be decimated; what is measured first."""
+        """Return the signals that the assertion judged over a whole run, the measured one first.
+
+        The trace may be decimated.
+        """
         return self.assertion.signals(scene, start, trace, self.after, self.before)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """Where in the world that is."""
+        """Return the places in the world that the assertion is about."""
         return self.assertion.marks(scene, start)
 
 
 class DrivenRobot(Robot):
-    """The robot under test, and how twists turn its wheels."""
+    """The robot under test, and the drive that turns twists into wheel speeds."""
 
-    drive: Annotated[Drive | None, Field(description="left out: recognised from the model")] = None
+    drive: Annotated[Drive | None, Field(description="default: recognised from the model")] = None
 
 
 class TraceSettings(FrozenModel):
-    """What is kept of the run."""
+    """The part of a run that is stored."""
 
     rate: Annotated[
-        PositiveHertz | None, Field(description="rows in a second; left out: the fastest rate of a command")
+        PositiveHertz | None, Field(description="rows per second; default: the highest rate of a command source")
     ] = None
 
 
 class Agreement(FrozenModel):
-    """How far the robot may be in one engine from where it is in another at the same time."""
+    """The largest allowed distance between the robot's poses in two engines at the same time."""
 
-    position: Annotated[PositiveMetres | None, Field(description="of the base link, in space")] = None
-    yaw: Annotated[PositiveRadians | None, Field(description="of the base link")] = None
+    position: Annotated[PositiveMetres | None, Field(description="allowed distance between the base links")] = None
+    yaw: Annotated[PositiveRadians | None, Field(description="allowed difference of the base links' yaw")] = None
 
     @model_validator(mode="after")
     def _asks_something(self) -> Self:
         if self.position is None and self.yaw is None:
-            raise ValueError("says how far they may be apart in 'position', in 'yaw', or in both")
+            raise ValueError("must have 'position', 'yaw' or both")
         return self
 
 
 class Scenario(FrozenModel):
     """One scenario; the fields are the keys of its file.
 
-    What makes several of one (`scenarios`, `variations`), or one of several (`extends`), is gone when it is read.
+    The loader has already resolved `scenarios`, `variations` and `extends`.
     """
 
     extends: Annotated[
-        str | None, Field(description="path of a file whose keys are this one's, unless it says otherwise")
+        str | None, Field(description="path of a file whose keys count for this one unless it overrides them")
     ] = None
     scenarios: Annotated[
         tuple[dict[str, Any], ...] | None,
-        Field(min_length=1, description="several scenarios, each on top of the keys that stand beside this one"),
+        Field(min_length=1, description="several scenarios; each adds to the keys of the file"),
     ] = None
     name: Name
-    tags: Annotated[tuple[Tag, ...], Field(description="words by which --tag and --exclude-tag find it")] = ()
-    version: Annotated[Literal[1], Field(description="of the format")] = 1
+    tags: Annotated[tuple[Tag, ...], Field(description="words for --tag and --exclude-tag")] = ()
+    version: Annotated[Literal[1], Field(description="version of the format")] = 1
     robot: DrivenRobot
     world: World = World.model_construct()
     physics: Physics = Physics.model_construct()
-    commands: Annotated[tuple[CommandSource, ...], Field(description="what drives the robot")] = ()
-    sensors: Annotated[tuple[MountedSensor, ...], Field(description="what controllers see it by")] = ()
-    expect: Annotated[tuple[Expectation, ...], Field(min_length=1, description="what must come true")]
+    commands: Annotated[tuple[CommandSource, ...], Field(description="command sources that drive the robot")] = ()
+    sensors: Annotated[tuple[MountedSensor, ...], Field(description="sensors that controllers can read")] = ()
+    expect: Annotated[
+        tuple[Expectation, ...], Field(min_length=1, description="the assertions that decide the verdict")
+    ]
     duration: Annotated[
-        PositiveSeconds | None, Field(description="sim time that the run lasts even if all goals are met")
+        PositiveSeconds | None, Field(description="least sim time of the run, even if all goals are met")
     ] = None
-    time_limit: Annotated[PositiveSeconds, Field(le=86_400, description="sim time at which a pending goal has failed")]
+    time_limit: Annotated[PositiveSeconds, Field(le=86_400, description="sim time at which a pending goal fails")]
     wall_limit: Annotated[
-        PositiveSeconds | None, Field(description="guards against a stuck run; left out: max(60 s, 10 x time_limit)")
+        PositiveSeconds | None,
+        Field(description="wall time at which a stuck run is stopped; default: max(60 s, 10 x time_limit)"),
     ] = None
     memory_limit: Annotated[
         PositiveBytes | None,
-        Field(ge=_MIN_MEMORY, le=_MAX_MEMORY, description="address space of each process; left out: 4 GiB"),
+        Field(ge=_MIN_MEMORY, le=_MAX_MEMORY, description="address space of each process; default: 4 GiB"),
     ] = None
-    output_limit: Annotated[PositiveBytes | None, Field(description="how much it may print; left out: 100 MB")] = None
+    output_limit: Annotated[
+        PositiveBytes | None, Field(description="largest amount of printed text; default: 100 MB")
+    ] = None
     backend: Annotated[
         Literal["auto", "pybullet", "mujoco"],
-        Field(description="engine that it runs on; auto: pybullet where it is installed, else mujoco"),
+        Field(description="physics engine; auto: pybullet if installed, else mujoco"),
     ] = "auto"
     variations: Annotated[
         dict[str, tuple[JsonValue, ...] | Uniform | Normal] | None,
-        Field(description="what it is run with: keys, and the values that each takes"),
+        Field(description="keys of the scenario and the values that each one takes; one run for each combination"),
     ] = None
     agreement: Annotated[
-        Agreement | None, Field(description="runs it on both engines, and judges how far they are apart")
+        Agreement | None, Field(description="runs the scenario on both engines and limits their difference")
     ] = None
-    seed: Annotated[
-        int, Field(ge=0, le=2**63 - 1, description="of everything that is drawn at random; the same seed, the same run")
-    ] = 0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="random seed; the same seed gives the same run")] = 0
     trace: TraceSettings = TraceSettings.model_construct()
 
     @property
     def wall_seconds(self) -> float:
-        """After how many seconds of wall time a run is given up."""
+        """The wall time in s after which a run is stopped."""
         return self.wall_limit or max(WALL_SECONDS, 10 * self.time_limit)
 
     @property
     def memory_bytes(self) -> int:
-        """How much address space a process of it may take."""
+        """The address space in bytes that each process of the scenario may use."""
         return int(self.memory_limit or MEMORY)
 
     @property
     def output_bytes(self) -> int:
-        """How much it may print."""
+        """The number of bytes that the scenario may print."""
         return int(self.output_limit or _OUTPUT)
 
     @property
     def trace_rate(self) -> float:
-        """Rows of the stored trace in a second of sim time."""
+        """The rows of the stored trace per second of sim time."""
         return self.trace.rate or max((source.rate for source in self.commands), default=10.0)
 
     @property
     def runs_user_code(self) -> bool:
-        """Whether it needs an interpreter of its own."""
+        """Return True if the scenario needs an interpreter of its own."""
         of_sources = any(source.runs_user_code for source in self.commands)
         return self.robot.is_xacro or of_sources or any(assertion.runs_user_code for assertion in self.assertions)
 
     @property
     def python_files(self) -> tuple[str, ...]:
-        """Paths of the user's code that runs in its process, from the scenario."""
+        """The paths of the user's Python files that run in its process, relative to the scenario."""
         named = [source.python_file for source in self.commands] + [leaf.python_file for leaf in self.assertions]
         return tuple(dict.fromkeys(name for name in named if name is not None))
 
     @property
     def assertions(self) -> tuple[Assertion, ...]:
-        """All that look at the robot, also inside of others."""
+        """All assertions that look at the robot, including nested ones."""
         return tuple(leaf for expected in self.expect for leaf in expected.assertion.leaves())
 
     def steps(self, seconds: float) -> int:
-        """The first physics step at or after a sim time."""
+        """Return the first physics step at or after a sim time in s."""
         return first_step(seconds, self.physics.rate)
 
     def steps_between_ticks(self, rate: float) -> int:
-        """Physics steps from one tick to the next; loading has checked that they are whole."""
+        """Return the number of physics steps between two ticks. Loading has checked that it is whole."""
         return round(self.physics.rate / rate)
 
 
 def rate_divides(physics_rate: float, rate: float) -> bool:
-    """Whether ticks at `rate` fall on physics steps."""
+    """Return True if ticks at `rate` fall on physics steps."""
     steps = physics_rate / rate
     return math.isfinite(steps) and round(steps) >= 1 and abs(steps - round(steps)) < STEP_EPSILON
 
@@ -228,10 +238,10 @@ class LoadedScenario:
     """A valid scenario.
 
     Attributes:
-        source: what it was read from.
-        model: of the robot, as it was read and checked; None if only the process that runs it may do so.
-        unchecked: what nobody can know before it runs.
-        parts: name of a body of the world -> what it is made of, as its file was read and checked.
+        source: the document that it was read from.
+        model: the checked robot model; None if only the scenario's own process may read it.
+        unchecked: remarks on parts that can only be checked during a run.
+        parts: name of a world body -> its parts, for bodies that are read from files.
     """
 
     scenario: Scenario
@@ -242,20 +252,20 @@ class LoadedScenario:
 
     @property
     def document(self) -> Document:
-        """What it was read from, with the place of each key."""
+        """The document that it was read from, with the place of each key."""
         return self.source.document
 
     @property
     def workspace(self) -> Workspace:
-        """Where its own files are found."""
+        """The workspace in which its files are found."""
         return self.source.workspace
 
     @property
     def file(self) -> str:
-        """Its path, as reports show it."""
+        """Its path, as shown in reports."""
         return self.document.file
 
     def traced_at_every_step(self) -> LoadedScenario:
-        """The same, with each physics step in its trace."""
+        """Return the same scenario with every physics step in its trace."""
         trace = TraceSettings(rate=self.scenario.physics.rate)
         return replace(self, scenario=self.scenario.model_copy(update={"trace": trace}))

@@ -12,18 +12,18 @@ from sim_action.world.overlap_depth import Solid, depth, inner_solids
 from sim_action.world.parts import lowest
 
 DEPTH: Final = 0.005
-"""In m. What is no deeper was meant to touch, as fingers do, and is eased apart while the robot settles."""
+"""m. A smaller overlap is a contact, such as of fingers; it is resolved while the robot settles."""
 
-# Each is looked at beside each that moves: a heap that someone has made with a script is left to the engine.
+# Each body is compared with each moving one. A very large heap is left to the engine.
 _MAX_PAIRS: Final = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A body where it begins.
+    """A body at its start.
 
     Attributes:
-        buried: m of it that are below the ground.
+        buried: depth in m of its lowest point below the ground.
     """
 
     body: Body
@@ -33,7 +33,7 @@ class _Placed:
 
     @classmethod
     def of(cls, body: Body, index: int) -> Self:
-        """Of a shape that need not be read."""
+        """Return a body whose shape is not read from a file."""
         parts = body.parts()
         at = placed(body, parts)
         buried = -(at.position_xyz[2] + lowest(parts, at.orientation_xyzw))
@@ -41,9 +41,10 @@ class _Placed:
 
 
 def clash_problems(world: World) -> SpecProblems:
-    """One for each body with a mass that begins deep in another, or in the ground: the engine would throw it out.
+    """Yield each body with a mass that begins deep inside another body or the ground: an engine would throw it out.
 
-    What is read from files, appears later, or is no box, sphere or cylinder is left to the run, and so is the robot.
+    Only boxes, spheres and cylinders that are there from the start are checked here. The run checks the others and the
+    robot.
     """
     there = [(body, index) for index, body in enumerate(world.objects) if body.appears is None and not body.is_read]
     moving = sum(body.mass is not None for body, _ in there)
@@ -52,7 +53,7 @@ def clash_problems(world: World) -> SpecProblems:
     everything = [_Placed.of(body, index) for body, index in there]
     for one in everything:
         if one.body.mass is not None:
-            # Of two that move, the first is told.
+            # Of two moving bodies, the first is reported.
             beside = [other for other in everything if other.body.mass is None or other.index > one.index]
             found = [(depth(one.solids, other.solids), other.body.name) for other in beside]
             deep, inside = max((*found, (one.buried, GROUND)))
@@ -61,7 +62,7 @@ def clash_problems(world: World) -> SpecProblems:
 
 
 def clash_problem(index: int, name: str, inside: str, deep: float) -> SpecProblem:
-    """What is told of a body that begins so many m deep in another; `index`: its place among the world's objects."""
+    """Return the problem of a body that begins `deep` m inside another; `index`: its index in the objects."""
     where = "the ground" if inside == GROUND else f"'{inside}'"
     message = f"'{name}' begins {units.display(deep, 'm')} deep in {where}, which would throw it out; move it"
     return ("world", "objects", index, "pose"), message

@@ -1,4 +1,4 @@
-"""Parts whose class depends on a key (drive, commands, sensors, expectations): plain values -> specs."""
+"""Read the parts whose class depends on a key: drive, commands, sensors, expectations."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Entry = TypeVar("Entry")
 Reader = Callable[[type[Model], Any, KeyPath], Model | None]
 """What makes a spec of a class out of plain values, and notes what is wrong."""
 
-# Each source may name a file that takes a second to be read, as assertions may, which are counted with their parts.
+# Each source and assertion may name a file that takes a second to read. Nested assertions count too.
 _MAX_SOURCES: Final = 50
 _MAX_SENSORS: Final = 100
 _MAX_ASSERTIONS: Final = 1_000
@@ -37,10 +37,10 @@ _MAX_FILES: Final = 50
 
 
 class PartReader:
-    """Reads the parts of one document, and notes what is wrong with them.
+    """Reads the parts of one document and collects their problems.
 
     Attributes:
-        command_paths, sensor_paths, expect_paths: the keys that lead to each of those that were read.
+        command_paths, sensor_paths, expect_paths: the key paths of the parts that were read.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class PartReader:
         self._files = 0
 
     def with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """The document's data, with drive, commands, sensors and expectations made into objects."""
+        """Return the document's data with drive, commands, sensors and expectations as objects."""
         parts = dict(data)
         if "commands" in data:
             parts["commands"] = self._commands(data["commands"])
@@ -79,10 +79,10 @@ class PartReader:
         return tuple(source for _, source in found if source is not None)
 
     def _few(self, key: str, entries: Sequence[Entry], most: int, what: str) -> Sequence[Entry]:
-        """The entries below a key; of more than there may be, the first."""
+        """Return the entries below a key; only the first ones if there are too many."""
         if len(entries) <= most:
             return entries
-        self._problems.note((key,), f"{len(entries):,} {what}; no more than {most:,} are read")
+        self._problems.note((key,), f"{len(entries):,} {what}; at most {most:,} are read")
         return entries[:1]
 
     def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
@@ -118,7 +118,7 @@ class PartReader:
     def _with_options(
         self, table: Table[type[Model]], beside: type[Options], data: Any, path: KeyPath, read: Reader[Model]
     ) -> tuple[Model, Options] | None:
-        """A spec below its key, or the bare key where it needs none, and the options that stand beside it."""
+        """Return a spec and the options next to its key. A bare key is enough if the spec needs no value."""
         data = {data: None} if isinstance(data, str) else data
         key = self._family_key(table, data, path, beside=beside)
         if key is None:
@@ -144,10 +144,10 @@ class PartReader:
         )
 
     def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:
-        """The assertion that stands below its key, with those that it consists of."""
+        """Return the assertion below its key, with its nested assertions."""
         self._assertions += 1
         if self._assertions > _MAX_ASSERTIONS:
-            few = f"more than {_MAX_ASSERTIONS:,} assertions, those inside of others counted; make several scenarios"
+            few = f"more than {_MAX_ASSERTIONS:,} assertions including nested ones; split the scenario"
             self._problems.note(("expect",), few)
             return None
         if _is_combined(kind):
@@ -164,7 +164,7 @@ class PartReader:
         if self._files <= _MAX_FILES:
             yield from spec.file_problems(self._workspace)
         else:
-            few = f"more than {_MAX_FILES} assertions that are of a file of their own; make several scenarios"
+            few = f"more than {_MAX_FILES} assertions with a file of their own; split the scenario"
             self._problems.note(("expect",), few)
 
     def _combined(self, kind: type[Combined], data: Any, path: KeyPath) -> Combined | None:
@@ -178,11 +178,11 @@ class PartReader:
         return kind.made_of(found) if len(found) == len(parts) else None
 
     def _part(self, whole: type[Combined], data: Any, path: KeyPath) -> Assertion | None:
-        """An assertion inside of another one: its options are those of the outermost."""
+        """Return a nested assertion, which has no options of its own."""
         data = {data: None} if isinstance(data, str) else data
         for option in [key for key in data if key in ExpectationOptions.model_fields] if isinstance(data, dict) else []:
             self._problems.note(
-                (*path, option), f"'{option}' stands beside the outermost assertion, not in '{whole.key}'"
+                (*path, option), f"'{option}' belongs to the outermost assertion, not into '{whole.key}'"
             )
             return None
         key = self._family_key(ASSERTIONS, data, path)
@@ -197,7 +197,7 @@ class PartReader:
     def _family_key(
         self, table: Table[Any], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
     ) -> str | None:
-        """The one key of `data` that the table knows; `beside`: the class of the keys that may stand next to it."""
+        """Return the one key of `data` that the table knows; `beside`: the class of the keys allowed next to it."""
         names = ", ".join(table)
         if not isinstance(data, dict):
             self._problems.note(path, f"expected a map with one {table.kind} ({names}), found {shown(data)}")
@@ -217,7 +217,7 @@ class PartReader:
         return None
 
     def _note_two(self, path: KeyPath, *keys: str) -> None:
-        """Two keys where one is to choose from; a file that extends another may not have meant the first to stay."""
+        """Note that two keys exclude each other. In a file that extends another, one of them may be inherited."""
         first, second = sorted(keys, key=lambda key: self._document.location((*path, key)).file == self._document.file)
         base = self._document.location((*path, first)).file
         if base == self._document.location((*path, second)).file:
@@ -227,24 +227,24 @@ class PartReader:
             self._problems.note((*path, second), message)
 
     def validated(self, model: type[Model], data: Any, path: KeyPath) -> Model | None:
-        """A spec of what a part of the document says; None if something is wrong with it, which is noted."""
+        """Return the spec of a part of the document; None if it has a problem, which is noted."""
         try:
             return model.model_validate(data)
         except ValidationError as error:
             for location, message in spec_errors(model, data, error):
-                # A part that was refused is missing from the whole: that is not a second problem.
+                # A refused part is missing from the whole. That is not a second problem.
                 if not self._problems.has_below((*path, *location)):
                     self._problems.note((*path, *location), message)
             return None
 
 
 def _is_combined(kind: type[Assertion]) -> TypeGuard[type[Combined]]:
-    """Whether it consists of others: its class says so, and need not be imported for those that do not."""
+    """Return True if the assertion has nested assertions. Its class need not be imported to know this."""
     return hasattr(kind, "made_of")
 
 
 def _with_unique_names(expectations: tuple[Expectation, ...]) -> tuple[Expectation, ...]:
-    """Reports tell assertions apart by name: the second of a name becomes "name (2)"."""
+    """Return the expectations with unique names: the second of a name becomes "name (2)"."""
     taken = {expectation.name for expectation in expectations}
     seen: set[str] = set()
     unique = []

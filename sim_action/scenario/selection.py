@@ -1,4 +1,4 @@
-"""Which scenarios are meant: by patterns of their names, and by tags."""
+"""Select scenarios: by file, by number in a file, by patterns of their names, and by tags."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _NUMBERED: Final = re.compile(rf"(.+)::({_RANGE}(?:,{_RANGE})*)", re.DOTALL)
 
 
 def ranges_text(numbers: Iterable[int], between: str = ",") -> str:
-    """Numbers in ascending order, those that follow each other as one, such as "1-15,31"."""
-    # Those that follow each other are equally far from their places in the list.
+    """Return numbers in ascending order with runs joined, such as "1-15,31"."""
+    # Consecutive numbers have the same distance from their index.
     runs = [
         [number for _, number in run] for _, run in groupby(enumerate(sorted(numbers)), lambda pair: pair[1] - pair[0])
     ]
@@ -34,12 +34,15 @@ def ranges_text(numbers: Iterable[int], between: str = ",") -> str:
 
 
 def numbered(file: str, numbers: Iterable[int]) -> str:
-    """How some scenarios of a file are called."""
+    """Return the name of some scenarios of a file, such as "push.sim.yml::1-15,31"."""
     return f"{file}::{ranges_text(numbers)}"
 
 
 def split(pattern: str) -> tuple[str, frozenset[int] | None]:
-    """A file and the numbers that stand behind its name; None: all. What is there by that very name is a file."""
+    """Split "FILE::NUMBERS" into the file and its numbers; None means all.
+
+    An existing file of that name counts as a file.
+    """
     found = _NUMBERED.fullmatch(pattern)
     if found is None or os.path.lexists(pattern):
         return pattern, None
@@ -57,12 +60,12 @@ Scenarios = tuple[Source | Refused, ...]
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What the command line asks for; what is left empty leaves nothing out.
+    """The selection options of the command line; an empty one excludes nothing.
 
     Attributes:
-        only, exclude: patterns of names, in which `*` and `?` stand for anything, and brackets for themselves; what is
-            the very name of something means that alone. The name of a scenario means all of its variations.
-        tags, exclude_tags: of which a scenario has at least one, and none.
+        only, exclude: patterns of names, in which `*` and `?` are wildcards and brackets stand for themselves. An
+        exact name selects only that scenario. The name of a scenario selects all of its variations. tags,
+        exclude_tags: a scenario must have at least one of the first and none of the second.
     """
 
     only: tuple[str, ...] = ()
@@ -71,7 +74,10 @@ class Selection:
     exclude_tags: tuple[str, ...] = ()
 
     def takes(self, scenario: Source | Refused, names: AbstractSet[str]) -> bool:
-        """Whether a scenario is meant, of all that have these names; what cannot be read may have any tag."""
+        """Return True if a scenario is selected; `names`: all names that exist.
+
+        An unreadable scenario may have any tag.
+        """
         if self.only and not any(_is_called(scenario, pattern, names) for pattern in self.only):
             return False
         if any(_is_called(scenario, pattern, names) for pattern in self.exclude):
@@ -83,7 +89,7 @@ class Selection:
 
 
 def selected(files: Sequence[Scenarios], selection: Selection) -> list[Scenarios]:
-    """Of each file what is meant. Raises UsageError if that is nothing at all."""
+    """Return the selected scenarios of each file. Raises UsageError if nothing is selected."""
     names = {name for scenarios in files for scenario in scenarios for name in _names(scenario)}
     chosen = [tuple(scenario for scenario in scenarios if selection.takes(scenario, names)) for scenarios in files]
     if files and not any(chosen):
@@ -92,7 +98,7 @@ def selected(files: Sequence[Scenarios], selection: Selection) -> list[Scenarios
 
 
 def listing(scenarios: Iterable[Source | Refused]) -> Iterator[str]:
-    """A line for each that can be read: name, place and tags, with tabs between."""
+    """Yield a line for each readable scenario: name, place and tags, separated by tabs."""
     for scenario in scenarios:
         if isinstance(scenario, Source):
             place = Location(scenario.document.file, scenario.line or 1)
@@ -100,7 +106,7 @@ def listing(scenarios: Iterable[Source | Refused]) -> Iterator[str]:
 
 
 def _names(scenario: Source | Refused) -> Iterator[str]:
-    """All that a scenario may be called by: its own name, that of what it varies, and those of its runs on engines."""
+    """Yield all names that select a scenario: its own, that of its group, and those of its runs on engines."""
     yield scenario.name
     if isinstance(scenario, Source) and scenario.group:
         yield scenario.group
@@ -115,7 +121,7 @@ def _is_called(scenario: Source | Refused, pattern: str, names: AbstractSet[str]
 
 
 def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
-    """Why nothing is meant."""
+    """Yield the reasons why nothing is selected."""
     every = [scenario for scenarios in files for scenario in scenarios]
     varied = {each.name: each.group for each in every if isinstance(each, Source) and each.group}
     names = {each.name for each in every} - set(varied) | set(varied.values())
@@ -124,7 +130,7 @@ def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
     unknown = [pattern for pattern in selection.only if not any(_is_called(each, pattern, called) for each in every)]
     for pattern in unknown:
         near = did_you_mean(pattern, varied if "[" in pattern and varied else names)
-        yield f"--only: no scenario is called '{pattern}'{near}"
+        yield f"--only: no scenario is named '{pattern}'{near}"
     for tag in selection.tags:
         if tag not in tags:
             yield f"--tag: no scenario has the tag '{tag}'{did_you_mean(tag, tags)}"
@@ -136,13 +142,13 @@ def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """Scenarios, before anybody has read them.
+    """The scenario files of a call and the selection among their scenarios.
 
     Attributes:
         files: in order.
-        empty: what was named but holds no scenario.
-        numbers: of a file of which only some scenarios are meant, their numbers, by what reports call it.
-        selection: which are meant of those.
+        empty: paths without a scenario.
+        numbers: file name -> selected numbers, for files of which only some scenarios are selected.
+        selection: by names and tags.
     """
 
     files: Sequence[Path]
@@ -151,21 +157,21 @@ class Suite:
     selection: Selection = field(default_factory=Selection)
 
     def read(self, permissions: Permissions, seed: int | None = None) -> dict[Path, Scenarios]:
-        """What is selected of each file, whatever its number; only files of which something is. Raises UsageError.
+        """Return the selected scenarios of each file, whatever their number; files without one are left out.
 
-        `seed`: of what variations draw; None: as each scenario says.
+        `seed` draws the variations; None takes the seed of each scenario. Raises UsageError.
         """
         every = [self._scenarios(path, permissions, seed) for path in self.files]
         chosen = zip(self.files, selected(every, self.selection), strict=True)
         return {path: scenarios for path, scenarios in chosen if scenarios}
 
     def numbered(self, scenario: Source | Refused) -> bool:
-        """Whether a scenario is meant by its number."""
+        """Return True if the number of a scenario is selected."""
         file = scenario.file if isinstance(scenario, Refused) else scenario.document.file
         return file not in self.numbers or scenario.number in self.numbers[file]
 
     def scenarios(self, permissions: Permissions) -> list[Source | Refused]:
-        """All that is meant. Raises UsageError."""
+        """Return all selected scenarios. Raises UsageError."""
         return [each for several in self.read(permissions).values() for each in several if self.numbered(each)]
 
     def _scenarios(self, path: Path, permissions: Permissions, seed: int | None) -> Scenarios:
@@ -173,5 +179,7 @@ class Suite:
         name = file_name(path)
         beyond = [number for number in self.numbers.get(name, ()) if not 1 <= number <= len(scenarios)]
         if beyond:
-            raise UsageError(escaped_line(f"{numbered(name, beyond)}: the file holds {len(scenarios)}, counted from 1"))
+            raise UsageError(
+                escaped_line(f"{numbered(name, beyond)}: the file has {len(scenarios)} scenarios, counted from 1")
+            )
         return scenarios

@@ -1,4 +1,4 @@
-"""What one scenario is read from, and one of its variations; be it one that can be run or not."""
+"""The text of one scenario or variation, valid or refused, before it is a `Scenario`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LONGEST_VALUES: Final = 100
 
 @dataclass(frozen=True, slots=True)
 class Varied:
-    """A key of a scenario, as `variations` calls it, and the value that it has in one of them."""
+    """A varied key, as `variations` names it, and its value in one variation."""
 
     key: str
     value: JsonValue
@@ -30,14 +30,14 @@ class Source:
 
     Attributes:
         path: of its file, as it was named.
-        workspace: where its own files are found.
-        document: all of its keys, with those that it has from other files, and the place of each.
-        name: how reports call it, which is its own name if it has one.
-        line: where it begins in a file of several; None: its file holds nothing else.
-        group: of a variation, the name of the scenario that is varied.
-        variation: the values that make it this one.
-        number: its place among all that its file holds, variations counted, from 1.
-        draws: where values stand that are drawn at random, and what to say of one that cannot be.
+        workspace: in which its files are found.
+        document: all of its keys, also inherited ones, and the place of each.
+        name: the name in reports.
+        line: its first line in a file with several scenarios; None if the file has one.
+        group: the name of the scenario that a variation belongs to.
+        variation: the values of this variation.
+        number: its place among all runs of its file, from 1.
+        draws: key paths of randomly drawn values -> advice for an invalid one.
     """
 
     path: Path
@@ -52,35 +52,35 @@ class Source:
 
     @property
     def tags(self) -> tuple[str, ...]:
-        """As far as they are what tags can be."""
+        """The valid tags."""
         tags = self.document.data.get("tags") if isinstance(self.document.data, dict) else None
         return tuple(tag for tag in tags if isinstance(tag, str)) if isinstance(tags, tuple) else ()
 
     @property
     def values_in_file_names(self) -> str:
-        """Of a variation, what its name adds to that of its group, as every file system has it; or empty."""
+        """The part of a variation's name that its group lacks, safe for file names; or empty."""
         values = self.name.removeprefix(self.group) if self.group is not None else ""
         return re.sub(r"[^A-Za-z0-9._=,+-]+", "-", values).strip("-")[:_LONGEST_VALUES]
 
     def is_of_draws(self, refused: Refused) -> bool:
-        """Whether all that is wrong with it is wrong with values that are drawn at random."""
+        """Return True if all problems concern randomly drawn values."""
         places = {place for place, _ in self.draws}
         return isinstance(refused.error, InvalidScenario) and all(each.location in places for each in refused.problems)
 
     def refused_alone(self, refused: Refused) -> Refused:
-        """This variation, where others of the scenario can be run."""
+        """Return this variation as refused; other variations of the scenario can run."""
         draws = dict(self.draws)
         told = [Problem(each.location, f"{each.message} ({draws[each.location]})") for each in refused.problems]
         return replace(refused, name=self.name, group=self.group, variation=self.variation, error=InvalidScenario(told))
 
     def refused(self, error: InvalidScenario | Fault) -> Refused:
-        """It, once it is known why it cannot be run."""
+        """Return the scenario as refused."""
         return Refused(self.document.file, self.group or self.name, self.line, error, self.number)
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A scenario that cannot be run, and what is wrong with it, or with us; the rest is as of a source."""
+    """A scenario that cannot run, and the error; the other fields are those of its source."""
 
     file: str
     name: str
@@ -92,7 +92,7 @@ class Refused:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """Each with its place."""
+        """The problems, each with its place."""
         if isinstance(self.error, Fault):
             return (Problem(Location(self.file, self.line), str(self.error)),)
         return self.error.problems

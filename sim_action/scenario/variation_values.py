@@ -1,4 +1,4 @@
-"""What a key takes in its variations: a list of values, or samples that are drawn at random."""
+"""The values of a key in its variations: a list, or samples drawn at random."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _QUANTITY: Final = re.compile(
 
 _STANDARD: Final = NormalDist()
 
-# Below all but one of the numbers that are drawn: 0, at which a normal distribution has no value.
+# The least number that is used instead of 0, at which the inverse normal distribution is infinite.
 _LEAST: Final = 2.0**-53
 
 Bounds = tuple[float | str, float | str]
@@ -31,19 +31,19 @@ Bounds = tuple[float | str, float | str]
 
 @dataclass(frozen=True, slots=True)
 class ValueList:
-    """The values of one key, as a scenario would have them; `draw`: if drawn at random, what to say of a wrong one."""
+    """The values of one key; `draw`: advice for an invalid value if they are drawn at random."""
 
     values: tuple[Any, ...]
     draw: str = ""
 
     @property
     def drawn(self) -> bool:
-        """Whether at random."""
+        """Return True if the values are drawn at random."""
         return bool(self.draw)
 
 
 class ValuesError(Exception):
-    """Values that cannot be; `path` leads to what is wrong."""
+    """Invalid values; `path` leads to the problem."""
 
     def __init__(self, message: str, path: KeyPath = ()) -> None:
         self.path = path
@@ -51,23 +51,26 @@ class ValuesError(Exception):
 
 
 class Draw(FrozenModel):
-    """Values that are drawn at random, by the seed and the key's name alone: other keys change none of them."""
+    """Values drawn at random. Only the seed and the key decide them: other keys change nothing."""
 
     key: ClassVar[str]
     bounding: ClassVar[str]
     """What to do where a sample is beyond what its key allows."""
 
-    samples: Annotated[int, Field(ge=1, le=10_000, description="how many; keys that are drawn have equally many")]
+    samples: Annotated[int, Field(ge=1, le=10_000, description="number of samples; the same for all drawn keys")]
 
     def drawn(self, generator: Random) -> tuple[float | str, ...]:
-        """The samples, in the unit of the bounds."""
+        """Return the samples, in the unit of the bounds."""
         first, second, unit = self.numbers
         numbers = (self._one(generator, first, second) for _ in range(self.samples))
         return tuple(f"{number!r} {unit}" if unit else number for number in numbers)
 
     @property
     def numbers(self) -> tuple[float, float, str]:
-        """Both figures in one unit: the second's, or the first's beside a bare 0. Raises ValueError."""
+        """Return both figures in one unit: that of the second, or of the first if the second is a bare 0.
+
+        Raises ValueError.
+        """
         stated, bound = getattr(self, self.key)
         (first, unit), (second, other) = _number(stated), _number(bound)
         if unit == other or (unit and not other and second == 0):
@@ -77,7 +80,7 @@ class Draw(FrozenModel):
         factor = units.conversion(unit, other) if unit and other else None
         if factor is None or not math.isfinite(first * factor):
             raise ValueError(
-                f"both figures have units of one dimension, or none; found {shown(stated)} and {shown(bound)}"
+                f"both figures must have units of one dimension, or none; found {shown(stated)} and {shown(bound)}"
             )
         return first * factor, second, other
 
@@ -89,13 +92,13 @@ class Draw(FrozenModel):
 
 
 class Uniform(Draw):
-    """Anything between two bounds, equally likely."""
+    """A uniform distribution between two bounds."""
 
     key = "uniform"
-    bounding = "choose bounds that it allows"
+    bounding = "choose bounds within the allowed range"
 
     uniform: Annotated[
-        Bounds, Field(description="least and greatest; both numbers, or with units of one dimension; 0 needs none")
+        Bounds, Field(description="lower and upper bound: numbers, or quantities of one dimension; 0 needs no unit")
     ]
 
     @model_validator(mode="after")
@@ -110,14 +113,14 @@ class Uniform(Draw):
 
 
 class Normal(Draw):
-    """Around a mean."""
+    """A normal distribution."""
 
     key = "normal"
-    bounding = "'uniform' has bounds, 'normal' has none; a smaller deviation seldom goes as far"
+    bounding = "use 'uniform', which has bounds, or a smaller deviation"
 
     normal: Annotated[
         Bounds,
-        Field(description="mean and standard deviation; both numbers, or with units of one dimension; 0 needs none"),
+        Field(description="mean and standard deviation: numbers, or quantities of one dimension; 0 needs no unit"),
     ]
 
     @model_validator(mode="after")
@@ -137,7 +140,7 @@ _EXPECTED: Final = "expected a list of values, or a draw such as {uniform: [0, 1
 
 
 def value_list(key: str, stated: object, seed: int) -> ValueList:
-    """What a key takes; `key` and `seed` decide what is drawn. Raises ValuesError."""
+    """Return the values of a key; `key` and `seed` decide random draws. Raises ValuesError."""
     if isinstance(stated, tuple) and stated:
         _refuse_twins(stated)
         return ValueList(stated)
@@ -161,7 +164,7 @@ def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
 
 
 def _generator(key: str, seed: int) -> Random:
-    """Python promises the same numbers for good, and what deals scenarios has no numpy."""
+    """Return Python's own generator: its numbers never change between versions, and `matrix` has no numpy."""
     return Random(f"variations {key} {seed}")
 
 
@@ -169,7 +172,7 @@ def _refuse_twins(values: tuple[object, ...]) -> None:
     seen: set[str] = set()
     for index, value in enumerate(values):
         if (written := repr(value)) in seen:
-            raise ValuesError(f"{shown(value)} is there twice", (index,))
+            raise ValuesError(f"{shown(value)} occurs twice", (index,))
         seen.add(written)
 
 
@@ -177,5 +180,5 @@ def _number(value: float | str) -> tuple[float, str]:
     found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
     number = float(found[1]) if found else math.nan if isinstance(value, str) else float(value)
     if not math.isfinite(number):
-        raise ValueError(f"expected a finite number, maybe with a unit, found {shown(value)}")
+        raise ValueError(f"expected a finite number or quantity, found {shown(value)}")
     return number, found[2] if found else ""

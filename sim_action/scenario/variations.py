@@ -1,6 +1,9 @@
-"""Dotted keys, such as `world.objects.wall.pose.x`: the way to a value, as problems of scenarios are told.
+"""Expand a scenario into its variations.
 
-A step into a list is the name of an entry, or its number from 0. A key or a name with dots in it is taken as a whole.
+`variations:` lists dotted keys, such as `world.objects.wall.pose.x`, and their values. A step into a list is the name
+of an entry or its index from 0. A key or name that contains dots counts as a whole. Lists are multiplied with each
+other. Random draws are joint: each sample holds a value for every drawn key, and the list of samples is one more
+factor. A variation is named `push[friction=0.4,yaw=0.031]`.
 """
 
 from __future__ import annotations
@@ -26,14 +29,14 @@ from sim_action.scenario.variation_values import ValueList, ValuesError, value_l
 
 
 class NoSuchKey(Exception):
-    """A key that leads nowhere."""
+    """A dotted key that leads nowhere."""
 
 
 def resolved(data: object, written: str) -> KeyPath:
-    """The keys and indices that lead there; what is not there yet may be made. Raises NoSuchKey."""
+    """Return the path of keys and indices of a dotted key. Its last steps need not exist yet. Raises NoSuchKey."""
     steps = written.split(".")
     if not all(steps):
-        raise NoSuchKey("a key is a way through the scenario, with dots between its steps, such as robot.pose.yaw")
+        raise NoSuchKey("a key is a path of keys with dots, such as robot.pose.yaw")
     path: KeyPath = ()
     while steps:
         if isinstance(data, dict):
@@ -52,13 +55,13 @@ def resolved(data: object, written: str) -> KeyPath:
 
 
 def placed(data: object, path: KeyPath, value: object) -> tuple[object, list[KeyPath]]:
-    """The data with a value at `path`, nothing of it changed in place; and the paths that are new in it."""
+    """Return a copy of the data with a value at `path`, and the paths that are new in it."""
     new, made = _placed(data, path, value)
     return new, [path[:size] for size in range(len(path) - made, len(path) + 1)]
 
 
 def _placed(data: object, path: KeyPath, value: object) -> tuple[object, int]:
-    """With how many steps above the value were made."""
+    """Return a copy of the data with the value, and the number of new steps above it."""
     if not path:
         return value, 0
     step = path[0]
@@ -72,12 +75,12 @@ def _placed(data: object, path: KeyPath, value: object) -> tuple[object, int]:
 
 
 def _taken(data: dict[str, object], steps: Sequence[str]) -> int:
-    """How many steps are one key that has dots in it; 1, if there is none."""
+    """Return the number of steps that form one key with dots in it; 1 if there is none."""
     return next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
 
 
 def _entry(entries: tuple[object, ...], steps: Sequence[str], path: KeyPath) -> tuple[int, int]:
-    """The index of an entry, and how many steps lead to it: its name may have dots in it, too."""
+    """Return the index of a list entry and the number of steps that form its name."""
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     for size in range(len(steps), 0, -1):
         if (name := ".".join(steps[:size])) in names:
@@ -100,26 +103,26 @@ def _dotted(path: KeyPath) -> str:
 
 _LONGEST_TEXT: Final = 40
 _MIN_DIGITS: Final = 3
-# No two floats look the same with as many.
+# Two different floats always differ in this many digits.
 _MAX_DIGITS: Final = 17
-# What would be taken for a part of the name's own form, or of a pattern.
+# Characters of the name's own form or of patterns.
 _NOT_IN_TEXTS: Final = re.compile(r"[][,=*?\s]")
 _NOT_IN_KEYS: Final = re.compile(r"[][,=*?]")
 _LONGEST_KEY: Final = 200
 
 
 def is_nameable(text: str) -> bool:
-    """Whether a key or a unit can stand in a name, as part of it."""
+    """Return True if a key or unit can be a part of a variation's name."""
     return is_plain_name(text) and len(text) <= _LONGEST_KEY and not _NOT_IN_KEYS.search(text)
 
 
 def labels(keys: Sequence[str]) -> dict[str, str]:
-    """Each key by as few of its last steps as tell it from the others."""
+    """Return the shortest unique ending of each key."""
     return {key: _label(key.split("."), [other.split(".") for other in keys if other != key]) for key in keys}
 
 
 def texts(values: ValueList) -> tuple[str, ...]:
-    """Each value as names have it; what is long, or no scalar, by its number in the list."""
+    """Return the text of each value in names; a long or structured value is replaced by its number in the list."""
     if values.drawn:
         return _told_apart([_rounding(value) for value in values.values])
     written = [_written(value) for value in values.values]
@@ -136,7 +139,7 @@ def _label(steps: list[str], others: list[list[str]]) -> str:
 
 
 def _told_apart(roundings: Sequence[Callable[[int], str]]) -> tuple[str, ...]:
-    """All with as many digits as tell every one from the others."""
+    """Return all numbers with as many digits as make them different."""
     for digits in range(_MIN_DIGITS, _MAX_DIGITS + 1):
         found = tuple(rounding(digits) for rounding in roundings)
         if len(set(found)) == len(found):
@@ -150,7 +153,7 @@ def _rounding(value: float | str) -> Callable[[int], str]:
 
 
 def _written(value: object) -> str | None:
-    """None: no text that can stand in a name."""
+    """Return the text of a value, or None if it cannot be in a name."""
     if isinstance(value, bool) or value is None:
         return {True: "true", False: "false", None: "null"}[value]
     if isinstance(value, (dict, tuple)):
@@ -165,26 +168,26 @@ MAX_RUNS: Final = 10_000
 
 MAX_KEYS: Final = 20
 
-# Of values, what they share counted for each, as each is checked on its own.
+# Number of values; shared values count for each variation, as each is checked.
 _MAX_WRITTEN_OUT: Final = 5_000_000
 
-# What is the same in all variations, and why, where that needs saying.
+# Keys that cannot vary, and the reason if it needs one.
 _FIXED: Final = MappingProxyType(
     {
         "name": "",
         "version": "",
         "tags": "",
-        "backend": "; --backend all runs a scenario on every engine",
-        "extends": ": files are merged before keys vary; write a file for each that it is to extend",
-        "scenarios": ": they are told apart before keys vary; each may have variations of its own",
-        "variations": ": there are none of variations; put all keys that vary beside each other",
+        "backend": "; use --backend all to run a scenario on every engine",
+        "extends": ": files are merged before keys vary; write one file for each base",
+        "scenarios": ": scenarios are separated before keys vary; give each scenario its own variations",
+        "variations": ": variations cannot be nested; list all varied keys together",
     }
 )
 
 
 @dataclass(frozen=True, slots=True)
 class _Key:
-    """A key that varies: as it was written, where it leads, what it takes, and how names call both."""
+    """A varied key: as written, its path, its values, and their texts in names."""
 
     written: str
     path: KeyPath
@@ -194,12 +197,12 @@ class _Key:
 
 
 def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[Source, ...]:
-    """A source for each variation, in the order of their values; the scenario itself, if it has none.
+    """Return a source for each variation in the order of their values, or the scenario itself if it has none.
 
     Args:
         source: of the scenario.
-        seed: of what is drawn; None: the scenario's own.
-        most: how many there may be.
+        seed: for random draws; None takes the scenario's own.
+        most: the largest number of variations.
 
     Raises InvalidScenario.
     """
@@ -208,7 +211,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
         return (source,)
     base = without(source.document, "variations")
     keys = _keys(source.document, base, _seed(base) if seed is None else seed)
-    # Indices into the values of each key; those that are drawn have one index together.
+    # Indices into the values of each key; drawn keys share one index.
     drawn = [key for key in keys if key.values.drawn]
     factors = [key for key in keys if key not in drawn[1:]]
     runs = math.prod(len(key.values.values) for key in factors)
@@ -216,10 +219,10 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
         message = f"{runs:,} runs; a file may have {MAX_RUNS:,}"
         raise InvalidScenario([source.document.problem(("variations",), message)])
     if runs * (size := base.size) > _MAX_WRITTEN_OUT:
-        message = f"{runs:,} runs of {size:,} values each, more than {_MAX_WRITTEN_OUT:,}; put what is long in a file"
+        message = f"{runs:,} runs of {size:,} values each, more than {_MAX_WRITTEN_OUT:,}; move long values into a file"
         raise InvalidScenario([source.document.problem(("variations",), message)])
     rows = product(*(range(len(key.values.values)) for key in factors))
-    # What the scenario shares with all of its variations is there once.
+    # The keys that all variations share exist once.
     base = replace(base, marks=dict(base.marks))
     return tuple(_varied(source, base, keys, dict(_indices(factors, drawn, row))) for row in rows)
 
@@ -252,7 +255,7 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
 
 
 def _json(value: Any) -> JsonValue:
-    """A value of a document as results have it."""
+    """Return a value of a document as results store it."""
     if isinstance(value, dict):
         return {key: _json(inner) for key, inner in value.items()}
     if isinstance(value, tuple):
@@ -262,13 +265,13 @@ def _json(value: Any) -> JsonValue:
 
 
 def _seed(base: Document) -> int:
-    """What is no seed is told when the scenario is checked."""
+    """Return the seed of the document; an invalid one is reported by the loader."""
     seed = base.data.get("seed", 0) if isinstance(base.data, dict) else 0
     return seed if isinstance(seed, int) and seed >= 0 else 0
 
 
 def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
-    """Raises InvalidScenario."""
+    """Return the varied keys. Raises InvalidScenario."""
     assert isinstance(document.data, dict)
     stated = document.data["variations"]
     if not isinstance(stated, dict) or not 0 < len(stated) <= MAX_KEYS:
@@ -294,18 +297,20 @@ def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
 
 def _refuse_unfit(path: KeyPath, written: str) -> None:
     if not is_nameable(written):
-        raise NoSuchKey("runs are named after it: it is plain text of at most 200 characters, without any of [],=*?")
+        raise NoSuchKey(
+            "the names of the runs contain it: use plain text of at most 200 characters without any of [],=*?"
+        )
     if (instead := _FIXED.get(str(path[0]))) is not None:
         raise NoSuchKey(f"'{path[0]}' is the same in all variations{instead}")
 
 
 def _clashes(found: Mapping[str, tuple[KeyPath, ValueList]]) -> Iterator[tuple[KeyPath, str]]:
-    """Keys of which one is inside another, and samples that are not equally many."""
+    """Yield keys that are inside other varied keys, and draws with different numbers of samples."""
     for key, (path, _) in found.items():
         for other, (outer, _) in found.items():
             if key != other and path[: len(outer)] == outer:
-                yield (key,), f"is inside '{other}', which varies, too"
+                yield (key,), f"is inside '{other}', which also varies"
     drawn = [(key, len(values.values)) for key, (_, values) in found.items() if values.drawn]
     for key, samples in drawn[1:]:
         if samples != drawn[0][1]:
-            yield (key,), f"samples are drawn jointly: '{drawn[0][0]}' has {drawn[0][1]}, this one {samples}"
+            yield (key,), f"samples are drawn together: '{drawn[0][0]}' has {drawn[0][1]}, this one {samples}"

@@ -1,7 +1,7 @@
-"""Which files a scenario file is made of, as far as names in it lead to files; and whether one has changed.
+"""Find the files that a scenario file depends on, and detect changes of them.
 
-Scenario -> what it extends -> models, scripts, logs -> what models include and draw. Nothing is checked here: a name
-that leads nowhere is one more file that may come to be.
+Scenario -> bases -> models, scripts, logs -> files that models include. Nothing is checked here: a name without a
+file is one more file that may appear.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MODELS: Final = frozenset({".urdf", ".xacro", ".sdf", ".world", ".xml", ".mjcf"
 _SCENARIOS: Final = frozenset({".yml", ".yaml"})
 _MAX_MODEL_BYTES: Final = 20_000_000
 _LONGEST_NAME: Final = 500
-# Attributes and elements by which URDF, xacro, SDF and MJCF name files, and the line of OBJ that does.
+# Attributes and elements that name files in URDF, xacro, SDF and MJCF, and the mtllib line of OBJ.
 _NAMED: Final = re.compile(
     r"""\b(?:filename|file|uri)\s*=\s*["']([^"'\n]+)["']|<(?:uri|sdf)\b[^>]*>([^<\n]+)</|^mtllib (.+)$""",
     re.MULTILINE,
@@ -43,19 +43,19 @@ Stamp = tuple[int, int, int] | None
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """What a name leads to, in a file of a scenario."""
+    """Finds the files that names in a scenario's files lead to."""
 
     workspace: Workspace
     packages: Packages
 
     def named_in(self, path: Path) -> Iterator[Path]:
-        """Files, and a folder where that is what is named."""
+        """Yield the files and folders that a file names."""
         if path.suffix in _SCENARIOS:
             yield from self._in_scenario(path)
         elif path.suffix in _MODELS:
             yield from self._in_model(path)
         elif path.suffix == ".py":
-            # What it imports lies beside it.
+            # Its imports lie in the same folder.
             yield from _in_folder(path.parent, "*.py")
 
     def _in_scenario(self, path: Path) -> Iterator[Path]:
@@ -67,7 +67,7 @@ class _Reader:
                 yield from self._at(path.parent, name)
 
     def _in_package(self, name: str, referrer: Path) -> Iterator[Path]:
-        """What nodes of ROS 1 are made of; a package that is not of the workspace does not change."""
+        """Yield the files of a ROS 1 package in the workspace; other packages do not change."""
         try:
             folder = self.packages.find(name, referrer).path
         except (PackageError, ValueError):
@@ -87,11 +87,11 @@ class _Reader:
             if _LOOKS_LIKE_A_FILE.fullmatch(name):
                 yield from self._missing(folder / name)
             return
-        # A folder that has a model in it; any other may hold anything.
+        # Only a folder with a model: any other may hold anything.
         yield from _in_folder(found, "*.sdf", "*.config") if found.is_dir() else (found,)
 
     def _missing(self, path: Path) -> Iterator[Path]:
-        """A file that may come to be where one may be."""
+        """Yield a file that does not exist yet, where it may appear."""
         place = Path(os.path.abspath(path))  # noqa: PTH100 - there is nothing yet that could be a link
         is_allowed = self.workspace.allow_outside or place.is_relative_to(self.workspace.root)
         if is_allowed and not os.path.lexists(place):
@@ -113,7 +113,7 @@ class _Reader:
 
 
 def watched_files(scenario_file: Path, *, allow_outside: bool = False) -> frozenset[Path]:
-    """The scenario file and all that names in it lead to, at most so many; links are followed."""
+    """Return the scenario file and all files that it depends on, up to a limit; links are followed."""
     first = scenario_file.absolute()
     try:
         workspace = Workspace.around(scenario_file, allow_outside=allow_outside)
@@ -130,7 +130,7 @@ def watched_files(scenario_file: Path, *, allow_outside: bool = False) -> frozen
 
 
 def stamps(paths: Iterable[Path]) -> dict[Path, Stamp]:
-    """What tells a file from the same one after it was written."""
+    """Return a stamp for each path that changes when the file is written."""
     return {path: _stamp(path) for path in paths}
 
 
@@ -150,7 +150,7 @@ def _bytes(path: Path, most: int) -> bytes | None:
 
 
 def _document(path: Path) -> object:
-    """What stands in it; nothing if it cannot be read, as while it is being written."""
+    """Return the content of a YAML file; None if it cannot be read, for example while it is written."""
     data = _bytes(path, MAX_BYTES)
     try:
         return None if data is None else read_document(path.name, data.decode("utf-8", errors="replace")).data
@@ -159,7 +159,7 @@ def _document(path: Path) -> object:
 
 
 def _mapped(data: object) -> Mapping[str, str]:
-    """`robot.packages`, as far as it is what it should be."""
+    """Return the valid entries of `robot.packages`."""
     robot = data.get("robot") if isinstance(data, dict) else None
     stated = robot.get("packages") if isinstance(robot, dict) else None
     pairs = stated.items() if isinstance(stated, dict) else ()
@@ -167,7 +167,7 @@ def _mapped(data: object) -> Mapping[str, str]:
 
 
 def _packages_of_nodes(data: object) -> Iterator[str]:
-    """Names of packages, as far as `commands: {ros1: ...}` is what it should be."""
+    """Yield the package names of `commands: {ros1: ...}`."""
     commands = data.get("commands") if isinstance(data, dict) else None
     for source in commands if isinstance(commands, tuple) else (commands,):
         spec = source.get("ros1") if isinstance(source, dict) else None
@@ -187,7 +187,7 @@ def _texts(data: object) -> Iterator[str]:
 
 
 def _words(text: str) -> list[str]:
-    """As a command takes text apart."""
+    """Split a text into words as a command line is split."""
     try:
         return shlex.split(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Whether what moves in a world, and what disturbs it, can: times, speeds, and names of what is there."""
+"""Check moving bodies and disturbances of a world: their times, speeds and names."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
-# Times that are advised are rounded up to it, in s.
+# Advised times are rounded up to this step in s.
 _ADVISED: Final = 0.001
 
 
 def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> SpecProblems:
-    """Bodies that would move in no time, faster than engines can follow, or after the end.
+    """Yield bodies that move too fast, in no time, or after the end.
 
-    `parts`: name of a body -> what it is made of, for those that are read.
+    `parts`: name of a body -> its parts, for bodies read from files.
     """
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
@@ -38,7 +38,7 @@ def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> 
 
 
 def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
-    """Disturbances after the end, of what is not there, or of what nothing moves."""
+    """Yield disturbances after the end, of missing bodies or links, or of fixed ones."""
     for index, disturbance in enumerate(scene.world.disturbances):
         found = (
             *_time_problems(disturbance, time_limit),
@@ -50,9 +50,9 @@ def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
 
 
 def _start(body: Body, read: Sequence[Part] | None) -> Placement:
-    """Where a path goes on from; what leaves z out stays as high as it stands on the ground."""
+    """Return the start of a path; without z the body stands on the ground."""
     parts = body.parts() if not body.is_read else read
-    # What could not be read is told elsewhere.
+    # An unreadable file is reported elsewhere.
     return body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]}) if body.path and parts else body.pose
 
 
@@ -63,10 +63,10 @@ def _path_problems(body: Body, pose: Placement, physics: Physics, limit: float) 
     for index, ((before, start), (point, end)) in enumerate(pairwise(zip(body.path, places, strict=True)), start=1):
         if point.at <= before.at:
             earlier = f"must be later than the point before it, at {before.at:g} s"
-            yield (index, "at"), f"{earlier}; nothing is at two places at once"
+            yield (index, "at"), f"{earlier}; a body cannot be at two places at the same time"
             continue
         if before.at >= limit > body.path[0].at:
-            yield (index, "at"), f"the run is over before it goes there: time_limit is {limit:g} s"
+            yield (index, "at"), f"the run ends before the body gets there: time_limit is {limit:g} s"
         for way, unit, bound, key in (
             (_way(start, end), "m", physics.max_speed, "max_speed"),
             (_turn(start, end), "rad", physics.max_turn_rate, "max_turn_rate"),
@@ -76,7 +76,7 @@ def _path_problems(body: Body, pose: Placement, physics: Physics, limit: float) 
                 found = f"{units.display(way, unit)} from {before.at:g} s on is {units.display(speed, f'{unit}/s')}"
                 most = f"more than physics.{key}, {units.display(bound, f'{unit}/s')}"
                 least = math.ceil(way / bound / _ADVISED) * _ADVISED
-                yield (index,), f"{found}, {most}; it takes {least:.4g} s at the least"
+                yield (index,), f"{found}, {most}; it needs {least:.4g} s at least"
 
 
 def _way(start: Placement, end: Placement) -> float:
@@ -84,7 +84,7 @@ def _way(start: Placement, end: Placement) -> float:
 
 
 def _turn(start: Placement, end: Placement) -> float:
-    """Bound in rad on how far a body turns."""
+    """Return an upper bound in rad of the angle that a body turns."""
     return abs(end.roll - start.roll) + abs(end.pitch - start.pitch) + abs(end.yaw - start.yaw)
 
 
@@ -92,11 +92,11 @@ def _time_problems(disturbance: Disturbance, limit: float) -> SpecProblems:
     if disturbance.at >= limit:
         yield ("at",), f"must be earlier than time_limit ({limit:g} s)"
     elif disturbance.end > limit:
-        yield ("for",), f"it acts until {disturbance.end:g} s, and the run is over at time_limit ({limit:g} s)"
+        yield ("for",), f"it acts until {disturbance.end:g} s, but the run ends at time_limit ({limit:g} s)"
 
 
 def _speed_problems(disturbance: Disturbance, physics: Physics) -> SpecProblems:
-    """A push after which the robot would be told to be unstable; of bodies, nobody is."""
+    """Yield pushes that would make the robot count as unstable. Bodies never do."""
     speed = math.hypot(*disturbance.velocity or ())
     if disturbance.body is None and speed > physics.max_speed:
         found, bound = (units.display(value, "m/s") for value in (speed, physics.max_speed))

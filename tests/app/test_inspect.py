@@ -240,7 +240,7 @@ def test_a_drive_that_is_likely_is_offered_and_left_to_the_reader(tmp_path: Path
     found = cart(tmp_path, FOUR[0], FOUR[2])
     assert found.drive is None
     assert "\n  # drive: {diff: {left: [a_joint], right: [c_joint]}}\n" in found.robot
-    assert "robot.drive has to say it" in inspection_text(found)
+    assert "state it in robot.drive" in inspection_text(found)
 
 
 @pytest.mark.parametrize(
@@ -294,7 +294,7 @@ def test_what_a_scenario_has_to_allow_stands_in_the_block(tmp_path: Path) -> Non
     found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('lower="-1" upper="2" ', "")))
     assert found.needs == ("missing-limits",)
     assert "  allow: [missing-limits]\n" in found.robot
-    assert "\nerror missing-limits, to be let go by robot.allow\n  " in inspection_text(found)
+    assert "\nerror missing-limits, can be allowed by robot.allow\n  " in inspection_text(found)
 
 
 def test_what_no_engine_could_take_is_refused(tmp_path: Path) -> None:

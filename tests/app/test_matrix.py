@@ -123,8 +123,8 @@ def test_the_scenarios_of_a_shard_are_as_many_as_can_be_passed_on() -> None:
     with pytest.raises(UsageError) as raised:
         dealt(names_of(MAX_BYTES + 1), 1)
     assert str(raised.value) == (
-        "shard 1 of 1 would be 131 names of 131.1 kB, and 128 KiB is all that one variable of a runner holds; "
-        "make more shards, or a matrix of folders or of `shard: I/N`, which needs no names"
+        "shard 1 of 1 would be 131 names of 131.1 kB, but a variable of a runner holds 128 KiB at most; "
+        "use more shards, or use a matrix of folders or of `shard: I/N`, which needs no names"
     )
     assert len(dealt(names_of(MAX_BYTES + 1), 2)) == 2
 
@@ -137,14 +137,14 @@ def test_bytes_are_counted_and_not_characters() -> None:
 def test_the_matrix_is_no_longer_than_an_output_may_be() -> None:
     names = names_of(499_000)
     assert len(matrix_text([of(name) for name in names], [], 8, {})) <= 500_000
-    with pytest.raises(UsageError, match=r"would be 501\.\d kB long, and GitHub takes 500 kB.*`shard: I/N`"):
+    with pytest.raises(UsageError, match=r"would be 501\.\d kB long, but GitHub accepts 500 kB.*`shard: I/N`"):
         dealt(names_of(501_000), 8)
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\rb", "a\u2028b", " a", "a ", "a\u00a0", os.fsdecode(b"a\xff")])
 def test_a_name_that_cannot_be_a_line_is_refused(name: str) -> None:
     for names, empty in (["fine", name], []), (["fine"], [name]):
-        with pytest.raises(UsageError, match="cannot stand in a matrix") as raised:
+        with pytest.raises(UsageError, match="a matrix cannot contain a name") as raised:
             matrix_text([of(name) for name in names], empty, 2, {})
         told = str(raised.value)
         assert told.isprintable()

@@ -28,7 +28,7 @@ ASKEW: Final = (0.001, 0.05)
 every_robot = pytest.mark.parametrize(
     "known", [pytest.param(known, marks=pytest.mark.pybullet, id=known.name) for known in ROBOTS]
 )
-BLOCK: Final = "to paste into a scenario in this folder:\n\n"
+BLOCK: Final = "block for a scenario in this folder:\n\n"
 
 
 def engines_box(scene: Scene) -> list[float]:

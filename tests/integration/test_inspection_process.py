@@ -53,7 +53,7 @@ def test_what_is_evaluated_in_time_is_told(tmp_path: Path) -> None:
 def test_what_is_never_done_is_ended(tmp_path: Path) -> None:
     found = looked(tmp_path, "${9**9**9}", seconds=1)
     assert found.returncode == 1
-    assert found.stderr == "bot.xacro: not evaluated after 1 s: does something in it go on without end?\n"
+    assert found.stderr == "bot.xacro: the evaluation was stopped after 1 s; check the file for an endless recursion\n"
 
 
 def test_what_takes_too_much_memory_is_told(tmp_path: Path) -> None:

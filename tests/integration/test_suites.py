@@ -171,7 +171,7 @@ def test_what_stops_all_variations_is_told_by_one_part(folder: Path) -> None:
     assert told(folder) == [("push", "error")]
     beyond = sim_action(folder, "run", "push.sim.yml::5")
     assert beyond.returncode == 2
-    assert "push.sim.yml::5: the file holds 4, counted from 1" in beyond.stderr
+    assert "push.sim.yml::5: the file has 4 scenarios, counted from 1" in beyond.stderr
 
 
 def test_a_matrix_and_what_must_be_in_a_merge_know_the_same_selection(folder: Path) -> None:
@@ -233,7 +233,7 @@ def test_a_draw_out_of_bounds_is_an_error_of_that_variation(folder: Path) -> Non
     assert ran.returncode == 2
     assert sorted(status for _, status in told(folder)) == ["error", "passed", "passed", "passed"]
     assert "3 of 4 passed; worst: [friction=-" in ran.stdout
-    assert "(drawn from uniform: [-0.3, 0.9]; choose bounds that it allows)" in ran.stdout
+    assert "(drawn from uniform: [-0.3, 0.9]; choose bounds within the allowed range)" in ran.stdout
     (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
     assert (suite.get("tests"), suite.get("errors")) == ("4", "1")
 

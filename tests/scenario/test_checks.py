@@ -74,8 +74,8 @@ def test_a_joint_may_begin_at_its_limit_and_anywhere_without_one(position: str, 
 @pytest.mark.parametrize(
     ("name", "problem"),
     [
-        ("missing-limit", "'missing-limit' is no rule that can be let go; did you mean 'missing-limits'?"),
-        ("two-parents", "'two-parents' is no rule that can be let go; no engine could take such a model"),
+        ("missing-limit", "'missing-limit' is not a rule that can be allowed; did you mean 'missing-limits'?"),
+        ("two-parents", "'two-parents' is not a rule that can be allowed; no engine accepts such a model"),
     ],
 )
 def test_only_rules_that_can_be_let_go_are_allowed(name: str, problem: str, tmp_path: Path) -> None:

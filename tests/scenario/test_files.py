@@ -98,8 +98,8 @@ def test_a_built_in_robot_of_a_base_in_another_folder_stays_that(
             "bse.base.yml",
             "'bse.base.yml' does not exist (looked for {folder}/bse.base.yml); did you mean 'b.base.yml'?",
         ),
-        ("a.sim.yml", "goes in a circle: a.sim.yml -> a.sim.yml"),
-        ("loop.base.yml", "goes in a circle: a.sim.yml -> loop.base.yml -> a.sim.yml"),
+        ("a.sim.yml", "the files extend each other in a circle: a.sim.yml -> a.sim.yml"),
+        ("loop.base.yml", "the files extend each other in a circle: a.sim.yml -> loop.base.yml -> a.sim.yml"),
         ("/etc/hostname", "'/etc/hostname' is outside the workspace {folder}; allow it with --allow-outside"),
         ("../x.base.yml", "'../x.base.yml' is outside the workspace {folder}; allow it with --allow-outside"),
         ("[b.base.yml]", "expected the path of one file, found a list of 1"),
@@ -202,7 +202,7 @@ def test_what_is_wrong_with_one_leaves_the_others(tmp_path: Path) -> None:
         "3:17: time_limit: expected time such as '1 s', found 'never'",
         "4:5: expected a map of keys, found 7",
         "5:6: name: a second scenario named 'good' in this file",
-        "6:18: scenarios: belongs to a whole file, not to one of its scenarios",
+        "6:18: scenarios: is a key of the file, not of one of its scenarios",
         "7:5: name: the key 'name' is missing",
     ]
     assert Outcome.of_refused(refused[0]).location == Location(str(tmp_path / "many.sim.yml"), 3)
@@ -225,7 +225,7 @@ def test_a_list_of_scenarios_that_is_none(scenarios: str, problem: str, tmp_path
 def test_a_few_lines_do_not_become_millions_of_values(tmp_path: Path) -> None:
     (refused,) = several(tmp_path, f"scenarios: [{'{}, ' * 1000}]\nexpect: [{'upright, ' * 1000}]\n")
     assert isinstance(refused, Refused)
-    assert "too much beside them" in str(refused.error)
+    assert "too many shared keys" in str(refused.error)
 
 
 def test_several_scenarios_may_stand_on_one_base(tmp_path: Path) -> None:
@@ -234,4 +234,4 @@ def test_several_scenarios_may_stand_on_one_base(tmp_path: Path) -> None:
     assert [source.name for source in found] == ["a", "b"]
     write(tmp_path, a="extends: many.sim.yml\nname: c\n")
     (problem,) = told(tmp_path / "a.sim.yml")
-    assert problem.endswith("many.sim.yml holds several scenarios; extend a file of one, or of what they share")
+    assert problem.endswith("many.sim.yml holds several scenarios; extend a file with one scenario")

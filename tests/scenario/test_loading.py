@@ -173,7 +173,7 @@ def test_one_source_and_a_list_of_sources_have_their_places(tmp_path: Path) -> N
 def test_the_nearest_rates_that_divide_are_named(physics: str, rate: str, near: str, tmp_path: Path) -> None:
     text = LEAST.replace("10 Hz", rate) + f"physics: {{rate: {physics}}}\n"
     (problem,) = told(tmp_path, text)
-    assert problem.endswith(f"near: {near}")
+    assert problem.endswith(f"nearest: {near}")
 
 
 @pytest.mark.parametrize(
@@ -181,11 +181,11 @@ def test_the_nearest_rates_that_divide_are_named(physics: str, rate: str, near: 
     [
         ("before: 40 s", "10:5: expect.0.before: must not be later than time_limit (30 s)"),
         ("after: 30 s", "10:5: expect.0.after: must be earlier than time_limit (30 s)"),
-        ("before: 1 ms", "10:5: expect.0.before: too early: the first physics step that counts is at 0.004167 s"),
+        ("before: 1 ms", "10:5: expect.0.before: too early: the first physics step in the window is at 0.004167 s"),
         ("{after: 4, before: 3}", "10:13: expect.0.before: must be later than 'after' (4 s)"),
         (
             "{after: 1.001, before: 1.002}",
-            "10:19: expect.0.before: too early: the first physics step that counts is at",
+            "10:19: expect.0.before: too early: the first physics step in the window is at",
         ),
     ],
 )

@@ -74,7 +74,7 @@ def test_a_file_of_which_nothing_is_selected_is_no_file(many: Path, tmp_path: Pa
 
 @pytest.mark.parametrize("number", [0, 6])
 def test_a_number_that_no_scenario_has_is_told(many: Path, number: int) -> None:
-    with pytest.raises(UsageError, match=rf"many\.sim\.yml::{number}: the file holds 5, counted from 1"):
+    with pytest.raises(UsageError, match=rf"many\.sim\.yml::{number}: the file has 5 scenarios, counted from 1"):
         found(Suite([many], numbers={file_name(many): frozenset({1, number})}))
 
 
@@ -158,7 +158,7 @@ def test_what_cannot_be_read_may_have_any_tag_and_no_other_name() -> None:
     [
         (
             {"only": ("psh",)},
-            "--only: no scenario is called 'psh'; did you mean 'push'? (allowed: drive, drive far, push)",
+            "--only: no scenario is named 'psh'; did you mean 'push'? (allowed: drive, drive far, push)",
         ),
         ({"only": ("push[friction=0.5]",)}, "did you mean 'push[friction=0.8]'?"),
         (

@@ -198,18 +198,21 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ("{world.objects.1.pose.x: [1]}", "world.objects is a list without '1' (allowed: wall); one of its 1 entries"),
         ("{expect.2: [1]}", "expect is a list without '2'; one of its 1 entries by number, from 0"),
         ("{robot.model.x: [1]}", "robot.model is 'turtlebot3_burger', and has no key 'x'"),
-        ("{robot..x: [1]}", "a key is a way through the scenario"),
+        ("{robot..x: [1]}", "a key is a path of keys with dots"),
         ("{name: [a, b]}", "'name' is the same in all variations"),
         ("{extends: [a.base.yml, b.base.yml]}", "'extends' is the same in all variations: files are merged before"),
-        ("{scenarios: [[], []]}", "'scenarios' is the same in all variations: they are told apart before keys vary"),
-        ("{variations.seed: [1, 2]}", "'variations' is the same in all variations: there are none of variations"),
-        ("{backend: [pybullet]}", "'backend' is the same in all variations; --backend all runs"),
-        ("{robot.pose: [{}], robot.pose.x: [1]}", "is inside 'robot.pose', which varies, too"),
+        (
+            "{scenarios: [[], []]}",
+            "'scenarios' is the same in all variations: scenarios are separated before keys vary",
+        ),
+        ("{variations.seed: [1, 2]}", "'variations' is the same in all variations: variations cannot be nested"),
+        ("{backend: [pybullet]}", "'backend' is the same in all variations; use --backend all to run"),
+        ("{robot.pose: [{}], robot.pose.x: [1]}", "is inside 'robot.pose', which also varies"),
         ("{robot.pose.x: []}", "expected a list of values, or a draw such as"),
         ("{robot.pose.x: 3}", "expected a list of values, or a draw such as {uniform: [0, 1], samples: 10}, found 3"),
         ("{robot.pose.x: {unifrm: [0, 1], samples: 2}}", "did you mean 'uniform'?"),
         ("{robot.pose.x: {uniform: [0, 1], normal: [0, 1], samples: 2}}", "expected a list of values, or a draw"),
-        ("{robot.pose.x: [1, 2, 1]}", "1 is there twice"),
+        ("{robot.pose.x: [1, 2, 1]}", "1 occurs twice"),
         ("{robot.pose.x: {uniform: [1, 1], samples: 2}}", "the first bound must be below the second"),
         (
             "{robot.pose.x: {uniform: [0 s, 5 cm], samples: 2}}",
@@ -219,16 +222,16 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ("{robot.pose.x: {uniform: [-1 m, 5], samples: 2}}", "units of one dimension, or none; found '-1 m' and 5.0"),
         ("{robot.pose.x: {normal: [1e308 km, 1 mm], samples: 2}}", "found '1e308 km' and '1 mm'"),
         ("{robot.pose.x: {uniform: [1 m, 5 cm], samples: 2}}", "the first bound must be below the second"),
-        ("{robot.pose.x: {uniform: [0, .inf], samples: 2}}", "expected a finite number, maybe with a unit, found inf"),
+        ("{robot.pose.x: {uniform: [0, .inf], samples: 2}}", "expected a finite number or quantity, found inf"),
         ("{robot.pose.x: {uniform: [-1e308, 1e308], samples: 2}}", "the first bound must be below the second"),
         ("{robot.pose.x: {normal: [0, 0], samples: 2}}", "the standard deviation must be above 0"),
         ("{robot.pose.x: {normal: [0, 1]}}", "the key 'samples' is missing"),
         ("{robot.pose.x: {normal: [0, 1], samples: 0}}", "must be at least 1, found 0"),
         ("{robot.pose.x: {normal: [0], samples: 1}}", "entry 2 of the list is missing"),
-        ("{robot.pose.x: {normal: [far, 1], samples: 1}}", "expected a finite number, maybe with a unit, found 'far'"),
-        ("{robot.pose.x: {normal: ['1 |', '1 |'], samples: 1}}", "a finite number, maybe with a unit, found '1 |'"),
-        ('{"robot.args.\\n::error::x": [1]}', "runs are named after it: it is plain text"),
-        ("{robot.args.<b>: [1]}", "runs are named after it: it is plain text"),
+        ("{robot.pose.x: {normal: [far, 1], samples: 1}}", "expected a finite number or quantity, found 'far'"),
+        ("{robot.pose.x: {normal: ['1 |', '1 |'], samples: 1}}", "a finite number or quantity, found '1 |'"),
+        ('{"robot.args.\\n::error::x": [1]}', "the names of the runs contain it: use plain text"),
+        ("{robot.args.<b>: [1]}", "the names of the runs contain it: use plain text"),
         ("{'robot.args.a=1,b': [1]}", "without any of [],=*?"),
         (f"{{robot.args.{'x' * 200}: [1]}}", "of at most 200 characters"),
         ("[1]", "variations: expected a map of 1 to 20 keys"),
@@ -239,7 +242,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ),
         (
             "{robot.pose.x: {normal: [0, 1], samples: 1}, robot.pose.y: {normal: [0, 1], samples: 2}}",
-            "samples are drawn jointly: 'robot.pose.x' has 1, this one 2",
+            "samples are drawn together: 'robot.pose.x' has 1, this one 2",
         ),
     ],
 )
@@ -276,7 +279,7 @@ def test_what_is_long_is_not_varied_without_end() -> None:
     assert len(varied(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 400}}}}\n")) == 400
     (found,) = problems(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 600}}}}\n")
     assert "600 runs of 10,1" in found
-    assert "values each, more than 5,000,000; put what is long in a file" in found
+    assert "values each, more than 5,000,000; move long values into a file" in found
 
 
 def test_variations_share_what_is_read_for_their_worlds(tmp_path: Path) -> None:
@@ -368,8 +371,7 @@ def test_a_draw_beyond_what_its_key_allows_stops_that_variation_alone(tmp_path: 
         (problem,) = each.problems
         assert str(problem).endswith(
             f"12:3: world.ground.friction: must be at least 0, found {each.variation[0].value} "
-            "(drawn from normal: [0.2, 0.2]; 'uniform' has bounds, 'normal' has none; a smaller deviation seldom "
-            "goes as far)"
+            "(drawn from normal: [0.2, 0.2]; use 'uniform', which has bounds, or a smaller deviation)"
         )
     outcome = Outcome.of_refused(refused[0])
     assert (outcome.name, outcome.group, outcome.variation) == (refused[0].name, refused[0].group, refused[0].variation)
@@ -405,11 +407,11 @@ def test_a_variation_that_cannot_be_keeps_its_name_on_its_own(tmp_path: Path) ->
     [
         (
             ("{name: br, variations: {robot.pose.x: [1, 2]}}", "{name: 'br[x=1]'}"),
-            "3:6: name: this scenario is called 'br[x=1]', as is another run of this file; choose another name",
+            "3:6: name: this scenario is called 'br[x=1]', like another run of this file; choose another name",
         ),
         (
             ("{name: 'br[x=2]'}", "{name: br, variations: {robot.pose.x: [1, 2]}}"),
-            "3:6: name: a variation of 'br' is called 'br[x=2]', as is another run of this file; choose another name",
+            "3:6: name: a variation of 'br' is called 'br[x=2]', like another run of this file; choose another name",
         ),
     ],
 )

@@ -45,21 +45,21 @@ def test_what_can_be_is_let_through(tmp_path: Path) -> None:
             "{at: 1 s, x: 2}, {at: 1 s, x: 5}",
             (
                 "world.objects.0.path.1.at: must be later than the point before it, at 1 s; "
-                "nothing is at two places at once"
+                "a body cannot be at two places at the same time"
             ),
         ),
         (
             "{at: 0}, {at: 10 ms, x: 5}",
             (
                 "world.objects.0.path.1: 5 m from 0 s on is 500 m/s, more than physics.max_speed, 100 m/s; "
-                "it takes 0.05 s at the least"
+                "it needs 0.05 s at least"
             ),
         ),
         (
             "{at: 0}, {at: 10 ms, yaw: 3600 deg}",
             (
                 "world.objects.0.path.1: 3600 deg from 0 s on is 3.6e+05 deg/s, more than physics.max_turn_rate, "
-                "5.73e+04 deg/s; it takes 0.063 s at the least"
+                "5.73e+04 deg/s; it needs 0.063 s at least"
             ),
         ),
         (
@@ -67,7 +67,7 @@ def test_what_can_be_is_let_through(tmp_path: Path) -> None:
             "{at: 0}, {at: 10 ms, z: 2}",
             (
                 "world.objects.0.path.1: 1.5 m from 0 s on is 150 m/s, more than physics.max_speed, 100 m/s; "
-                "it takes 0.015 s at the least"
+                "it needs 0.015 s at least"
             ),
         ),
         (
@@ -76,7 +76,7 @@ def test_what_can_be_is_let_through(tmp_path: Path) -> None:
         ),
         (
             "{at: 0}, {at: 10 s, x: 5}, {at: 12 s, x: 0}",
-            "world.objects.0.path.2.at: the run is over before it goes there: time_limit is 10 s",
+            "world.objects.0.path.2.at: the run ends before the body gets there: time_limit is 10 s",
         ),
     ],
 )
@@ -98,7 +98,7 @@ def test_a_body_appears_before_the_end(tmp_path: Path) -> None:
         ("at: 10 s, velocity: [1, 0, 0]", "at: must be earlier than time_limit (10 s)"),
         (
             "at: 9 s, for: 2 s, force: [1, 0, 0]",
-            "for: it acts until 11 s, and the run is over at time_limit (10 s)",
+            "for: it acts until 11 s, but the run ends at time_limit (10 s)",
         ),
         (
             "at: 1, for: 1, link: base_foot, force: [1, 0, 0]",

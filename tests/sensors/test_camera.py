@@ -83,7 +83,7 @@ def test_a_trace_keeps_pictures(tmp_path: Path) -> None:
         ("{camera: {fov: 1}}", "sensors.0.camera.fov: unknown key"),
         (
             "{camera: {width: 1920, height: 1080}, rate: 4 Hz, trace: true}",
-            "sensors.0.trace: until time_limit (30 s) its readings take 1742 MB; of all sensors a trace keeps 500 MB",
+            "sensors.0.trace: until time_limit (30 s) its readings take 1742 MB; a trace holds 500 MB",
         ),
     ],
 )
