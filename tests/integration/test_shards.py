@@ -184,7 +184,7 @@ def test_more_names_than_a_runner_passes_on_are_refused(tmp_path: Path) -> None:
         (folder / f"{place}.sim.yml").touch()
     planned = sim_action(tmp_path, "matrix", "--shards", "1")
     assert (planned.returncode, planned.stdout) == (2, "")
-    assert "make more shards, or a matrix of folders or of `shard: I/N`" in planned.stderr
+    assert "use more shards, or a matrix of folders or of `shard: I/N`" in planned.stderr
     assert len(json.loads(sim_action(tmp_path, "matrix", "--shards", "2").stdout)["include"]) == 2
 
 

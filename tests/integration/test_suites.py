@@ -126,7 +126,7 @@ def test_scenarios_are_found_by_name_and_tag(folder: Path) -> None:
     assert listed.stdout.splitlines() == ["one\tmany.sim.yml:2\tdry", "two\tmany.sim.yml:3", "three\tmany.sim.yml:4"]
     nothing = sim_action(folder, "run", "--only", "pus")
     assert nothing.returncode == 2
-    assert "no scenario is called 'pus'; did you mean 'push'?" in nothing.stderr
+    assert "no scenario is named 'pus'; did you mean 'push'?" in nothing.stderr
 
 
 def test_shards_are_dealt_scenarios_of_what_is_selected(folder: Path) -> None:
