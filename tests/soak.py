@@ -19,7 +19,7 @@ SHORT: Final = "sim-action"
 LONG: Final = "sim-action-soak"
 _SLOW: Final = [HealthCheck.too_slow]
 
-settings.register_profile(SHORT, deadline=None, derandomize=True, suppress_health_check=_SLOW)
+settings.register_profile(SHORT, deadline=None, derandomize=True, max_examples=50, suppress_health_check=_SLOW)
 settings.register_profile(
     LONG, settings.get_profile(SHORT), derandomize=False, max_examples=FACTOR * settings.get_profile(SHORT).max_examples
 )

@@ -9,13 +9,14 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from tests.scenarios import FULL, LEAST
+from tests.soak import examples
 
 ODD_VALUES = [
     *("", "~", "true", "-1", "0", ".nan", ".inf", "1e999", "1e-323", "0x" + "f" * 5000, "9" * 350, "1 furlong", "5 kg"),
@@ -91,7 +92,7 @@ def mutated(text: str, rng: random.Random, odd: str) -> str:
     return "\n".join(lines)
 
 
-@settings(max_examples=300)
+@examples(100)
 @given(texts, seeds, st.integers(1, 3), st.text(max_size=5))
 def test_a_damaged_scenario_is_loaded_or_refused(folder: Path, text: str, seed: int, changes: int, odd: str) -> None:
     rng = random.Random(seed)
@@ -128,7 +129,7 @@ def replaced(data: Any, path: tuple[Any, ...], value: Any) -> Any:
     return copy
 
 
-@settings(max_examples=200)
+@examples(80)
 @given(texts, seeds, structures)
 def test_any_structure_at_any_key_is_loaded_or_refused(folder: Path, text: str, seed: int, value: object) -> None:
     data = yaml.safe_load(text)
@@ -136,7 +137,7 @@ def test_any_structure_at_any_key_is_loaded_or_refused(folder: Path, text: str, 
     check(yaml.dump(replaced(data, path, value), allow_unicode=True), folder)
 
 
-@settings(max_examples=200)
+@examples(80)
 @given(st.text(max_size=100))
 def test_any_text_is_loaded_or_refused(folder: Path, text: str) -> None:
     check(text, folder)

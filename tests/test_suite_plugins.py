@@ -84,11 +84,11 @@ def test_long_repetitions_run_when_they_are_asked_for(pytester: pytest.Pytester,
 
 def test_properties_are_asked_more_often_and_differently_in_a_long_repetition(short_again: object) -> None:
     settings.load_profile(SHORT)
-    assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (7, 100, True)
+    assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (7, 50, True)
     settings.load_profile(LONG)
     assert (examples(7).max_examples, settings().max_examples, settings().derandomize) == (
         7 * FACTOR,
-        100 * FACTOR,
+        50 * FACTOR,
         False,
     )
 

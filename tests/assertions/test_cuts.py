@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sim_action.assertions import ASSERTIONS, Assertion
@@ -38,6 +39,7 @@ from sim_action.state.observation import Contact
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from tests.soak import examples
 from tests.traces import WHEELS, contact, monitor, piece
 
 STEPS = 60
@@ -106,6 +108,8 @@ SPECS: list[Assertion] = [
 WATCHES = sorted(Channels.all_of(spec.channels for spec in SPECS).clearances, key=repr)
 
 
+# The property tests ask all assertions about the same traces.
+@lru_cache(maxsize=32)
 def random_trace(seed: int, steps: int = STEPS) -> Trace:
     """A random walk, turning and swaying, with a contact now and then, or most of the time."""
     rng = np.random.default_rng(seed)
@@ -178,7 +182,7 @@ def test_every_assertion_is_among_those_that_are_cut() -> None:
 
 
 @pytest.mark.parametrize("spec", SPECS, ids=lambda spec: f"{spec.title}")
-@settings(max_examples=40)
+@examples(12)
 @given(seed=seeds, at=cuts)
 def test_a_monitor_says_the_same_of_the_pieces_as_of_the_whole(spec: Assertion, seed: int, at: list[int]) -> None:
     seen, opened = random_trace(seed), monitor(spec)
@@ -193,7 +197,7 @@ def test_a_monitor_says_the_same_of_single_steps_as_of_the_whole(spec: Assertion
     assert in_pieces(opened, seen, list(range(STEPS))).verdict() == opened.observe(seen).verdict()
 
 
-@settings(max_examples=150)
+@examples(100)
 @given(st.sampled_from(SPECS), seeds, cuts, moments, moments | st.just(math.inf))
 @example(OdometryError(position=1.0), 243353463, [48], 0.0, math.inf)
 def test_windows_do_not_change_that(spec: Assertion, seed: int, at: list[int], after: float, before: float) -> None:
@@ -203,7 +207,7 @@ def test_windows_do_not_change_that(spec: Assertion, seed: int, at: list[int], a
     assert pieces.verdict() == whole.verdict()
 
 
-@settings(max_examples=60)
+@examples(20)
 @given(st.sampled_from(SPECS), seeds)
 def test_observing_leaves_the_earlier_monitor_as_it_was(spec: Assertion, seed: int) -> None:
     opened = monitor(spec)
@@ -216,7 +220,7 @@ def rank(state: State) -> int:
     return [State.PENDING, State.HOLDS, State.BROKEN].index(state)
 
 
-@settings(max_examples=150)
+@examples(100)
 @given(st.sampled_from(SPECS), seeds)
 def test_a_run_that_is_over_stays_over(spec: Assertion, seed: int) -> None:
     """What came true is not pending again, and what is broken stays so: the panel finds the moment by halving."""
@@ -228,7 +232,7 @@ def test_a_run_that_is_over_stays_over(spec: Assertion, seed: int) -> None:
     assert said == sorted(said)
 
 
-@settings(max_examples=150)
+@examples(100)
 @given(st.sampled_from(SPECS), seeds)
 def test_what_is_decided_is_as_it_will_be_judged(spec: Assertion, seed: int) -> None:
     seen, opened = random_trace(seed), monitor(spec)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -23,6 +23,7 @@ from sim_action.state.observation import JointState
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.verdict import Polyline, Verdict
 from sim_action.world.scene import Scene
+from tests.soak import examples
 from tests.traces import START, WHEELS, scene, trace
 
 RATE = 240
@@ -128,7 +129,7 @@ def test_it_needs_a_moment(tmp_path: Path) -> None:
     assert (verdict.passed, verdict.message) == (False, "no physics step to compare with x.csv")
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(cuts=st.lists(st.integers(0, 480), max_size=6), rate=st.sampled_from([7.0, 10.0, 240.0, 1000.0]))
 def test_it_says_of_pieces_what_it_says_of_the_whole(
     cuts: list[int], rate: float, tmp_path_factory: pytest.TempPathFactory
@@ -145,7 +146,7 @@ def test_it_says_of_pieces_what_it_says_of_the_whole(
 
 
 @pytest.mark.parametrize("rate", [10.0, 30.0, 7.0, 1000.0])
-@settings(max_examples=10)
+@examples(10)
 @given(seed=st.integers(0, 1000))
 def test_any_run_matches_itself_within_the_least_tolerance(
     rate: float, seed: int, tmp_path_factory: pytest.TempPathFactory

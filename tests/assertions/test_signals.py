@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions import ASSERTIONS, Assertion
@@ -40,6 +40,7 @@ from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from sim_action.state.verdict import Arrow, Circle, Mark, Polygon, Polyline, Signal
 from tests.assertions.test_cuts import SPECS, random_trace
+from tests.soak import examples
 from tests.traces import START, WHEELS, contact, expectation, scene, trace
 
 RATE = 240
@@ -302,7 +303,7 @@ def test_none_is_forgotten() -> None:
 STEPS = st.integers(0, 65).map(lambda step: step * STEP)
 
 
-@settings(max_examples=300)
+@examples(100)
 @given(st.sampled_from([spec for spec in SPECS if spec.key != "stops_before"]), st.integers(0, 999), STEPS, STEPS)
 def test_what_a_verdict_measures_is_on_a_curve_against_the_same_limit(
     spec: Assertion, seed: int, after: float, before: float

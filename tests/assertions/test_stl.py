@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -25,6 +25,7 @@ from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from tests.assertions.temporal_logic.formulas import meaning, plain_formulas, walks
+from tests.soak import examples
 from tests.traces import judged, monitor, piece, scene, trace
 
 SCENE = scene()
@@ -170,7 +171,7 @@ def test_a_window_begins_it_and_cuts_it() -> None:
     assert until_then.observe(FAST).state is State.HOLDS
 
 
-@settings(max_examples=300, deadline=None)
+@examples(100)
 @given(plain_formulas, walks)
 def test_the_margin_is_the_robustness_at_the_first_moment(formula: Formula, walk: list[tuple[int, int]]) -> None:
     verdict = folded(formula, walk, []).verdict()
@@ -179,7 +180,7 @@ def test_the_margin_is_the_robustness_at_the_first_moment(formula: Formula, walk
     assert verdict.margin == (None if math.isinf(expected) else expected)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(100)
 @given(plain_formulas, walks, st.lists(st.integers(0, 20), max_size=8))
 def test_pieces_say_what_the_whole_says_and_a_decision_stands(
     formula: Formula, walk: list[tuple[int, int]], at: list[int]

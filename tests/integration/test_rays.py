@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
@@ -19,6 +19,7 @@ from sim_action.world import GRAVITY, Body, Cylinder, Physics, Sphere, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running
 from tests.integration.ray_oracle import Floats, first_hits
+from tests.soak import examples
 
 pytestmark = on_every_engine
 
@@ -52,7 +53,7 @@ def body(generator: np.random.Generator, number: int, size: float) -> Body:
     return Body(name=f"body {number}", pose=place, mass=mass, **shapes[number % 3])
 
 
-@settings(max_examples=60)
+@examples(20)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_rays_end_at_the_first_surface_of_any_world(engine: str, seed: int) -> None:
     generator = np.random.default_rng(seed)

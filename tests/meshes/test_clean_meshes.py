@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.geometry import Vector3
@@ -29,6 +29,7 @@ from tests.mesh_files import (
     two_objects,
     wheel,
 )
+from tests.soak import examples
 
 Points = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
@@ -197,7 +198,7 @@ NASTY = [
 ]
 
 
-@settings(max_examples=1500)
+@examples(300)
 @given(mutations())
 def test_no_file_raises_anything_else(tmp_path_factory: pytest.TempPathFactory, mutation: tuple[str, bytes]) -> None:
     folder = tmp_path_factory.getbasetemp() / "fuzzed"

@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.errors import ModelError
@@ -20,6 +20,7 @@ from sim_action.robot.loading import BUILT_IN
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import RobotModel, Shape
 from sim_action.robot.urdf import read_urdf
+from tests.soak import examples
 from tests.traces import burger
 
 BURGER = Path(urdf.__file__).parent.joinpath("built_in/turtlebot3_burger.urdf").read_text(encoding="utf-8")
@@ -271,7 +272,7 @@ def mutated(text: str, seed: int) -> bytes:
     return bytes(data)
 
 
-@settings(max_examples=400)
+@examples(120)
 @given(st.sampled_from([BURGER, ARM]), st.integers(0, 2**32 - 1))
 def test_a_damaged_model_is_a_model_or_a_model_error(
     tmp_path_factory: pytest.TempPathFactory, text: str, seed: int
@@ -287,7 +288,7 @@ def test_a_damaged_model_is_a_model_or_a_model_error(
         assert all(link.mass is None or link.mass >= 0 for link in model.links)
 
 
-@settings(max_examples=200)
+@examples(80)
 @given(st.binary(max_size=300))
 def test_any_bytes_are_a_model_or_a_model_error(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "any.urdf"

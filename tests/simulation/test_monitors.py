@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions.no_collision import NoCollision
@@ -16,6 +16,7 @@ from sim_action.assertions.travel import Travel
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.simulation.monitors import End, Panel
 from sim_action.state.trace import Trace
+from tests.soak import examples
 from tests.traces import START, contact, expectation, piece, scenario, scene, trace
 
 GOAL = expectation(Travel(at_least=3.0))
@@ -142,7 +143,7 @@ EXPECTED = [
 ]
 
 
-@settings(max_examples=150)
+@examples(50)
 @given(
     st.lists(st.sampled_from(EXPECTED), min_size=1, max_size=4),
     st.none() | st.sampled_from([1.0, 6.0]),

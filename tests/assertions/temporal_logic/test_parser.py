@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions.temporal_logic.formula import (
@@ -29,6 +29,7 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.assertions.temporal_logic.parser import MAX_DEPTH, parse
 from sim_action.assertions.temporal_logic.tokens import MAX_CHARACTERS, FormulaError
 from tests.assertions.temporal_logic.formulas import formulas
+from tests.soak import examples
 
 X, Y = Signal("x"), Signal("y")
 A = Comparison(X, "<", Number(1.0))
@@ -80,7 +81,7 @@ def test_what_texts_mean(text: str, formula: Formula | None) -> None:
         assert parse(text) == formula
 
 
-@settings(max_examples=300)
+@examples(100)
 @given(formulas)
 def test_what_is_printed_is_parsed_to_the_same_formula(formula: Formula) -> None:
     text = str(formula)
@@ -98,7 +99,7 @@ pieces = st.sampled_from(
 )
 
 
-@settings(max_examples=300)
+@examples(100)
 @given(st.text(max_size=60) | st.lists(pieces).map(" ".join))
 def test_any_text_is_a_formula_or_refused(text: str) -> None:
     try:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions.temporal_logic.formula import Formula, Signal
@@ -23,13 +23,14 @@ from sim_action.assertions.temporal_logic.robustness import (
 )
 from sim_action.assertions.temporal_logic.samples import Samples
 from tests.assertions.temporal_logic.formulas import X, Y, meaning, plain_formulas, samples_of, walks
+from tests.soak import examples
 
 # Values of rtamt 0.4.10, StlDiscreteTimeOfflineSpecification, for "out = " and the formula as rtamt writes it, with x
 # and y as "float" at 0, 1, 2, ...: its default unit and period are a second.
 RTAMT: dict[str, Any] = json.loads((Path(__file__).parent / "rtamt.json").read_text())
 
 
-@settings(max_examples=400, deadline=None)
+@examples(120)
 @given(plain_formulas, walks)
 def test_it_is_what_the_definition_says_at_every_moment(formula: Formula, walk: list[tuple[int, int]]) -> None:
     expected = [meaning(formula, walk, at) for at in range(len(walk))]
@@ -43,7 +44,7 @@ def test_it_is_what_rtamt_says_at_every_moment(case: dict[str, Any]) -> None:
     assert found == [float(value) for value in case["robustness"]]
 
 
-@settings(max_examples=200, deadline=None)
+@examples(80)
 @given(plain_formulas, walks)
 def test_the_comparison_that_decides_has_the_robustness_of_the_whole(
     formula: Formula, walk: list[tuple[int, int]]
@@ -76,7 +77,7 @@ def test_arithmetic() -> None:
 
 
 @given(st.integers(1, 500), st.integers(0, 40), st.integers(0, 40))
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_steps_of_240_hz_are_neither_lost_nor_doubled_by_rounding(steps: int, start: int, length: int) -> None:
     """Bounds that are whole steps apart take in the steps at both ends."""
     time = np.arange(1, steps + 1) / 240

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.recording.replay.shapes import MeshData
@@ -19,6 +19,7 @@ from sim_action.recording.replay.surfaces import (
     within,
 )
 from sim_action.world.parts import GridPart
+from tests.soak import examples
 
 
 def ball(rings: int, radius: float = 1.0) -> Triangles:
@@ -56,7 +57,7 @@ def test_what_has_few_triangles_keeps_them() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 400), st.integers(1, 50))
-@settings(max_examples=50)
+@examples(50)
 def test_no_surface_is_beyond_its_budget(seed: int, count: int, most: int) -> None:
     numbers = np.random.default_rng(seed)
     points = numbers.normal(size=(count + 2, 3)) * numbers.choice([0.0, 1e-6, 1.0, 1e6], size=3)

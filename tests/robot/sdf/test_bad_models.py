@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.errors import ModelError, RefusedModel
@@ -18,6 +18,7 @@ from tests.robot.sdf.bad_models import BAD_SDF_MODELS, GOOD, BadSdf
 from tests.robot.sdf.models import joint, link, load, sdf
 from tests.robot.test_urdf import TETRAHEDRON
 from tests.ros_workspace import written
+from tests.soak import examples
 from tests.work import work_of
 
 
@@ -191,7 +192,7 @@ def mutate(choices: random.Random, root: ET.Element) -> None:
 
 
 @given(seed=st.integers(0, 2**32), changes=st.integers(1, 8))
-@settings(max_examples=500, deadline=None)
+@examples(150)
 def test_whatever_becomes_of_a_file_it_is_read_or_refused(
     seed: int, changes: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -20,6 +20,7 @@ from sim_action.robot.robot_model import Joint, RobotModel
 from sim_action.robot.urdf import read_urdf
 from tests.robot.sdf.models import load
 from tests.ros_workspace import written
+from tests.soak import examples
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed")
 
@@ -196,7 +197,7 @@ def in_link(pose: Pose, moments: Moments) -> NDArray[np.float64]:
 
 
 @given(seed=st.integers(0, 2**32))
-@settings(max_examples=150, deadline=None)
+@examples(50)
 def test_a_robot_is_the_same_in_both_formats(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     source, folder = Random(seed), tmp_path_factory.getbasetemp()
     parts = random_robot(source)
@@ -259,7 +260,7 @@ def balls_of_sdf(parts: list[Part], positions: list[float]) -> list[Vector3]:
 
 
 @given(seed=st.integers(0, 2**32))
-@settings(max_examples=150, deadline=None)
+@examples(50)
 def test_joints_anywhere_in_their_links_move_them_alike(seed: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     source = Random(seed)
     parts = random_robot(source, on_axis=False)
@@ -270,7 +271,7 @@ def test_joints_anywhere_in_their_links_move_them_alike(seed: int, tmp_path_fact
 
 
 @given(seed=st.integers(0, 2**32))
-@settings(max_examples=200, deadline=None)
+@examples(80)
 def test_angles_of_a_rotation_make_it_again(seed: int) -> None:
     pose = random_pose(Random(seed))
     again = geometry.quaternion_from_rpy(*geometry.rpy_from_quaternion(pose.orientation_xyzw))

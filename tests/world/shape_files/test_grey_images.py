@@ -8,10 +8,11 @@ import zlib
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.world.shape_files.grey_images import ImageError, read_image
+from tests.soak import examples
 from tests.worlds import pgm, png
 
 PIXELS = np.random.default_rng(7).integers(0, 256, (5, 7))
@@ -97,7 +98,7 @@ def test_a_png_that_would_unpack_to_more_is_not_unpacked() -> None:
     assert read_image(SIGNATURE + header(2, 2) + idat + end).pixels.tolist() == [[0, 0], [0, 0]]
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(st.binary(max_size=60), st.integers(0, 80))
 def test_damage_is_an_error_or_an_image(more: bytes, at: int) -> None:
     for whole in (png(PIXELS), pgm(PIXELS)):
