@@ -53,6 +53,8 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile(LONG if config.getoption("soak") else SHORT)
 
 
+# After hypothesis has marked its tests.
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     long = bool(config.getoption("soak"))
     chosen = [item for item in items if _runs(item, long=long)]
