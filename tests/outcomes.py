@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from sim_action.core.errors import Location
@@ -66,3 +67,13 @@ def stored(folder: Path, written: Results) -> Path:
         for name in made.recordings:
             (folder / name).write_text(f"{name} of {made.file}")
     return written.write(folder)
+
+
+def as_former_version(path: Path, end: str = "nobody left") -> None:
+    """Rewrite a results.json in the former version of its format, with the former value of `end`."""
+    document = json.loads(path.read_text())
+    document["version"] = 1
+    document["some"] = document.pop("selected")
+    for one in document["outcomes"]:
+        one["end"] = end
+    path.write_text(json.dumps(document))

@@ -15,10 +15,10 @@ from sim_action.core.files import whole_file
 from sim_action.core.messages import escaped_line
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
-from sim_action.results.comparison import Comparison, Thresholds, compared
+from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import RESULTS_FILE, find_all, read_all
-from sim_action.results.shard_results import joined
+from sim_action.results.shard_results import merge_shards
 
 STANDARD_OUTPUT: Final = "-"
 
@@ -44,7 +44,7 @@ class CompareRequest:
 
 def compare_results(request: CompareRequest) -> ExitCode:
     """Report the changes and return the exit code. Raises UsageError."""
-    comparison = compared(_outcomes(request.old), _outcomes(request.new), request.thresholds)
+    comparison = compare_outcomes(_outcomes(request.old), _outcomes(request.new), request.thresholds)
     if request.markdown not in (None, STANDARD_OUTPUT):
         _write(Path(request.markdown), comparison)
     _write_for_github(comparison, request, os.environ)
@@ -63,7 +63,7 @@ def _outcomes(pattern: str) -> list[Outcome]:
     files = read_all(find_all([pattern]))
     if not files:
         raise UsageError(escaped_line(f"no {RESULTS_FILE} found at '{pattern}'; name a results file or its folder"))
-    return [entry.outcome for entry in joined(files, None)]
+    return [entry.outcome for entry in merge_shards(files, None)]
 
 
 def _write(path: Path, comparison: Comparison) -> None:

@@ -17,8 +17,14 @@ from sim_action.reports import ReportRequest, report_options, write_reports
 from sim_action.reports.escaping import shortened
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
-from sim_action.results.shard_results import Entry, Listing, joined
-from sim_action.results.stored_files import EVIDENCE_FOLDERS, Evidence, evidence_of, moved, trace_paths
+from sim_action.results.shard_results import Entry, Listing, merge_shards
+from sim_action.results.stored_files import (
+    RUN_FILE_FOLDERS,
+    StoredFile,
+    stored_files_of,
+    trace_paths,
+    with_copied_files,
+)
 
 # A stranger may have written it, and each JUnit suite repeats it.
 _MAX_VERSION_CHARS: Final = 200
@@ -36,8 +42,8 @@ class MergeRequest:
 def merge_results(request: MergeRequest) -> ExitCode:
     """Join results, write every report and return the exit code. Raises UsageError."""
     files = _read(request)
-    entries = _with_versions(joined(files, request.listing), files)
-    evidence = [evidence_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
+    entries = _with_versions(merge_shards(files, request.listing), files)
+    evidence = [stored_files_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
     _refuse_to_overwrite(files, evidence, request.reports)
     options = report_options(request.reports)
     outcomes = list(_with_evidence(entries, evidence, options.folder))
@@ -121,11 +127,11 @@ def _distinct(texts: Iterable[str]) -> str:
 
 
 def _refuse_to_overwrite(
-    files: Iterable[ResultsFile], named: Iterable[Iterable[Evidence]], request: ReportRequest
+    files: Iterable[ResultsFile], named: Iterable[Iterable[StoredFile]], request: ReportRequest
 ) -> None:
     """Raise UsageError if the output would overwrite a file that is to be joined."""
     written = [compared_name(str(path)) for path in (request.folder / RESULTS_FILE, request.junit) if path]
-    folders = [compared_name(str(request.folder / name)) for name in EVIDENCE_FOLDERS]
+    folders = [compared_name(str(request.folder / name)) for name in RUN_FILE_FOLDERS]
     for path in [file.path for file in files] + [file.source for found in named for file in found if file.source]:
         name = compared_name(str(path))
         if name in written or any(Path(name).is_relative_to(folder) for folder in folders):
@@ -133,14 +139,14 @@ def _refuse_to_overwrite(
             raise UsageError(escaped_line(f"{why}; choose another --output-dir or --junit"))
 
 
-def _with_evidence(entries: Sequence[Entry], named: Sequence[Sequence[Evidence]], folder: Path) -> Iterator[Outcome]:
+def _with_evidence(entries: Sequence[Entry], named: Sequence[Sequence[StoredFile]], folder: Path) -> Iterator[Outcome]:
     """Yield the outcomes with their files in `folder`, named as a single run of all scenarios names them."""
     # A run reserves a trace name for each scenario that it could load.
     loaded = [place for place, entry in enumerate(entries) if entry.origin and not _is_invalid(entry.outcome)]
     paths = trace_paths([entries[place].outcome.name for place in loaded], folder)
     traces = dict(zip(loaded, paths, strict=True))
     for place, (entry, files) in enumerate(zip(entries, named, strict=True)):
-        yield moved(entry.outcome, files, traces.get(place), folder)
+        yield with_copied_files(entry.outcome, files, traces.get(place), folder)
 
 
 def _is_invalid(outcome: Outcome) -> bool:

@@ -53,7 +53,7 @@ def run_scenarios(request: RunRequest, interruption: Interruption) -> Results:
         platform=platform.platform(),
         wall_time=time.monotonic() - started,
         shard=found.shard,
-        some=bool(request.plan.suite.numbers),
+        selected=bool(request.plan.suite.numbers),
         outcomes=(*outcomes, *map(Outcome.of_nothing, found.empty)),
     )
     write_reports(results, options)

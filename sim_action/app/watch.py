@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.messages import log_line
 from sim_action.core.process import Interruption
 from sim_action.reports.comparison import print_comparison, rows
-from sim_action.results.comparison import Thresholds, compared
+from sim_action.results.comparison import Thresholds, compare_outcomes
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.scenario.watched_files import Stamp, stamps, watched_files
@@ -150,7 +150,7 @@ def _rerun(
         return {}
     found = {file_name(file): list[Outcome]() for file in touched} | _by_file(results)
     before = [outcome for file in found for outcome in outcomes.get(file, [])]
-    comparison = compared(before, results.outcomes, _THRESHOLDS)
+    comparison = compare_outcomes(before, results.outcomes, _THRESHOLDS)
     if rows(comparison):
         print_comparison(comparison, os.environ)
     return found

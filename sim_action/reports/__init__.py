@@ -13,7 +13,7 @@ from sim_action.core.errors import UsageError
 from sim_action.core.messages import escaped_line
 from sim_action.core.registry import Table
 from sim_action.results.results_json import Results
-from sim_action.results.stored_files import EVIDENCE_FOLDERS
+from sim_action.results.stored_files import RUN_FILE_FOLDERS
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """quiet: what failed, and one closing line; verbose: also notes, diagnostics and what controllers printed."""
@@ -77,7 +77,7 @@ class ReportRequest:
 def report_options(request: ReportRequest) -> ReportOptions:
     """Where reports go; makes the output folder. Raises UsageError."""
     for place in (
-        *(request.folder / name for name in EVIDENCE_FOLDERS),
+        *(request.folder / name for name in RUN_FILE_FOLDERS),
         *([request.junit.parent] if request.junit else []),
     ):
         _refuse_links(place)

@@ -1,4 +1,4 @@
-"""What there is to say of a comparison, worst first, before it is written for a terminal or as Markdown."""
+"""The report of `sim-action compare`: a row for each change, the worst first, for a terminal or as Markdown."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from sim_action.reports.escaping import log_text, markdown_text, shortened
 from sim_action.reports.formatting import measurements, quantity, speed_text
 from sim_action.reports.github.markdown import code, row, table
 from sim_action.reports.terminal import open_console
-from sim_action.results.comparison import Change, Comparison, Shrunk, Turn
+from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 
 Look = Literal["bad", "warning", "note", "good"]
 
-_LOOKS: Final[dict[Turn, Look]] = {
+_LOOKS: Final[dict[ChangeKind, Look]] = {
     "newly fails": "bad",
     "flaky": "bad",
     "not run": "warning",
-    "gone": "warning",
+    "removed": "warning",
     "not repeated": "warning",
-    "fails otherwise": "note",
+    "fails differently": "note",
     "still fails": "note",
-    "mended": "good",
+    "fixed": "good",
     "new": "good",
 }
 _ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
@@ -35,70 +35,75 @@ _ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One thing that has changed of one scenario; texts are as they were found."""
+    """One change of one scenario, with unescaped texts.
+
+    Attributes:
+        what: the kind of change, such as "newly fails".
+        detail: the reason or the values before and now; may be empty.
+    """
 
     look: Look
     what: str
     outcome: Outcome
-    told: str
+    detail: str
 
 
 def rows(comparison: Comparison) -> list[Row]:
-    """The worst first, of equals in the order of the runs; what passes as it did has none."""
+    """Return the changes, the worst first, otherwise in the order of the runs; unchanged passes have no row."""
     found = [each for change in comparison.changes for each in _rows_of(change)]
     return sorted(found, key=lambda each: _ORDER.index(each.look))
 
 
 def headline(comparison: Comparison) -> str:
-    """Such as "1 newly fails, 2 warnings, 1 mended, 12 still pass"."""
+    """Return the counts of all changes, such as "1 newly fails, 2 warnings, 1 fixed, 12 still pass"."""
     warnings = comparison.warnings
     named = (
         (comparison.count("newly fails"), "newly fails", "newly fail"),
         (comparison.count("flaky"), "flaky", "flaky"),
         (warnings, "warning", "warnings"),
-        (comparison.count("fails otherwise"), "fails otherwise", "fail otherwise"),
+        (comparison.count("fails differently"), "fails differently", "fail differently"),
         (comparison.count("still fails"), "still fails", "still fail"),
-        (comparison.count("mended"), "mended", "mended"),
+        (comparison.count("fixed"), "fixed", "fixed"),
         (comparison.count("new"), "new", "new"),
         (comparison.count("still passes"), "still passes", "still pass"),
     )
     told = [f"{count} {one if count == 1 else several}" for count, one, several in named if count]
-    return ", ".join(told) or "no scenario"
+    return ", ".join(told) or "no scenarios"
 
 
 def _rows_of(change: Change) -> Iterator[Row]:
-    if look := _LOOKS.get(change.turn):
-        yield Row(look, change.turn, change.outcome, _detail(change))
+    if look := _LOOKS.get(change.kind):
+        yield Row(look, change.kind, change.outcome, _detail(change))
     for missed in change.missed:
-        yield Row("warning", "holds no longer", change.outcome, f"{missed.name}: {missed.verdict.message}")
-    for shrunk in change.shrunk:
-        yield Row("warning", "margin shrinks", change.outcome, _shrunk_text(shrunk))
-    elsewhere = "" if change.processors is None else " (on another machine: {}, now {})".format(*change.processors)
+        yield Row("warning", "no longer holds", change.outcome, f"{missed.name}: {missed.verdict.message}")
+    for smaller in change.smaller_margins:
+        yield Row("warning", "margin shrinks", change.outcome, _margins_text(smaller))
+    elsewhere = "" if change.processors is None else " (different CPUs: before {}, now {})".format(*change.processors)
     if slower := change.slower:
         told = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
         yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
-    # Of a verdict that is another one, it is no news.
-    if change.behaves_otherwise and change.turn in ("still passes", "still fails"):
-        told = f"another digest with the same seed, on the same engine{elsewhere}"
-        yield Row("note", "moves otherwise", change.outcome, told)
+    # If the verdict changed, a different motion is expected.
+    if change.moves_differently and change.kind in ("still passes", "still fails"):
+        detail = f"different digest with the same seed on the same engine{elsewhere}"
+        yield Row("note", "moves differently", change.outcome, detail)
 
 
 def _detail(change: Change) -> str:
-    """Why it fails now, or why it did; of the rest, what it was."""
-    if change.turn == "mended":
+    """Return the reason of the failure now or before, or the former status."""
+    if change.kind == "fixed":
         return f"failed before: {_reason(change.old)}"
-    if change.turn == "not repeated":
-        return "was flaky, and has run once"
-    if change.turn in ("gone", "not run"):
+    if change.kind == "not repeated":
+        return "was flaky before, passed now in a single run"
+    if change.kind in ("removed", "not run"):
         return "" if change.old is None else f"was: {change.old.status}"
     reason = _reason(change.outcome)
-    if change.turn == "fails otherwise" and change.old:
+    if change.kind == "fails differently" and change.old:
         return f"was: {change.old.status}; {reason}"
-    return f"{reason}{_before(change)}" if change.turn == "newly fails" else reason
+    return f"{reason}{_before(change)}" if change.kind == "newly fails" else reason
 
 
 def _reason(outcome: Outcome | None) -> str:
-    """The first that there is; empty if all is well."""
+    """Return the first reason why a scenario did not pass; empty if it passed."""
     if outcome is None:
         return ""
     told = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
@@ -107,7 +112,7 @@ def _reason(outcome: Outcome | None) -> str:
 
 
 def _before(change: Change) -> str:
-    """What was measured when it held; nothing of what has no more than two values, such as whether it touched."""
+    """Return the measurement from the run in which the failed expectation held; empty without a margin (yes or no)."""
     failed = next((expected for expected in change.outcome.causes_first if expected.failed), None)
     held = _same(change.old, failed)
     told = measurements(held.verdict) if held and held.verdict.margin else ""
@@ -120,12 +125,12 @@ def _same(outcome: Outcome | None, failed: ExpectationOutcome | None) -> Expecta
     return next((each for each in outcome.expectations if each.name == failed.name), None)
 
 
-def _shrunk_text(shrunk: Shrunk) -> str:
-    """Such as "clearance: 0.4 m (27 % of its limit), now 0.1 m (7 %)"."""
-    old, new = (quantity(value, shrunk.unit) for value in (shrunk.old, shrunk.new))
-    of_old = "" if shrunk.old_share is None else f" ({shrunk.old_share:.0%} of its limit)"
-    of_new = "" if shrunk.new_share is None else f" ({shrunk.new_share:.0%})"
-    return f"{shrunk.expectation}: margin {old}{of_old}, now {new}{of_new}"
+def _margins_text(smaller: SmallerMargin) -> str:
+    """Return a text such as "clearance: margin 0.4 m (27% of its limit), now 0.1 m (7%)"."""
+    old, new = (quantity(value, smaller.unit) for value in (smaller.old, smaller.new))
+    of_old = "" if smaller.old_share is None else f" ({smaller.old_share:.0%} of its limit)"
+    of_new = "" if smaller.new_share is None else f" ({smaller.new_share:.0%})"
+    return f"{smaller.expectation}: margin {old}{of_old}, now {new}{of_new}"
 
 
 _LOOK_SYMBOLS: Final[dict[Look, str]] = {"bad": "✗", "warning": "!", "note": "·", "good": "✓"}
@@ -136,17 +141,17 @@ _MAX_TERMINAL_TEXT: Final = 300
 
 
 def print_comparison(comparison: Comparison, environment: Mapping[str, str], stream: TextIO | None = None) -> None:
-    """Prints to a stream, standard output unless another is given."""
+    """Print the changes to a stream (default: standard output), the worst last, then the counts."""
     with open_console(stream or sys.stdout, environment) as shown:
         for line in _terminal_lines(comparison, shown):
-            # Wrapped by the terminal, not by us: paths stay whole for those who click or copy them.
+            # The terminal wraps long lines, so that paths can be clicked and copied as a whole.
             shown.print(line, soft_wrap=True)
 
 
 def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[Text]:
     found = rows(comparison)
     if len(found) > _MAX_TERMINAL_ROWS:
-        yield Text(f"{len(found) - _MAX_TERMINAL_ROWS} more are left out here", "dim")
+        yield Text(f"{len(found) - _MAX_TERMINAL_ROWS} more changes are not shown", "dim")
     listed = found[:_MAX_TERMINAL_ROWS]
     width = max((len(each.what) for each in listed), default=0)
     encoding = shown.encoding
@@ -163,13 +168,13 @@ def _terminal_line(each: Row, symbol: str, width: int, encoding: str) -> Text:
         (f"{symbol} {each.what.ljust(width)}  ", _LOOK_STYLES[each.look]),
         (each.outcome.name, "bold"),
         (place, "dim"),
-        (f"  {shortened(each.told, _MAX_TERMINAL_TEXT)}" if each.told else "", ""),
+        (f"  {shortened(each.detail, _MAX_TERMINAL_TEXT)}" if each.detail else "", ""),
     )
     return Text.assemble(*((log_text(text, encoding).replace("\n", " "), style) for text, style in parts))
 
 
 MAX_CHARACTERS: Final = 60_000
-"""GitHub takes 65,536 in a comment."""
+"""The largest size of the Markdown; GitHub accepts 65,536 characters in a comment."""
 
 _LOOK_ICONS: Final[dict[Look, str]] = {"bad": "❌", "warning": "⚠️", "note": "📝", "good": "✅"}
 _FRAME_CHARACTERS: Final = 2_000
@@ -178,14 +183,14 @@ _MAX_NAME: Final = 100
 
 
 def comparison_markdown(comparison: Comparison) -> str:
-    """GitHub-flavoured Markdown, ending with a line end; everything found is escaped."""
+    """Return a headline and a table of the changes, the worst first, as GitHub-flavoured Markdown for a comment."""
     found = rows(comparison)
     written = _fitting_rows(found)
     parts = [
         f"## {_title(comparison)}",
-        f"**{headline(comparison)}**, compared with the run before",
+        f"**{headline(comparison)}**, compared with the previous run",
         table(("", "Change", "Scenario", "What happened"), written) if written else "",
-        f"_{len(found) - len(written)} more changes are left out here._" if len(found) > len(written) else "",
+        f"_{len(found) - len(written)} more changes are not shown._" if len(found) > len(written) else "",
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -217,7 +222,7 @@ def _markdown_row(each: Row) -> str:
     name = f"**{_markdown_cell(each.outcome.name, _MAX_NAME)}**"
     if each.outcome.file:
         name += f"<br><sub>{code(shortened(each.outcome.file, _MAX_NAME))}</sub>"
-    return row(_LOOK_ICONS[each.look], each.what, name, _markdown_cell(each.told, _MAX_MARKDOWN_TEXT))
+    return row(_LOOK_ICONS[each.look], each.what, name, _markdown_cell(each.detail, _MAX_MARKDOWN_TEXT))
 
 
 def _markdown_cell(text: str, most: int) -> str:

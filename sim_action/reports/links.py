@@ -14,7 +14,7 @@ from sim_action.engines import ENGINES
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.results.outcome import Outcome
-from sim_action.results.stored_files import number_among_namesakes
+from sim_action.results.stored_files import namesake_number
 
 REPORT_FILE: Final = "report.html"
 
@@ -65,7 +65,7 @@ def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = N
     """Where in the report a moment is, in s of sim time: `report.html#scenario=...&t=4.5`; empty if it is not there."""
     if outcome.replay is None or "report" in options.silenced:
         return ""
-    return f"{REPORT_FILE}{fragment(outcome.name, time, number_among_namesakes(outcome.name, outcome.replay))}"
+    return f"{REPORT_FILE}{fragment(outcome.name, time, namesake_number(outcome.name, outcome.replay))}"
 
 
 def fragment(scenario: str, time: float | None = None, number: int = 1) -> str:

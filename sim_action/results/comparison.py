@@ -1,6 +1,6 @@
-"""What has changed between two runs of the same scenarios, as data.
+"""Compare the results of two runs of the same scenarios: new failures, fixed scenarios, smaller margins, slower runs.
 
-Scenarios are the same if their files and names are, or, of a file that was moved, if the name is the only one left.
+Two scenarios are the same if their files and names are equal. If a file was moved, an unambiguous name is enough.
 """
 
 from __future__ import annotations
@@ -13,37 +13,46 @@ from typing import Final, Literal
 from sim_action.core.errors import ExitCode
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 
-Turn = Literal[
+ChangeKind = Literal[
     "newly fails",
     "flaky",
-    "gone",
+    "removed",
     "not run",
     "not repeated",
-    "fails otherwise",
-    "mended",
+    "fails differently",
+    "fixed",
     "new",
     "still fails",
     "still passes",
 ]
-"""newly fails: it passed, was not run, or was not there; not repeated: it was flaky, and passed in a single run; fails
-otherwise: it failed, too, but with another status."""
+"""The change of one scenario between the old and the new run.
 
-_FAILURES: Final[frozenset[Turn]] = frozenset({"newly fails", "flaky"})
-_WARNINGS: Final[frozenset[Turn]] = frozenset({"gone", "not run", "not repeated"})
+- newly fails: it fails now; before, it passed, was skipped or did not exist.
+- flaky: its repeated runs differ now.
+- removed: it exists in the old run only.
+- not run: it is skipped now.
+- not repeated: it was flaky, and passed now in a single run.
+- fails differently: it failed before with another status.
+- fixed: it passes now and failed before.
+- new: it passes and exists in the new run only.
+"""
 
-# Of the limit: a margin that loses less is as good as before.
+_FAILURES: Final[frozenset[ChangeKind]] = frozenset({"newly fails", "flaky"})
+_WARNINGS: Final[frozenset[ChangeKind]] = frozenset({"removed", "not run", "not repeated"})
+
+# As a fraction of the limit: a smaller loss of margin is ignored.
 _MIN_RELATIVE_LOSS: Final = 0.01
-# s of wall time: what takes no longer than that more may have waited for a core.
+# Wall time: a smaller slowdown may be caused by a busy CPU and is ignored.
 _MIN_SLOWDOWN_S: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """What is worth a warning.
+    """The thresholds for warnings.
 
     Attributes:
-        margin: a margin that is less than so many times the one before.
-        speed: a real-time factor that is, likewise.
+        margin: warn if the new margin is less than this fraction of the old one.
+        speed: warn if the new real-time factor is less than this fraction of the old one.
     """
 
     margin: float = 0.5
@@ -51,12 +60,12 @@ class Thresholds:
 
 
 @dataclass(frozen=True, slots=True)
-class Shrunk:
-    """A margin that is smaller than before, of an expectation that holds still.
+class SmallerMargin:
+    """A smaller margin of an expectation that still holds.
 
     Attributes:
-        old, new: in `unit`.
-        old_share, new_share: of its limit; None for a limit of zero.
+        old, new: the margins in `unit`.
+        old_share, new_share: the margins as fractions of the limit; None for a limit of zero.
     """
 
     expectation: str
@@ -69,7 +78,7 @@ class Shrunk:
 
 @dataclass(frozen=True, slots=True)
 class Slower:
-    """Real-time factors of the simulation loop."""
+    """A slower run: the real-time factors of the simulation loop."""
 
     old: float
     new: float
@@ -77,77 +86,79 @@ class Slower:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One scenario, before and now.
+    """The comparison of one scenario.
 
     Attributes:
-        old, new: None where it was not among the scenarios; never both.
-        missed: expectations that held, and do so no longer, and that is not why the scenario newly fails.
-        behaves_otherwise: whether the robot moved in another way with the same seed, on the same engine.
-        processors: of the machines, if they are not alike: how fast each was then tells nothing of the scenario.
+        old, new: the outcomes; one of them is None if only one run has the scenario.
+        missed: expectations that held before and do not hold now, unless the scenario newly fails because of them.
+        moves_differently: True if the digests differ with the same seed on the same engine build.
+        processors: the CPU models of both runs if they differ; the speeds cannot be compared then.
     """
 
-    turn: Turn
+    kind: ChangeKind
     old: Outcome | None
     new: Outcome | None
     missed: tuple[ExpectationOutcome, ...] = ()
-    shrunk: tuple[Shrunk, ...] = ()
+    smaller_margins: tuple[SmallerMargin, ...] = ()
     slower: Slower | None = None
-    behaves_otherwise: bool = False
+    moves_differently: bool = False
     processors: tuple[str, str] | None = None
 
     @property
     def outcome(self) -> Outcome:
-        """The newest that there is of it."""
+        """The new outcome, or the old one if the scenario was removed."""
         found = self.new or self.old
         assert found is not None
         return found
 
     @property
     def failed(self) -> bool:
-        """Whether that is what nobody wants."""
-        return self.turn in _FAILURES
+        """Return True if the scenario newly fails or is flaky."""
+        return self.kind in _FAILURES
 
     @property
     def warnings(self) -> int:
-        """How many things should be looked at, though it did not newly fail."""
+        """The number of warnings; a new failure is not one of them."""
         slower = self.slower is not None and self.processors is None
-        return (self.turn in _WARNINGS) + len(self.missed) + len(self.shrunk) + slower
+        return (self.kind in _WARNINGS) + len(self.missed) + len(self.smaller_margins) + slower
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All scenarios, those of the new run first and in its order."""
+    """The comparison of two runs: first the scenarios of the new run in its order, then the removed ones."""
 
     changes: tuple[Change, ...]
 
     @property
     def failures(self) -> int:
-        """How many scenarios newly fail, or are flaky."""
+        """The number of scenarios that newly fail or are flaky."""
         return sum(change.failed for change in self.changes)
 
     @property
     def warnings(self) -> int:
-        """How many things should be looked at."""
+        """The number of warnings of all scenarios."""
         return sum(change.warnings for change in self.changes)
 
-    def count(self, turn: Turn) -> int:
-        """How many scenarios have taken it."""
-        return sum(change.turn == turn for change in self.changes)
+    def count(self, kind: ChangeKind) -> int:
+        """Return the number of scenarios with a change of this kind."""
+        return sum(change.kind == kind for change in self.changes)
 
     def exit_code(self, *, strict: bool = False) -> ExitCode:
-        """What the process says to its caller; `strict`: warnings count, too."""
+        """Return the exit code of the process; with `strict`, warnings make it fail, too."""
         bad = self.failures or (strict and self.warnings)
         return ExitCode.FAILED if bad else ExitCode.PASSED
 
 
-def compared(old: Iterable[Outcome], new: Iterable[Outcome], thresholds: Thresholds | None = None) -> Comparison:
-    """Holds the outcomes of one run against those of an earlier one."""
+def compare_outcomes(
+    old: Iterable[Outcome], new: Iterable[Outcome], thresholds: Thresholds | None = None
+) -> Comparison:
+    """Compare the outcomes of a new run with those of an old one."""
     thresholds = thresholds or Thresholds()
     return Comparison(tuple(_change(before, now, thresholds) for before, now in _paired(list(old), list(new))))
 
 
 def _paired(old: Sequence[Outcome], new: Sequence[Outcome]) -> Iterator[tuple[Outcome | None, Outcome | None]]:
-    """Each scenario once; of several of one file and name, the first with the first."""
+    """Pair the outcomes of both runs; duplicates of one file and name are paired in their order."""
     places = {key: place for place, key in enumerate(_keys(old))}
     found = [places.pop(key, None) for key in _keys(new)]
     moved = _only({place: old[place].name for place in places.values()})
@@ -169,56 +180,56 @@ def _keys(outcomes: Iterable[Outcome]) -> Iterator[tuple[str, str, int]]:
 
 
 def _only(names: dict[int, str]) -> dict[str, int]:
-    """The places of names that are there once."""
+    """Return name -> place for the names that occur exactly once."""
     counts = Counter(names.values())
     return {name: place for place, name in names.items() if counts[name] == 1}
 
 
 def _change(old: Outcome | None, new: Outcome | None, thresholds: Thresholds) -> Change:
-    turn = _turn(old, new)
+    kind = _change_kind(old, new)
     if old is None or new is None:
-        return Change(turn, old, new)
-    pairs = list(_expectations(old, new))
+        return Change(kind, old, new)
+    pairs = list(_paired_expectations(old, new))
     return Change(
-        turn,
+        kind,
         old,
         new,
-        missed=() if turn in _FAILURES else tuple(_missed(pairs)),
-        shrunk=tuple(shrunk for pair in pairs if (shrunk := _shrunk(*pair, thresholds.margin))),
+        missed=() if kind in _FAILURES else tuple(_missed(pairs)),
+        smaller_margins=tuple(smaller for pair in pairs if (smaller := _smaller_margin(*pair, thresholds.margin))),
         slower=_slower(old, new, thresholds.speed),
-        behaves_otherwise=_behaves_otherwise(old, new),
+        moves_differently=_moves_differently(old, new),
         processors=_processors(old, new),
     )
 
 
-def _turn(old: Outcome | None, new: Outcome | None) -> Turn:
+def _change_kind(old: Outcome | None, new: Outcome | None) -> ChangeKind:
     if new is None:
-        return "gone"
+        return "removed"
     if new.status == "skipped":
         return "not run"
     if new.status == "flaky":
         return "flaky"
     if new.status == "passed":
-        return _turn_to_good(old, new)
+        return _kind_of_pass(old, new)
     if old is None or not _is_bad(old):
         return "newly fails"
-    return "still fails" if old.status == new.status else "fails otherwise"
+    return "still fails" if old.status == new.status else "fails differently"
 
 
-def _turn_to_good(old: Outcome | None, new: Outcome) -> Turn:
+def _kind_of_pass(old: Outcome | None, new: Outcome) -> ChangeKind:
     if old is None:
         return "new"
     if old.status == "flaky" and new.repeats is None:
         return "not repeated"
-    return "mended" if _is_bad(old) else "still passes"
+    return "fixed" if _is_bad(old) else "still passes"
 
 
 def _is_bad(outcome: Outcome) -> bool:
     return outcome.status not in ("passed", "skipped")
 
 
-def _expectations(old: Outcome, new: Outcome) -> Iterator[tuple[ExpectationOutcome, ExpectationOutcome]]:
-    """Those that ask the same, by what reports call them; of several, the first with the first."""
+def _paired_expectations(old: Outcome, new: Outcome) -> Iterator[tuple[ExpectationOutcome, ExpectationOutcome]]:
+    """Pair the expectations with equal assertion and name; duplicates are paired in their order."""
     waiting: dict[tuple[str, str], list[ExpectationOutcome]] = {}
     for expected in old.expectations:
         waiting.setdefault((expected.assertion, expected.name), []).append(expected)
@@ -233,7 +244,7 @@ def _missed(pairs: Iterable[tuple[ExpectationOutcome, ExpectationOutcome]]) -> I
             yield new
 
 
-def _shrunk(old: ExpectationOutcome, new: ExpectationOutcome, threshold: float) -> Shrunk | None:
+def _smaller_margin(old: ExpectationOutcome, new: ExpectationOutcome, threshold: float) -> SmallerMargin | None:
     before, now = old.verdict, new.verdict
     if not (before.passed and now.passed) or now.goal or before.unit != now.unit:
         return None
@@ -241,11 +252,11 @@ def _shrunk(old: ExpectationOutcome, new: ExpectationOutcome, threshold: float) 
         return None
     if before.margin - now.margin < _MIN_RELATIVE_LOSS * _scale(old, new):
         return None
-    return Shrunk(new.name, now.unit, before.margin, now.margin, _share(old), _share(new))
+    return SmallerMargin(new.name, now.unit, before.margin, now.margin, _share(old), _share(new))
 
 
 def _scale(old: ExpectationOutcome, new: ExpectationOutcome) -> float:
-    """What a loss is small against: the limit, or where that is zero, what was measured."""
+    """Return the limit, or the measured value for a limit of zero, as the scale of a loss of margin."""
     if new.verdict.limit:
         return abs(new.verdict.limit)
     return max(abs(one.verdict.measured or 0.0) for one in (old, new))
@@ -264,7 +275,7 @@ def _slower(old: Outcome, new: Outcome, threshold: float) -> Slower | None:
     return Slower(before, now) if takes - took >= _MIN_SLOWDOWN_S else None
 
 
-def _behaves_otherwise(old: Outcome, new: Outcome) -> bool:
+def _moves_differently(old: Outcome, new: Outcome) -> bool:
     made_alike = _made_with(old) == _made_with(new)
     return made_alike and None not in (old.digest, new.digest) and old.digest != new.digest
 

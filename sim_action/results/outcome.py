@@ -1,4 +1,4 @@
-"""Outcomes: what became of each scenario."""
+"""The result of running one scenario: status, verdicts of its expectations, failures, measurements and files."""
 
 from __future__ import annotations
 
@@ -16,8 +16,14 @@ from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict
 
 Status = Literal["passed", "failed", "flaky", "error", "skipped"]
-"""failed: an assertion did not hold; flaky: of several runs, not all were the same; error: there is no verdict;
-skipped: it was not run, as another had failed."""
+"""The status of a scenario.
+
+- passed: every expectation with severity "error" held.
+- failed: at least one of them did not hold.
+- flaky: repeated runs gave different results.
+- error: there is no verdict; `Outcome.failures` gives the reasons.
+- skipped: the scenario was not run because another one had failed.
+"""
 
 FailureKind = Literal[
     "invalid",
@@ -32,19 +38,19 @@ FailureKind = Literal[
     "missing",
     "flaky",
 ]
-"""missing: somebody should have run it, and there is nothing to show for it."""
+"""The kind of a failure; "missing": a shard should have run the scenario, but left no result of it."""
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Failure(FrozenModel):
-    """Why a scenario has no verdict.
+    """The reason why a scenario has no verdict.
 
     Attributes:
         title: a word or two, such as "invalid scenario" or "SIGSEGV".
-        location: what has to be mended, where that is known.
-        details: the last words of the process, or the way through a script that led to its error, for people.
-        time: s of sim time at which it is to be seen, where that is known: of what is flaky, when runs parted.
+        location: the place to fix, if it is known.
+        details: the last output of the process, or the traceback of a script, for people.
+        time: the sim time in s of the failure, if known; for a flaky scenario the time at which its runs diverged.
     """
 
     kind: FailureKind
@@ -56,19 +62,19 @@ class Failure(FrozenModel):
 
     @classmethod
     def of_fault(cls, fault: Fault) -> Self:
-        """A fault of ours."""
+        """Return the failure for an error inside sim-action itself."""
         return cls(kind="internal", title="internal error", message=str(fault), details=fault.details)
 
 
 class Diagnostic(FrozenModel):
-    """Something that the engine said while it loaded or ran."""
+    """A message that the engine printed while it loaded or simulated."""
 
     level: Literal["warning", "error", "note"]
     message: str
 
 
 class ExpectationOutcome(FrozenModel):
-    """One expectation and its verdict; line and column are those of the assertion in the scenario file."""
+    """One expectation and its verdict; `location` is the place of the assertion in the scenario file."""
 
     name: str
     assertion: str
@@ -78,22 +84,22 @@ class ExpectationOutcome(FrozenModel):
 
     @property
     def failed(self) -> bool:
-        """Whether it makes the scenario fail."""
+        """Return True if this expectation makes the scenario fail."""
         return not self.verdict.passed and self.severity == "error"
 
     @property
     def warned(self) -> bool:
-        """Whether it did not hold, and that is but a warning."""
+        """Return True if the expectation did not hold but has only the severity "warning"."""
         return not self.verdict.passed and self.severity == "warning"
 
 
 class Repeats(FrozenModel):
-    """How often one scenario was run, each time in a fresh interpreter.
+    """The repeated runs of one scenario, each in a fresh interpreter.
 
     Attributes:
-        count: runs.
-        agreed: how many of them were the same, in what the robot did and how it was judged.
-        digests: how many different digests they had.
+        count: number of runs.
+        agreed: number of runs with the same motion of the robot and the same verdicts.
+        digests: number of different digests.
     """
 
     count: Annotated[int, Field(ge=2)]
@@ -102,33 +108,33 @@ class Repeats(FrozenModel):
 
 
 class Outcome(FrozenModel):
-    """What became of one scenario.
+    """The result of running one scenario.
 
     Attributes:
-        name: of the scenario; of its file, if it could not be read.
-        file: as it was named on the command line or found below it; empty if it is not of one file.
-        line: of the file, where the scenario begins in one that holds several.
-        number: its place among all that the file holds, variations counted, from 1.
-        group: of a variation, the name of the scenario that is varied.
-        variation: the values that make it this one, exactly.
-        failures: why there is no verdict; empty unless `status` is "error" or "flaky".
-        end: why the run was over.
-        sim_time: s at which the run was over.
-        wall_time: s that the process took, loading included; of several runs, all of them.
-        real_time_factor: sim time over wall time of the simulation loop alone.
-        travelled: m between the robot's first and last place on the ground plane.
-        seed: of what was drawn at random.
-        digest: SHA-256 over the state at every physics step.
-        repeats: of a scenario that was run several times, and whose first run this is, or the first that others agree
-            with.
-        provenance: what it was made with.
-        notes: what was assumed or noticed.
-        diagnostics: what the engine said.
-        output: what the user's own code printed, its end.
-        trace: path of the stored trace, seen from the results file.
-        replay: path of the stored replay, likewise.
-        recordings: paths of what was recorded of it for other tools, likewise.
-        call: the words of the command line that runs it again; empty: it is a scenario, and `sim-action run` does.
+        name: the name of the scenario, or of its file if the file could not be read.
+        file: the path as given on the command line or found below it; empty if the outcome belongs to no single file.
+        line: the line where the scenario begins, in a file with several scenarios.
+        number: the position of the scenario in its file, counted from 1; each variation counts as one.
+        group: the name of the scenario that is varied, if this is a variation.
+        variation: the exact values of this variation.
+        failures: the reasons why there is no verdict; empty unless `status` is "error" or "flaky".
+        end: the reason for the end of the run: "goals met", "expectation failed", "duration", "time limit" or
+            "controllers finished"; with ROS 1 nodes "test finished", "nodes finished", "time limit" or "failed".
+        sim_time: the sim time in s at the end of the run.
+        wall_time: the wall time in s of the process, loading included; the sum if the scenario was run repeatedly.
+        real_time_factor: sim time divided by wall time, measured over the simulation loop alone.
+        travelled: the distance in m between the first and the last position of the robot on the ground plane.
+        seed: the random seed.
+        digest: the SHA-256 hash of the state at every physics step.
+        repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
+        provenance: the versions and the machine that produced the run.
+        notes: assumptions and remarks.
+        diagnostics: messages of the engine.
+        output: the end of the text that the user's code printed.
+        trace: the path of the stored trace, relative to the results file.
+        replay: the path of the stored replay, relative to the results file.
+        recordings: the paths of the recordings for other tools, relative to the results file.
+        call: the arguments of the command that runs this outcome again; empty if `sim-action run` does.
     """
 
     name: str
@@ -160,22 +166,22 @@ class Outcome(FrozenModel):
 
     @property
     def simulated(self) -> float:
-        """Sim time in s of all its runs."""
+        """The total sim time in s of all its runs."""
         return (self.sim_time or 0.0) * (self.repeats.count if self.repeats else 1)
 
     @property
     def causes_first(self) -> tuple[ExpectationOutcome, ...]:
-        """All expectations in their order, but those last that another one has cut off."""
+        """All expectations in file order, except that undecided (cut off) ones come last."""
         return tuple(sorted(self.expectations, key=lambda expected: expected.verdict.cut_off))
 
     @property
     def has_verdict(self) -> bool:
-        """Whether its expectations were judged, and the judgement can be believed."""
+        """Return True if the expectations were judged and the judgement is reliable."""
         return self.status in ("passed", "failed")
 
     @property
     def exit_code(self) -> ExitCode:
-        """What this outcome alone would make of the process."""
+        """The exit code of a process that has only this outcome."""
         kinds = {failure.kind for failure in self.failures}
         if "interrupted" in kinds:
             return ExitCode.INTERRUPTED
@@ -187,12 +193,12 @@ class Outcome(FrozenModel):
 
     @property
     def location(self) -> Location | None:
-        """Its file, if it is of one, and its line in that."""
+        """The file and line of the scenario; None if it belongs to no single file."""
         return Location(self.file, self.line) if self.file else None
 
     @classmethod
     def of_invalid(cls, file: str, error: InvalidScenario) -> Outcome:
-        """The outcome of a file that is no valid scenario."""
+        """Return the outcome for a file that is not a valid scenario."""
         failures = tuple(
             Failure(kind="invalid", title="invalid scenario", message=problem.message, location=problem.location)
             for problem in error.problems
@@ -201,7 +207,7 @@ class Outcome(FrozenModel):
 
     @classmethod
     def of_refused(cls, refused: Refused) -> Outcome:
-        """The outcome of a scenario that cannot be run."""
+        """Return the outcome for a scenario that cannot be run."""
         if isinstance(refused.error, Fault):
             failure = Failure.of_fault(refused.error)
             outcome = cls(name=refused.name, file=refused.file, status="error", failures=(failure,))
@@ -212,7 +218,7 @@ class Outcome(FrozenModel):
 
     @classmethod
     def of_nothing(cls, pattern: str) -> Outcome:
-        """The outcome of what was named and holds no scenario: a test that was asked for and is not there."""
+        """Return the outcome for a path or pattern on the command line that matches no scenario."""
         name = escaped_line(pattern)
-        problem = Problem(Location(name), "no scenario is there; correct the path or leave it out")
+        problem = Problem(Location(name), "no scenario found here; correct the path or remove it")
         return cls.of_invalid(name, InvalidScenario([problem]))

@@ -1,12 +1,16 @@
-"""Results: what became of all scenarios of a call; `results.json` is read and written here."""
+"""The file `results.json`: the results of one call of sim-action, written, found and read.
+
+A file that is read may come from anywhere, so its content is validated. Files of the former version are upgraded.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, NoReturn
+from typing import Any, Final, Literal, NoReturn
 
 from pydantic import ValidationError
 
@@ -20,70 +24,87 @@ from sim_action.results.shards import Shard
 
 RESULTS_FILE = "results.json"
 
+MAX_OUTCOMES: Final = 50_000
+"""The largest number of outcomes that are merged or compared: they take half a minute and almost 1 GB of memory."""
+
 _MAX_BYTES: Final = 64_000_000
+
+_FORMER_VERSION: Final = 1
+_VERSION: Final = 2
+_FORMER_ENDS: Final = {
+    "broken": "expectation failed",
+    "nobody left": "controllers finished",
+    "test over": "test finished",
+    "nodes gone": "nodes finished",
+}
+"""The values of `end` in version 1 -> those in version 2."""
 
 
 class Results(FrozenModel):
-    """Everything that one call of `sim-action` found out; `results.json` is this, as JSON.
+    """The results of one call of `sim-action`; `results.json` is this object as JSON.
 
     Attributes:
-        sim_action: version; of shards that were not alike, each that there was.
-        wall_time: s that the call took; of shards that were joined, what the longest took.
-        shard: which part of a list of scenarios this is of; left out: of all.
-        some: whether the call named scenarios of files by their numbers, of which none may be left to tell of.
-        merged: whether `sim-action merge` has written this, from the results of others.
+        version: the version of the format. Version 1 named some values of `end` and the key `selected` differently.
+        sim_action: the version of sim-action; after `merge`, every version that the shards used.
+        wall_time: the wall time in s of the call; after `merge`, that of the slowest shard.
+        shard: the part of the list of scenarios that these results cover; null if they cover the whole list.
+        selected: true if the call selected scenarios inside files by number; no scenario may be left then.
+        merged: true if `sim-action merge` wrote this file.
     """
 
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     sim_action: str
     python: str
     platform: str
     wall_time: NotNegative
     shard: Shard | None = None
-    some: bool = False
+    selected: bool = False
     merged: bool = False
     outcomes: tuple[Outcome, ...]
 
     @property
     def total(self) -> int:
-        """How many scenarios there were."""
+        """The number of scenarios."""
         return len(self.outcomes)
 
     def count(self, status: Status) -> int:
-        """How many scenarios have a status."""
+        """Return the number of scenarios with a status."""
         return sum(outcome.status == status for outcome in self.outcomes)
 
     @property
     def exit_code(self) -> ExitCode:
-        """The worst of all outcomes: 130, 3, 2, 1, 0; a shard without any is not to blame if others have some."""
-        part = self.some or (self.shard and self.shard.total)
-        of_nothing = ExitCode.PASSED if part else ExitCode.NO_SCENARIO
-        return max((outcome.exit_code for outcome in self.outcomes), default=of_nothing)
+        """The most severe exit code of all outcomes, in the order 130, 3, 2, 1, 0.
+
+        A shard without scenarios passes if the list of all shards has some.
+        """
+        part = self.selected or (self.shard and self.shard.total)
+        without_outcomes = ExitCode.PASSED if part else ExitCode.NO_SCENARIO
+        return max((outcome.exit_code for outcome in self.outcomes), default=without_outcomes)
 
     @property
     def conclusion(self) -> Literal["success", "failure", "cancelled"]:
-        """In GitHub's words."""
+        """The conclusion of the call, named as GitHub names that of a job."""
         if self.exit_code is ExitCode.INTERRUPTED:
             return "cancelled"
         return "success" if self.exit_code is ExitCode.PASSED else "failure"
 
     @property
     def travelled(self) -> float | None:
-        """m, if there was exactly one scenario."""
+        """The distance in m that the robot travelled, if there is exactly one scenario."""
         return self.outcomes[0].travelled if self.total == 1 else None
 
     @property
     def real_time_factor(self) -> float | None:
-        """Sim time of everything that was simulated over the wall time that it all took."""
+        """The sim time of all runs divided by the wall time of the call; None if nothing was simulated."""
         sim_time = sum(outcome.simulated for outcome in self.outcomes)
         return sim_time / self.wall_time if sim_time and self.wall_time > 0 else None
 
     def worst_first(self) -> list[Outcome]:
-        """Errors, then failures, then warnings, then what was not run, then the rest, each in the order of the call."""
-        return sorted(self.outcomes, key=_badness)
+        """Return errors, flaky, failed, passed with a warning, skipped and passed outcomes, each in call order."""
+        return sorted(self.outcomes, key=_severity)
 
     def write(self, folder: Path) -> Path:
-        """Writes `results.json` into a folder that exists; returns its path."""
+        """Write `results.json` into an existing folder and return its path."""
         path = folder / RESULTS_FILE
         with whole_file(path) as file:
             file.write((self.model_dump_json(indent=2) + "\n").encode())
@@ -91,61 +112,86 @@ class Results(FrozenModel):
 
     @classmethod
     def read(cls, path: Path) -> Results:
-        """Reads a `results.json`, which may be a stranger's. Raises UsageError."""
+        """Read a `results.json` of this or the former format version. Raises UsageError if the file is not valid."""
         try:
             if (data := read_at_most(path, _MAX_BYTES)) is not None:
-                return cls.model_validate_json(data)
+                return cls._parsed(data)
             reason = f"it is larger than {_MAX_BYTES / 1e6:g} MB"
         except OSError as error:
             reason = error.strerror or str(error)
         except ValidationError as error:
-            reason = _first_finding(error)
-        raise UsageError(escaped_line(f"{path} is no results file: {reason}"))
+            reason = _first_problem(error)
+        raise UsageError(escaped_line(f"{path} is not a valid results file: {reason}"))
+
+    @classmethod
+    def _parsed(cls, data: bytes) -> Results:
+        try:
+            return cls.model_validate_json(data)
+        except ValidationError:
+            if (upgraded := _upgraded(data)) is None:
+                raise
+            return cls.model_validate_json(upgraded)
 
 
-def _first_finding(error: ValidationError) -> str:
-    """Where and what; keys that a stranger made up are not repeated."""
-    details, more = error.errors(include_url=False, include_input=False)[0], error.error_count() - 1
+def _upgraded(data: bytes) -> str | None:
+    """Return the text of a file of version 1 as version 2; None if it is not of version 1."""
+    try:
+        document: Any = json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(document, dict) or document.get("version") != _FORMER_VERSION:
+        return None
+    document["version"] = _VERSION
+    if "some" in document:
+        document["selected"] = document.pop("some")
+    outcomes = document.get("outcomes")
+    for outcome in outcomes if isinstance(outcomes, list) else []:
+        if isinstance(outcome, dict) and isinstance(end := outcome.get("end"), str):
+            outcome["end"] = _FORMER_ENDS.get(end, end)
+    return json.dumps(document)
+
+
+def _first_problem(error: ValidationError) -> str:
+    """Return the place and message of the first error; invalid keys are not repeated, since anyone may choose them."""
+    details, more = error.errors(include_url=False)[0], error.error_count() - 1
     steps = [str(step) for step in details["loc"] if isinstance(step, int) or step.isidentifier()]
-    told = ": ".join(part for part in (".".join(steps), details["msg"]) if part)
-    return f"{told} (and {more} more)" if more else told
+    if steps == ["version"] and type(found := details["input"]) is int:
+        return f"its format version is {found}, and this sim-action reads {_FORMER_VERSION} and {_VERSION}"
+    text = ": ".join(part for part in (".".join(steps), details["msg"]) if part)
+    return f"{text} (and {more} more)" if more else text
 
 
-def _badness(outcome: Outcome) -> int:
+def _severity(outcome: Outcome) -> int:
     if outcome.status != "passed":
         return {"error": 0, "flaky": 1, "failed": 2, "skipped": 4}[outcome.status]
     return 3 if any(expectation.warned for expectation in outcome.expectations) else 5
 
 
-MAX_OUTCOMES: Final = 50_000
-"""To join so many takes half a minute and most of a gigabyte."""
-
-
 @dataclass(frozen=True, slots=True)
 class ResultsFile:
-    """A file and what is in it."""
+    """A results file and its content."""
 
     path: Path
     results: Results
 
 
 def find_all(patterns: Iterable[str]) -> dict[str, list[Path]]:
-    """The files behind each pattern: a file, a folder (every `results.json` in it and below), or a glob of these.
+    """Return the results files for each pattern: a file, a folder (searched recursively), or a glob of these.
 
-    Raises UsageError for what cannot be looked into.
+    Raises UsageError if a folder cannot be read.
     """
     return {pattern: list(_matches(pattern)) for pattern in patterns}
 
 
 def read_all(found: Mapping[str, Iterable[Path]], most: int = MAX_OUTCOMES) -> list[ResultsFile]:
-    """Each file once. Raises UsageError for one that is not to be believed, and for too many outcomes."""
+    """Read each file once. Raises UsageError if a file is not valid, or if there are too many outcomes in total."""
     files: list[ResultsFile] = []
     count = 0
     for path in unique(found):
         results = _read_consistent(path)
         count += len(results.outcomes)
         if count > most:
-            _reject(f"{path}: with its outcomes there are more than {most}, which is the most")
+            _reject(f"{path}: this file brings the number of outcomes to {count}; at most {most} are allowed")
         files.append(ResultsFile(path, results))
     return files
 
@@ -159,29 +205,32 @@ def _matches(pattern: str) -> Iterator[Path]:
 
 
 def _below(folder: Path) -> Iterator[Path]:
-    for parent, folders, files in os.walk(folder, onerror=_unreadable):
+    for parent, folders, files in os.walk(folder, onerror=_raise_unreadable):
         folders.sort()
         path = Path(parent, RESULTS_FILE)
         if RESULTS_FILE in files:
             if path.is_symlink():
-                _reject(f"{path} is a link, which may lead anywhere; name the file itself")
+                _reject(f"{path} is a link, and links inside folders are not followed; name the file itself")
             yield path
 
 
-def _unreadable(error: OSError) -> NoReturn:
-    _reject(f"cannot look into {error.filename}: {error.strerror}")
+def _raise_unreadable(error: OSError) -> NoReturn:
+    _reject(f"cannot read the folder {error.filename}: {error.strerror}")
 
 
 def _read_consistent(path: Path) -> Results:
     results = Results.read(path)
     for outcome in results.outcomes:
-        if _contradicts_itself(outcome):
-            _reject(f"{path} is no results file: what it says of '{outcome.file}' contradicts itself")
+        if _is_inconsistent(outcome):
+            _reject(
+                f"{path} is not a valid results file: the status of '{outcome.file}' contradicts its failures "
+                "or expectations"
+            )
     return results
 
 
-def _contradicts_itself(outcome: Outcome) -> bool:
-    """A failure without a reason, a pass without an expectation or in spite of one, a verdict on what was not run."""
+def _is_inconsistent(outcome: Outcome) -> bool:
+    """Return True for an error without a reason, a pass without expectations or with a failed one, and the like."""
     if outcome.status in ("error", "flaky"):
         return not outcome.failures
     if outcome.status == "skipped":

@@ -1,6 +1,6 @@
-"""Join the results of shards into those of one run.
+"""Merge the results of shards into the results of one run.
 
-No outcome is lost, none occurs twice, and each scenario that no shard has run is listed as missing.
+No outcome is lost, none occurs twice, and each scenario that no shard has run becomes an error.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from sim_action.results.shards import Shard, shards_text
 from sim_action.scenario.source import Refused, Source
 
 Unit = tuple[str, int | None]
-"""What is dealt as one: a scenario or a variation, by its file and its place in that."""
+"""The key of a scenario or variation: its file and number. Shards divide a list by units."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """What has to be in the results, in the order of a run; `empty`: what was named but holds no scenario."""
+    """The scenarios that the results have to contain, in run order; `empty`: the patterns that match no scenario."""
 
     scenarios: Sequence[Source | Refused]
     empty: Sequence[str]
@@ -33,17 +33,17 @@ class Listing:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An outcome, and the results file that has it; None: none has it, it was added."""
+    """An outcome and the results file that contains it; None for an outcome that was added by the merge."""
 
     outcome: Outcome
     origin: Path | None = None
 
 
-def joined(files: Sequence[ResultsFile], listing: Listing | None) -> list[Entry]:
-    """All outcomes, as one run would list them, then those of missing shards.
+def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[Entry]:
+    """Return all outcomes in the order of a single run, followed by errors for missing shards.
 
-    Without a listing, what is not of `--shard` is in the order of its file names. Raises UsageError if these are not
-    results of one list, each part of it once.
+    Without a listing, results that were not made with `--shard` are sorted by file name. Raises UsageError if the
+    files are not distinct parts of one list.
     """
     sharded = [(shard, file) for file in files if (shard := file.results.shard)]
     _check_files(files)
@@ -56,15 +56,18 @@ def joined(files: Sequence[ResultsFile], listing: Listing | None) -> list[Entry]
 
 
 def _check_files(files: Iterable[ResultsFile]) -> None:
-    """A scenario has an outcome for each engine that it ran on, by name; all of them are in the same results."""
+    """Raise UsageError for duplicates.
+
+    A scenario that ran on several engines has one outcome for each, with distinct names, in the same results file.
+    """
     seen: dict[Unit, Path] = {}
     told = set[tuple[Unit, str]]()
     for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.outcomes if outcome.file):
         unit, called = _unit(outcome), _called(outcome)
         if seen.setdefault(unit, path) != path:
-            _refuse(f"both {seen[unit]} and {path} have results of {called}; nothing is counted twice")
+            _reject(f"both {seen[unit]} and {path} contain results of {called}; each scenario may occur only once")
         if (unit, outcome.name) in told:
-            _refuse(f"{path} has results of {called} twice; nothing is counted twice")
+            _reject(f"{path} contains results of {called} twice; each scenario may occur only once")
         told.add((unit, outcome.name))
 
 
@@ -77,34 +80,37 @@ def _unit(outcome: Outcome) -> Unit:
 
 
 def _compared(outcome: Outcome) -> str:
-    """Its file, spelled in one way; empty if it is not of one."""
+    """Return the normalised path of the file; empty if the outcome belongs to no single file."""
     return compared_name(outcome.file) if outcome.file else ""
 
 
 def _check_shards(sharded: Sequence[tuple[Shard, ResultsFile]]) -> None:
-    """Whether these can be parts of one list."""
+    """Raise UsageError unless the files can be parts of one list."""
     seen: dict[int, Path] = {}
     for shard, file in sharded:
         other, first = sharded[0]
         if shard.count != other.count:
-            _refuse(f"{first.path} is {other}, and {file.path} is {shard}: they are not of one run")
+            _reject(f"{first.path} is {other}, and {file.path} is {shard}: they do not belong to one run")
         if shard.total != other.total:
-            _refuse(
-                f"the shards saw different lists: {first.path} is {other} of {other.total} scenarios, "
-                f"and {file.path} is {shard} of {shard.total}"
+            _reject(
+                f"the shards belong to different lists: {first.path} is {other} with {other.total} scenarios, "
+                f"and {file.path} is {shard} with {shard.total}"
             )
         if shard.index in seen:
-            _refuse(f"both {seen[shard.index]} and {file.path} are {shard}")
+            _reject(f"both {seen[shard.index]} and {file.path} are {shard}")
         seen[shard.index] = file.path
     for shard, _ in sharded[:1]:
         found = _count(sharded)
         if found > shard.total or (found < shard.total and len(sharded) == shard.count):
-            _refuse(f"the shards saw different lists: each is of {shard.total} scenarios, and they have {found}")
+            _reject(
+                f"the shards belong to different lists: each states a total of {shard.total}, "
+                f"but together they contain {found} scenarios"
+            )
 
 
 def _ordered(files: Sequence[ResultsFile], sharded: Sequence[tuple[Shard, ResultsFile]]) -> list[Entry]:
     if len(files) in (1, len(sharded)):
-        # Dealt one by one, they are taken back one by one.
+        # The scenarios were distributed in turn, so they are collected in turn.
         hands = [file for _, file in sorted(sharded, key=lambda pair: pair[0].index)] or files
         rounds = zip_longest(*map(_dealt, hands), fillvalue=())
         return [entry for turn in rounds for hand in turn for entry in hand]
@@ -117,12 +123,12 @@ def _entries(file: ResultsFile) -> list[Entry]:
 
 
 def _dealt(file: ResultsFile) -> list[list[Entry]]:
-    """All outcomes of what was dealt as one."""
+    """Return the outcomes of a file, grouped by unit."""
     return [list(entries) for _, entries in groupby(_entries(file), key=lambda entry: _unit(entry.outcome))]
 
 
 def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
-    """What is not in the listing comes last."""
+    """Return the entries in the order of the listing; entries that are not listed come last."""
     files = [unit[0] for unit in _units(listing)] + [compared_name(escaped_line(pattern)) for pattern in listing.empty]
     places = {file: place for place, file in enumerate(dict.fromkeys(files))}
 
@@ -134,7 +140,7 @@ def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
 
 
 def _units(listing: Listing) -> list[Unit]:
-    """Of the scenarios that are listed, in order."""
+    """Return the keys of the listed scenarios in order."""
     files = [each.file if isinstance(each, Refused) else each.document.file for each in listing.scenarios]
     compared = {file: compared_name(file) for file in files}
     return [(compared[file], each.number) for file, each in zip(files, listing.scenarios, strict=True)]
@@ -142,13 +148,15 @@ def _units(listing: Listing) -> list[Unit]:
 
 def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> Iterator[Entry]:
     found = {_unit(entry.outcome): entry.outcome for entry in entries}
-    lost = "a result of this scenario; look at the jobs that were to run it"
-    message = f"no shard has left {lost if left_any else 'any results; look at the jobs that were to run them'}"
+    lost = "a result for this scenario; check the jobs that should have run it"
+    message = (
+        f"no shard returned {lost if left_any else 'any results; check the jobs that should have run the scenarios'}"
+    )
     stopped = set[tuple[str, str]]()
     for unit, scenario in zip(_units(listing), listing.scenarios, strict=True):
         whole = (unit[0], _group(scenario))
         if unit in found and found[unit].failures and found[unit].group is None:
-            # Where variations cannot be run, the first one of them tells of them all.
+            # If the variations of a scenario cannot be run, the error of the first one covers all of them.
             stopped.add(whole)
         if unit not in found and (unit[0], None) not in found and whole not in stopped:
             yield Entry(_without_result(scenario, message))
@@ -158,7 +166,7 @@ def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> I
 
 
 def _group(scenario: Source | Refused) -> str:
-    """The scenario that it is a variation of, if it is one."""
+    """Return the name of the varied scenario, or the scenario's own name."""
     return scenario.group or scenario.name if isinstance(scenario, Source) else scenario.name
 
 
@@ -179,14 +187,14 @@ def _without_result(scenario: Source | Refused, message: str) -> Outcome:
 
 
 def _missing_shards(sharded: Sequence[tuple[Shard, ResultsFile]], added: int) -> Iterator[Outcome]:
-    """One for all: which of them should have run what is not known. If all was added by its name, that is enough."""
+    """Yield one error for all missing shards, unless each of their scenarios has got an error of its own already."""
     for shard, _ in sharded[:1]:
         lost = shard.total - _count(sharded) - added
         missing = set(range(1, shard.count + 1)) - {present.index for present, _ in sharded}
         if lost > 0:
             name = shards_text(missing, shard.count)
-            has, job = ("has", "its job") if len(missing) == 1 else ("have", "their jobs")
-            message = f"{name} {has} left no results; {lost} of {shard.total} scenarios have none; look at {job}"
+            job = "its job" if len(missing) == 1 else "their jobs"
+            message = f"{name} returned no results; {lost} of {shard.total} scenarios have none; check {job}"
             failure = Failure(kind="missing", title="no results", message=message)
             yield Outcome(name=name, file="", status="error", failures=(failure,))
 
@@ -195,5 +203,5 @@ def _count(sharded: Iterable[tuple[Shard, ResultsFile]]) -> int:
     return sum(len(_dealt(file)) for _, file in sharded)
 
 
-def _refuse(message: str) -> NoReturn:
+def _reject(message: str) -> NoReturn:
     raise UsageError(escaped_line(message))

@@ -14,21 +14,21 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import escaped_line
 from sim_action.scenario.selection import ranges_text
 
-MOST_SHARDS: Final = 256
-"""GitHub makes no more jobs out of one matrix."""
+MAX_SHARDS: Final = 256
+"""The largest number of jobs that GitHub creates from one matrix."""
 
 T = TypeVar("T")
 
-_Number = Annotated[int, Field(ge=1, le=MOST_SHARDS)]
+_Number = Annotated[int, Field(ge=1, le=MAX_SHARDS)]
 
 
 class Shard(FrozenModel):
-    """One part of a list of scenarios: every `count`-th of it.
+    """One part of a list of scenarios: every `count`-th scenario, beginning with number `index`.
 
     Attributes:
-        index: which part it is, from 1; it begins with the scenario of that place.
-        count: how many parts there are.
-        total: how many scenarios all parts have together.
+        index: the number of this part, counted from 1.
+        count: the number of parts.
+        total: the number of scenarios in all parts together.
     """
 
     index: _Number
@@ -37,11 +37,11 @@ class Shard(FrozenModel):
 
     @classmethod
     def parse(cls, text: str, total: int) -> Self:
-        """Reads I/N, of a list of so many scenarios. Raises UsageError."""
+        """Parse "I/N" for a list of `total` scenarios. Raises UsageError."""
         found = re.fullmatch(r"\s*([0-9]{1,3})\s*/\s*([0-9]{1,3})\s*", text)
         index, count = map(int, found.groups()) if found else (0, 0)
-        if not 1 <= index <= count <= MOST_SHARDS:
-            allowed = f"I/N with 1 <= I <= N <= {MOST_SHARDS}, such as 1/3"
+        if not 1 <= index <= count <= MAX_SHARDS:
+            allowed = f"I/N with 1 <= I <= N <= {MAX_SHARDS}, such as 1/3"
             raise UsageError(escaped_line(f"--shard {text}: must be {allowed}"))
         return cls(index=index, count=count, total=total)
 
@@ -55,22 +55,22 @@ class Shard(FrozenModel):
         return f"shard {self.index} of {self.count}"
 
     def dealt(self, scenarios: Sequence[T]) -> list[T]:
-        """What of a list is in this part, in the order of the list."""
+        """Return the elements of a list that belong to this part, in the order of the list."""
         return list(scenarios[self.index - 1 :: self.count])
 
 
 def shards_text(indices: Iterable[int], count: int) -> str:
-    """Some of so many shards, such as "shard 2 of 3" or "shards 1-3, 5 of 9"."""
+    """Return the name of some shards, such as "shard 2 of 3" or "shards 1-3, 5 of 9"."""
     ordered = sorted(indices)
     return f"{'shard' if len(ordered) == 1 else 'shards'} {ranges_text(ordered, ', ')} of {count}"
 
 
 def balanced(scenarios: Sequence[T], durations: Sequence[float], count: int) -> list[list[T]]:
-    """Deals a list to at most so many parts that take about equally long; none is empty, each keeps the list's order.
+    """Divide a list into at most `count` parts of similar duration; no part is empty, each keeps the list's order.
 
-    The longest goes first, each to the part that has the least so far: the longest part then takes at most 4/3 of
-    what it would if they were dealt as well as can be (R. L. Graham, Bounds on Multiprocessing Timing Anomalies,
-    1969). `durations` are in s, and above zero.
+    Elements are assigned in descending order of duration, each to the part with the smallest load so far. The
+    longest part then takes at most 4/3 of the optimum (R. L. Graham, Bounds on Multiprocessing Timing Anomalies,
+    1969). `durations` are in s and greater than zero.
     """
     loads = [(0.0, 0, part) for part in range(min(count, len(scenarios)))]
     parts: list[list[int]] = [[] for _ in loads]

@@ -1,4 +1,4 @@
-"""Where traces and replays are stored beside their results, and how they come from there to somewhere else."""
+"""The files of runs next to `results.json`: paths of traces, replays and recordings, and copying them for a merge."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from sim_action.results.outcome import Outcome
 TRACE_FOLDER: Final = "traces"
 REPLAY_FOLDER: Final = "replays"
 RECORDING_FOLDER: Final = "recordings"
-EVIDENCE_FOLDERS: Final = (TRACE_FOLDER, REPLAY_FOLDER, RECORDING_FOLDER)
-"""What runs leave beside their results is in these."""
+RUN_FILE_FOLDERS: Final = (TRACE_FOLDER, REPLAY_FOLDER, RECORDING_FOLDER)
+"""The folders next to `results.json` that hold the files of runs."""
 
 
 def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
-    """A file for each name, safe on every file system, no two alike whatever the case."""
+    """Return a path for each name: valid on every file system and unique even where the case is ignored."""
     taken: set[str] = set()
-    # Where to go on looking for the next that is free: many may have the same name.
+    # The last number tried for a name, so that many equal names do not take quadratic time.
     numbers: dict[str, int] = {}
     paths = []
     for name in names:
@@ -45,77 +45,80 @@ def _plain(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:80] or "scenario"
 
 
-def number_among_namesakes(name: str, stored: str) -> int:
-    """Which one of a name it is, from 1 on, by its replay: `replays/a-2.json.gz` is of the second `a`."""
+def namesake_number(name: str, stored: str) -> int:
+    """Return the number of a scenario among those of its name: `replays/a-2.json.gz` belongs to the second `a`."""
     number = Path(stored).name.removesuffix(".json.gz").removeprefix(f"{_plain(name)}-")
     return int(number) if re.fullmatch("[1-9][0-9]{0,5}", number) else 1
 
 
 def replay_path(trace: Path) -> Path:
-    """Where the replay of a run is stored whose trace is at a path."""
+    """Return the path of the replay for the path of the trace."""
     return trace.parent.parent / REPLAY_FOLDER / f"{trace.stem}.json.gz"
 
 
 def recording_path(trace: Path, ending: str) -> Path:
-    """Where a recording of a run is stored whose trace is at a path; `ending`: of its name, such as "mcap"."""
+    """Return the path of a recording for the path of the trace; `ending` is the format, such as "mcap"."""
     return trace.parent.parent / RECORDING_FOLDER / f"{trace.stem}.{ending}"
 
 
 def stored_file(folder: Path, trace: str) -> Path | None:
-    """The file of a run that results in `folder` name; None unless it is one, below the folder and behind no link."""
+    """Return the path of a file named in the results of `folder`.
+
+    None if it is no regular file, lies outside the folder or is reached through a link.
+    """
     try:
         root = folder.resolve()
         path = Path(os.path.normpath(root / trace))
         is_stored = path.is_relative_to(root) and path.resolve() == path and path.is_file()
-    except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
+    except (OSError, ValueError, RuntimeError):  # a name that is too long or contains NUL, or a loop of links
         return None
     return path if is_stored else None
 
 
 def copy_stored(source: Path, target: Path) -> None:
-    """Copies a stored file, all of it or nothing; raises OSError. What the target's name stands for is replaced."""
+    """Copy a stored file completely or not at all; an existing target, even a link, is replaced. Raises OSError."""
     with open_regular(source, follow_link=False) as stored, whole_file(target) as copy:
         shutil.copyfileobj(stored, copy)
 
 
-Kind = Literal["trace", "replay", "recording"]
+FileKind = Literal["trace", "replay", "recording"]
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
-    """One file of a run.
+class StoredFile:
+    """A file of a run that an outcome names.
 
     Attributes:
-        name: as the outcome has it.
-        source: where it is; None: not beside the results, or nothing of ours.
+        name: the relative path in the outcome.
+        source: the path of the file; None if it is missing, or not a file that sim-action writes.
     """
 
-    kind: Kind
+    kind: FileKind
     name: str
     source: Path | None
 
     def target(self, trace: Path) -> Path:
-        """Where it goes, if the trace of the same run goes to a path."""
+        """Return the path for the copy, given the path for the trace of the same run."""
         if self.kind == "recording":
             return recording_path(trace, _file_format(self.name))
         return trace if self.kind == "trace" else replay_path(trace)
 
 
-def evidence_of(outcome: Outcome, folder: Path | None) -> list[Evidence]:
-    """What an outcome names, that is of results in a folder; None: it is of none."""
-    return [Evidence(kind, name, _source(kind, name, folder)) for kind, name in _named(outcome)]
+def stored_files_of(outcome: Outcome, folder: Path | None) -> list[StoredFile]:
+    """Return the files that an outcome names; `folder` is that of its results file, None if there is none."""
+    return [StoredFile(kind, name, _source(kind, name, folder)) for kind, name in _named(outcome)]
 
 
-def moved(outcome: Outcome, files: Sequence[Evidence], trace: Path | None, folder: Path) -> Outcome:
-    """The outcome with its files in `folder`, its trace at a path there; None: there is no place for it.
+def with_copied_files(outcome: Outcome, files: Sequence[StoredFile], trace: Path | None, folder: Path) -> Outcome:
+    """Copy the files of an outcome into `folder` and return the outcome with their new names.
 
-    Raises UsageError.
+    `trace` is the new path of the trace; None if nothing is to be copied. Raises UsageError if a copy fails.
     """
     names: dict[str, Any] = {"trace": None, "replay": None, "recordings": ()}
     notes = list(outcome.notes)
     for file in files:
         if file.source is None or trace is None:
-            notes.append(escaped_line(f"its {file.kind} {file.name} is not beside the results of its shard"))
+            notes.append(escaped_line(f"its {file.kind} {file.name} was not found next to the results of its shard"))
             continue
         target = file.target(trace)
         _copy_file(file.kind, file.source, target)
@@ -127,17 +130,17 @@ def moved(outcome: Outcome, files: Sequence[Evidence], trace: Path | None, folde
     return outcome.model_copy(update={**names, "notes": tuple(notes)})
 
 
-def _named(outcome: Outcome) -> Iterator[tuple[Kind, str]]:
+def _named(outcome: Outcome) -> Iterator[tuple[FileKind, str]]:
     if outcome.trace:
         yield "trace", outcome.trace
     if outcome.replay:
         yield "replay", outcome.replay
-    # Of each format there is one.
+    # There is one recording for each format.
     yield from (("recording", name) for name in {_file_format(name): name for name in outcome.recordings}.values())
 
 
-def _source(kind: Kind, name: str, folder: Path | None) -> Path | None:
-    """What a stranger's results name is no recording by that alone."""
+def _source(kind: FileKind, name: str, folder: Path | None) -> Path | None:
+    """Return the path of the file; None if it is missing, or a recording in a format that sim-action does not write."""
     if folder is None or (kind == "recording" and _file_format(name) not in EXPORTS):
         return None
     return stored_file(folder, name)
@@ -147,7 +150,7 @@ def _file_format(name: str) -> str:
     return PurePosixPath(name).suffix.removeprefix(".")
 
 
-def _copy_file(kind: Kind, source: Path, target: Path) -> None:
+def _copy_file(kind: FileKind, source: Path, target: Path) -> None:
     try:
         target.parent.mkdir(exist_ok=True)
         copy_stored(source, target)

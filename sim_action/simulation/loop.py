@@ -167,7 +167,7 @@ class _Loop:
         return SimulationRun(
             trace=kept,
             verdicts=panel.verdicts(),
-            end=panel.end or "nobody left",
+            end=panel.end or "controllers finished",
             digest=digest.hexdigest(),
             travelled=float(kept.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,

@@ -17,8 +17,8 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace
 
-End = Literal["goals met", "broken", "duration", "time limit", "nobody left"]
-"""Why a run was over; nobody left: those have gone who commanded the robot."""
+End = Literal["goals met", "expectation failed", "duration", "time limit", "controllers finished"]
+"""The reason for the end of a run; "controllers finished": every process that commands the robot has ended."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Panel:
     def end(self) -> End | None:
         """Why the run is over at the last moment seen; None if it goes on."""
         if any(m.state is State.BROKEN for m in self._decisive()):
-            return "broken"
+            return "expectation failed"
         duration = self.scenario.duration
         if self.has_goals and not self.is_pending and self._reached(duration or 0.0) and self._all_opened():
             return "goals met"
@@ -85,7 +85,7 @@ class Panel:
         """One for each expectation, if nothing more came."""
         pairs = zip(self.monitors, self.goals, strict=True)
         verdicts = (replace(monitor.verdict(), goal=goal) for monitor, goal in pairs)
-        if self.end != "broken":
+        if self.end != "expectation failed":
             return tuple(verdicts)
         return tuple(map(_undecided, self.monitors, verdicts))
 

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.app.compare import CompareRequest, compare_results
 from sim_action.core.errors import ExitCode, UsageError
-from tests.outcomes import outcome, results, stored
+from tests.outcomes import as_former_version, outcome, results, stored
 
 
 @pytest.fixture(autouse=True)
@@ -35,6 +35,12 @@ def test_nothing_newly_fails_the_other_way_round() -> None:
     assert compare_results(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
 
 
+def test_results_of_the_former_version_are_compared() -> None:
+    as_former_version(Path("old/results.json"))
+    assert compare_results(CompareRequest("old", "new")) is ExitCode.FAILED
+    assert compare_results(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
+
+
 def test_shards_are_one_run() -> None:
     for index, name in ((1, "a.sim.yml"), (2, "b.sim.yml")):
         stored(Path("shards", str(index)), results(outcome(name), shard=(index, 2, 2)))
@@ -53,7 +59,7 @@ def test_a_shard_that_is_lost_fails(capsys: pytest.CaptureFixture[str]) -> None:
         ("nowhere", "new", "no results.json found at 'nowhere'"),
         ("old", "empty", "no results.json found at 'empty'"),
         ("old", "*.none", "no results.json found at '*.none'"),
-        ("text", "new", "text is no results file"),
+        ("text", "new", "text is not a valid results file"),
     ],
 )
 def test_what_cannot_be_compared(old: str, new: str, complaint: str) -> None:

@@ -15,7 +15,7 @@ from sim_action.reports import ReportRequest
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.results.shard_results import Listing
-from tests.outcomes import outcome, results, source, stored
+from tests.outcomes import as_former_version, outcome, results, source, stored
 from tests.work import work_of
 
 
@@ -59,6 +59,15 @@ def test_traces_come_along_under_names_of_their_own() -> None:
     assert len(list(Path("joined/traces").iterdir())) == 2
 
 
+def test_results_of_the_former_version_are_merged_into_results_of_this_version() -> None:
+    shard(1, outcome("a"), total=2)
+    as_former_version(Path("shards/1/results.json"))
+    shard(2, outcome("b"), total=2)
+    assert merge_results(request()) is ExitCode.PASSED
+    assert read().version == 2
+    assert [made.end for made in read().outcomes] == ["controllers finished", outcome("b").end]
+
+
 def test_replays_come_along_under_the_names_of_their_traces() -> None:
     trace, replay = "traces/same.npz", "replays/same.json.gz"
     shard(1, outcome("a/same", trace=trace, replay=replay), outcome("c/same"))
@@ -77,7 +86,7 @@ def test_a_replay_that_is_not_beside_its_results_is_left_out_and_that_is_told() 
     merge_results(request("shards/1"))
     (made,) = read().outcomes
     assert (made.trace, made.replay) == ("traces/a.npz", None)
-    assert made.notes == ("its replay ../../secret is not beside the results of its shard",)
+    assert made.notes == ("its replay ../../secret was not found next to the results of its shard",)
 
 
 def test_what_could_not_be_loaded_takes_no_name_from_a_trace() -> None:
@@ -99,7 +108,7 @@ def test_a_trace_that_is_not_beside_its_results_is_left_out_and_that_is_told(wor
     assert merge_results(request()) is ExitCode.PASSED
     (made,) = read().outcomes
     assert made.trace is None
-    assert made.notes == (f"its trace {trace} is not beside the results of its shard",)
+    assert made.notes == (f"its trace {trace} was not found next to the results of its shard",)
     assert not Path("joined/traces").exists()
 
 
@@ -158,9 +167,9 @@ def test_a_missing_shard_is_in_every_report_and_in_the_exit_code(
     shard(1, outcome("a"), outcome("c"))
     assert merge_results(request()) is ExitCode.INVALID
     assert 'name="shard 2 of 2"' in Path("joined/junit.xml").read_text()
-    assert "shard 2 of 2 has left no results" in Path("GITHUB_STEP_SUMMARY").read_text()
+    assert "shard 2 of 2 returned no results" in Path("GITHUB_STEP_SUMMARY").read_text()
     assert "\nfailure\n" in Path("GITHUB_OUTPUT").read_text()
-    assert "shard 2 of 2 has left no results; 1 of 3 scenarios have none" in capsys.readouterr().out
+    assert "shard 2 of 2 returned no results; 1 of 3 scenarios have none" in capsys.readouterr().out
 
 
 def test_only_what_no_shard_has_annotated_is_annotated(
@@ -172,7 +181,7 @@ def test_only_what_no_shard_has_annotated_is_annotated(
     assert merge_results(request(listing=listing)) is ExitCode.INVALID
     commands = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("::error", "::warning"))]
     (command,) = commands
-    assert command.startswith("::error file=b.sim.yml,title=b.sim.yml%3A no result::no shard has left a result")
+    assert command.startswith("::error file=b.sim.yml,title=b.sim.yml%3A no result::no shard returned a result")
 
 
 def test_annotations_of_what_is_of_no_file_name_none(
@@ -181,7 +190,7 @@ def test_annotations_of_what_is_of_no_file_name_none(
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a"), outcome("c"))
     merge_results(request())
-    assert "\n::error title=shard 2 of 2%3A no results::shard 2 of 2 has left" in capsys.readouterr().out
+    assert "\n::error title=shard 2 of 2%3A no results::shard 2 of 2 returned" in capsys.readouterr().out
 
 
 def test_results_can_be_joined_into_the_folder_above_them() -> None:
@@ -228,7 +237,7 @@ def test_what_was_joined_elsewhere_is_joined_like_anything_else() -> None:
     shard(1, outcome("a"), outcome("c"))
     shard(2, outcome("b"))
     merge_results(request(folder="joined"))
-    with pytest.raises(UsageError, match="have results of"):
+    with pytest.raises(UsageError, match="contain results of"):
         merge_results(request(".", folder="again"))
     assert merge_results(request("joined", folder="again")) is ExitCode.PASSED
     assert len(read("again").outcomes) == 3
@@ -357,5 +366,7 @@ def test_what_is_no_recording_of_ours_is_not_copied_and_that_is_told() -> None:
     merge_results(request("shards/1"))
     (made,) = read().outcomes
     assert made.recordings == ()
-    assert made.notes == tuple(f"its recording {name} is not beside the results of its shard" for name in forged)
+    assert made.notes == tuple(
+        f"its recording {name} was not found next to the results of its shard" for name in forged
+    )
     assert not Path("joined/recordings").exists()

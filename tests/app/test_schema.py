@@ -134,7 +134,7 @@ def test_results_are_as_their_schema_says() -> None:
     written = json.loads(results.model_dump_json())
     jsonschema.validate(written, schema)
     assert set(written) == set(schema["required"])
-    assert schema["$defs"]["Outcome"]["properties"]["travelled"]["description"].startswith("m between")
+    assert schema["$defs"]["Outcome"]["properties"]["travelled"]["description"].startswith("the distance in m between")
     del written["outcomes"][0]["digest"]
     with pytest.raises(jsonschema.ValidationError, match="digest"):
         jsonschema.validate(written, schema)

@@ -12,7 +12,7 @@ import pytest
 from sim_action.app.view import ViewRequest, address, opened
 from sim_action.cli.main import call
 from sim_action.core.errors import UsageError
-from tests.outcomes import outcome, results, stored
+from tests.outcomes import as_former_version, outcome, results, stored
 
 
 @pytest.fixture(autouse=True)
@@ -35,6 +35,13 @@ def test_a_moment_of_a_scenario_stands_behind_it(folder: Path) -> None:
     found = urlsplit(address(ViewRequest(folder, "a b & c", 4.504)))
     assert unquote(found.path) == str(folder / "report.html")
     assert parse_qs(found.fragment) == {"scenario": ["a b & c"], "t": ["4.5"]}
+
+
+def test_names_are_read_from_results_of_the_former_version(folder: Path) -> None:
+    as_former_version(folder / "results.json")
+    assert address(ViewRequest(folder, "d")).endswith("report.html#scenario=d")
+    with pytest.raises(UsageError, match="no scenario 'dd'"):
+        address(ViewRequest(folder, "dd"))
 
 
 def test_a_name_that_is_not_in_it_is_told_with_the_nearest(folder: Path) -> None:

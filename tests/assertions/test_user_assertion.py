@@ -124,7 +124,7 @@ def test_what_was_decided_stands(tmp_path: Path) -> None:
 def test_the_panel_finds_the_moment_by_asking_about_shorter_runs(tmp_path: Path) -> None:
     spec = written(tmp_path, SLOW.format(kind="invariant"))
     panel, seen = Panel.open(scenario(expectation(spec)), here(tmp_path), START).observe_until_end(ride())
-    assert (panel.end, len(seen)) == ("broken", 2)
+    assert (panel.end, len(seen)) == ("expectation failed", 2)
     (verdict,) = panel.verdicts()
     assert (verdict.passed, verdict.time) == (False, 2.0)
 

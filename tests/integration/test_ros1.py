@@ -69,7 +69,7 @@ def test_examples_pass(name: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     (outcome,) = outcomes(tmp_path)
     assert outcome.status == "passed"
-    assert outcome.end == "test over"
+    assert outcome.end == "test finished"
     assert outcome.trace is not None
     assert outcome.replay is not None
 
@@ -134,7 +134,7 @@ def test_packages_that_are_laid_out_as_those_of_robotis_count_before_ours(
 
     run = told(findings)
     assert findings.exit_code == 0, findings.text
-    assert run.end == "test over"
+    assert run.end == "test finished"
     assert run.travelled is not None
     assert run.travelled > 1.5
     trace = load_trace(findings.runs[0].folder / TRACE_FILE)
@@ -191,7 +191,7 @@ def test_a_node_that_never_waits_costs_lock_step_and_that_is_told(tmp_path: Path
     run = told(findings)
     assert not run.in_step
     assert any("lock-step was lost" in note for note in run.notes), run.notes
-    assert run.end == "test over", findings.text
+    assert run.end == "test finished", findings.text
 
 
 def test_a_plugin_that_is_not_known_is_named(tmp_path: Path) -> None:

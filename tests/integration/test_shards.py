@@ -114,7 +114,7 @@ def test_without_durations_the_matrix_is_balanced_by_count(workspace: Path, tmp_
         durations.write_text(text)
     made = sim_action(workspace, "matrix", "--shards", "2", "--durations", str(durations))
     assert made.returncode == 0
-    assert re.search(r"results\.json is no results file: .+; all scenarios count as equally long", made.stderr)
+    assert re.search(r"results\.json is not a valid results file: .+; all scenarios count as equally long", made.stderr)
     assert made.stdout == sim_action(workspace, "matrix", "--shards", "2").stdout
 
 
@@ -129,7 +129,7 @@ def lossy(workspace: Path, tmp_path: Path) -> Path:
 def test_what_a_lost_shard_should_have_run_is_an_error(workspace: Path, lossy: Path, tmp_path: Path) -> None:
     merged = sim_action(workspace, "merge", str(lossy), "--output-dir", str(tmp_path / "out"))
     assert merged.returncode == 2, "of the shards that are there, one is invalid"
-    assert "shard 2 of 3 has left no results; 2 of 6 scenarios have none" in merged.stdout
+    assert "shard 2 of 3 returned no results; 2 of 6 scenarios have none" in merged.stdout
     sim_action(workspace, "merge", str(lossy), "--scenarios", ".", "--output-dir", str(tmp_path / "out"))
     missing = [
         made["file"]
@@ -137,7 +137,7 @@ def test_what_a_lost_shard_should_have_run_is_an_error(workspace: Path, lossy: P
         if made["failures"][:1] and made["failures"][0]["kind"] == "missing"
     ]
     assert missing == ["c.sim.yml", "deep/same.sim.yml"]
-    assert "no shard has left a result of this scenario" in (tmp_path / "out/junit.xml").read_text()
+    assert "no shard returned a result for this scenario" in (tmp_path / "out/junit.xml").read_text()
 
 
 def test_if_every_shard_is_lost_every_scenario_is_reported(workspace: Path, tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_a_scenario_that_ran_twice_is_refused_however_it_was_named(workspace: Pa
         parts = [str(tmp_path / "relative"), str(tmp_path / kind)]
         merged = sim_action(workspace, "merge", *parts, "--output-dir", str(tmp_path / "out"))
         assert (merged.returncode, merged.stdout) == (2, "")
-        assert f"have results of 'same' in {spelled[kind]}; nothing is counted twice" in merged.stderr
+        assert f"contain results of 'same' in {spelled[kind]}; each scenario may occur only once" in merged.stderr
         assert sim_action(workspace, "merge", parts[1], "--scenarios", "a.sim.yml").returncode == 0
 
 
@@ -215,7 +215,7 @@ def test_no_scenario_at_all_is_exit_code_5(tmp_path: Path) -> None:
         (("merge",), "Missing argument 'RESULTS...'"),
         (("merge", "."), "sim-action: no results.json found at '.'"),
         (("merge", ".", "--scenarios", "nope*"), "sim-action: --scenarios finds no scenario"),
-        (("merge", "loop"), "loop is no results file: Too many levels of symbolic links"),
+        (("merge", "loop"), "loop is not a valid results file: Too many levels of symbolic links"),
         (("merge", ".", "-v", "-q"), "--verbose and --quiet cannot be combined"),
     ],
 )

@@ -98,7 +98,7 @@ def test_what_is_touched_runs_again_and_what_changed_is_told(folder: Path) -> No
         assert re.search(r"newly fails +second", told)
         assert "first" not in told
         write(folder / "b.base.yml", SCENARIO.format(name="base"))
-        assert re.search(r"mended +second", until("watching 3 files"))
+        assert re.search(r"fixed +second", until("watching 3 files"))
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
 

@@ -152,7 +152,7 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                 "file": WALL,
                 "status": "failed",
                 "expectations": (TRAVEL, COLLISION, UPRIGHT, COLLISION),
-                "end": "broken",
+                "end": "expectation failed",
                 "sim_time": 3.2,
                 "diagnostics": (Diagnostic(level="warning", message="b3Warning: no inertial data for link, wheel"),),
                 "output": "controller: wall ahead\ncontroller: full speed",
@@ -176,7 +176,7 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                 "file": WALL,
                 "status": "failed",
                 "expectations": (CUT_OFF, COLLISION),
-                "end": "broken",
+                "end": "expectation failed",
                 "sim_time": 3.2,
             }
         ),
@@ -270,7 +270,7 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                 Failure(
                     kind="missing",
                     title="no result",
-                    message="no shard has left a result of this scenario; look at the jobs that were to run it",
+                    message="no shard returned a result for this scenario; check the jobs that should have run it",
                 ),
             ),
         ),
@@ -282,7 +282,7 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                 Failure(
                     kind="missing",
                     title="no results",
-                    message="shard 2 of 3 has left no results; 4 of 12 scenarios have none; look at its job",
+                    message="shard 2 of 3 returned no results; 4 of 12 scenarios have none; check its job",
                 ),
             ),
         ),

@@ -11,7 +11,7 @@ from markdown_it import MarkdownIt
 
 from sim_action.core.provenance import Provenance
 from sim_action.reports.comparison import MAX_CHARACTERS, comparison_markdown, headline, print_comparison, rows
-from sim_action.results.comparison import Comparison, compared
+from sim_action.results.comparison import Comparison, compare_outcomes
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 
@@ -25,9 +25,9 @@ def several(samples: Samples) -> Comparison:
     tight, fast = _with_margin(passed, 0.3), {"real_time_factor": 40.0, "sim_time": 60.0, "digest": "f0"}
     slow = _with_margin(passed, 0.1).model_copy(update={**fast, "real_time_factor": 10.0, "digest": "f1"})
     crash = samples["crash"].outcomes[0]
-    old = [_named("breaks", passed), _named("mended", failed), _named("tight", tight.model_copy(update=fast))]
-    old += [_named("gone", passed), _named("same", passed), _named("still", failed), _named("otherwise", failed)]
-    new = [_named("breaks", failed), _named("mended", passed), _named("tight", slow), _named("same", passed)]
+    old = [_named("breaks", passed), _named("fixed", failed), _named("tight", tight.model_copy(update=fast))]
+    old += [_named("removed", passed), _named("same", passed), _named("still", failed), _named("otherwise", failed)]
+    new = [_named("breaks", failed), _named("fixed", passed), _named("tight", slow), _named("same", passed)]
     new += [_named("still", failed), _named("new", passed), _named("otherwise", crash)]
     old += [_named("elsewhere", passed.model_copy(update={**fast, "provenance": _made_on("Big")}))]
     new += [_named("elsewhere", slow.model_copy(update={"provenance": _made_on("Small | 2")}))]
@@ -39,7 +39,7 @@ def several(samples: Samples) -> Comparison:
     )
     old += [_named("shaky", passed), _named("once", flaky)]
     new += [_named("shaky", flaky), _named("once", passed)]
-    return compared(old, new)
+    return compare_outcomes(old, new)
 
 
 def _made_on(cpu: str) -> Provenance:
@@ -81,29 +81,31 @@ def test_the_worst_is_first_in_markdown_and_last_above_the_prompt(several: Compa
 def test_a_digest_is_news_where_the_verdict_is_none(samples: Samples) -> None:
     passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
     again = passed.model_copy(update={"digest": "f1"})
-    assert [row.what for row in rows(compared([passed], [again]))] == ["moves otherwise"]
+    assert [row.what for row in rows(compare_outcomes([passed], [again]))] == ["moves differently"]
     worse = failed.model_copy(update={"digest": "f1"})
-    assert [row.what for row in rows(compared([passed], [worse]))] == ["newly fails"]
+    assert [row.what for row in rows(compare_outcomes([passed], [worse]))] == ["newly fails"]
 
 
 def test_a_flaky_scenario_is_in_the_title(samples: Samples) -> None:
     flaky = samples["crash"].outcomes[0].model_copy(update={"status": "flaky"})
     failed = samples["failed"].outcomes[0]
-    assert comparison_markdown(compared([], [flaky])).startswith("## 🎲 1 scenario is flaky\n")
-    assert comparison_markdown(compared([], [flaky, failed])).startswith("## ❌ 1 scenario newly fails, 1 flaky\n")
+    assert comparison_markdown(compare_outcomes([], [flaky])).startswith("## 🎲 1 scenario is flaky\n")
+    assert comparison_markdown(compare_outcomes([], [flaky, failed])).startswith(
+        "## ❌ 1 scenario newly fails, 1 flaky\n"
+    )
 
 
 def test_runs_that_are_alike_have_a_headline_alone(samples: Samples) -> None:
-    same = compared(samples["passed"].outcomes, samples["passed"].outcomes)
+    same = compare_outcomes(samples["passed"].outcomes, samples["passed"].outcomes)
     assert printed(same) == "1 still passes\n"
     assert comparison_markdown(same).startswith("## ✅ Nothing newly fails\n")
     assert "|" not in comparison_markdown(same)
-    assert headline(compared([], [])) == "no scenario"
+    assert headline(compare_outcomes([], [])) == "no scenarios"
 
 
 def test_hostile_text_is_text_in_markdown(samples: Samples) -> None:
     hostile = samples["hostile"].outcomes
-    (table,) = comparison_markdown(compared([], hostile)).split("\n\n")[2:]
+    (table,) = comparison_markdown(compare_outcomes([], hostile)).split("\n\n")[2:]
     assert {line.count("|") for line in table.splitlines()} == {5}
     html = MarkdownIt("commonmark").enable("table").render(table)
     assert "<b>" not in html.replace("<b>&", "")
@@ -113,7 +115,7 @@ def test_hostile_text_is_text_in_markdown(samples: Samples) -> None:
 
 
 def test_hostile_text_gives_a_log_no_command(samples: Samples) -> None:
-    text = printed(compared([], samples["hostile"].outcomes), {"GITHUB_ACTIONS": "true", "NO_COLOR": "1"})
+    text = printed(compare_outcomes([], samples["hostile"].outcomes), {"GITHUB_ACTIONS": "true", "NO_COLOR": "1"})
     first, *lines, last = text.splitlines()
     assert first.startswith("::stop-commands::")
     assert last == f"::{first.removeprefix('::stop-commands::')}::"
@@ -123,10 +125,10 @@ def test_hostile_text_gives_a_log_no_command(samples: Samples) -> None:
 def test_very_many_changes_fit_into_a_comment_the_worst_of_them(samples: Samples) -> None:
     bad, good = samples["hostile"].outcomes[0], samples["passed"].outcomes[0]
     new = [_named(f"good {place}", good) for place in range(3_000)] + [_named("bad", bad)]
-    text = comparison_markdown(compared([], new))
+    text = comparison_markdown(compare_outcomes([], new))
     assert len(text) <= MAX_CHARACTERS
     assert "**bad**" in text
-    assert "more changes are left out here" in text
-    shown = printed(compared([], new))
-    assert "2801 more are left out here" in shown
+    assert "more changes are not shown" in text
+    shown = printed(compare_outcomes([], new))
+    assert "2801 more changes are not shown" in shown
     assert "newly fails" in shown

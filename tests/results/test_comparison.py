@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import ExitCode, Location
 from sim_action.core.provenance import Provenance
-from sim_action.results.comparison import Change, Comparison, Shrunk, Slower, Thresholds, Turn, compared
+from sim_action.results.comparison import (
+    Change,
+    ChangeKind,
+    Comparison,
+    Slower,
+    SmallerMargin,
+    Thresholds,
+    compare_outcomes,
+)
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Repeats, Status
 from sim_action.state.verdict import Verdict
 
@@ -39,23 +47,23 @@ def made_on(cpu: str, build: str = "a wheel") -> Provenance:
 
 
 def changed(old: Outcome | None, new: Outcome | None, thresholds: Thresholds | None = None) -> Change:
-    (change,) = compared([old] if old else [], [new] if new else [], thresholds).changes
+    (change,) = compare_outcomes([old] if old else [], [new] if new else [], thresholds).changes
     return change
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "turn"),
+    ("old", "new", "kind"),
     [
         ("passed", "passed", "still passes"),
         ("passed", "failed", "newly fails"),
         ("passed", "error", "newly fails"),
         ("passed", "skipped", "not run"),
-        ("passed", None, "gone"),
-        ("failed", "passed", "mended"),
-        ("error", "passed", "mended"),
+        ("passed", None, "removed"),
+        ("failed", "passed", "fixed"),
+        ("error", "passed", "fixed"),
         ("failed", "failed", "still fails"),
-        ("failed", "error", "fails otherwise"),
-        ("error", "failed", "fails otherwise"),
+        ("failed", "error", "fails differently"),
+        ("error", "failed", "fails differently"),
         ("skipped", "failed", "newly fails"),
         ("skipped", "passed", "still passes"),
         (None, "passed", "new"),
@@ -65,41 +73,41 @@ def changed(old: Outcome | None, new: Outcome | None, thresholds: Thresholds | N
         ("flaky", "flaky", "flaky"),
         (None, "flaky", "flaky"),
         ("flaky", "passed", "not repeated"),
-        ("flaky", "failed", "fails otherwise"),
+        ("flaky", "failed", "fails differently"),
     ],
 )
-def test_what_became_of_a_scenario(old: Status | None, new: Status | None, turn: Turn) -> None:
+def test_what_became_of_a_scenario(old: Status | None, new: Status | None, kind: ChangeKind) -> None:
     change = changed(old and outcome(status=old), new and outcome(status=new))
-    assert change.turn == turn
+    assert change.kind == kind
     assert Comparison((change,)).exit_code() is (
-        ExitCode.FAILED if turn in ("newly fails", "flaky") else ExitCode.PASSED
+        ExitCode.FAILED if kind in ("newly fails", "flaky") else ExitCode.PASSED
     )
-    assert change.warnings == (turn in ("gone", "not run", "not repeated"))
+    assert change.warnings == (kind in ("removed", "not run", "not repeated"))
 
 
 def test_what_was_flaky_is_mended_once_several_runs_are_the_same() -> None:
     repeats = Repeats(count=5, agreed=5, digests=1)
-    assert changed(outcome(status="flaky"), outcome(repeats=repeats)).turn == "mended"
+    assert changed(outcome(status="flaky"), outcome(repeats=repeats)).kind == "fixed"
 
 
 def test_warnings_fail_only_if_they_are_to() -> None:
-    comparison = compared([outcome()], [])
+    comparison = compare_outcomes([outcome()], [])
     assert comparison.exit_code() is ExitCode.PASSED
     assert comparison.exit_code(strict=True) is ExitCode.FAILED
-    assert compared([outcome()], [outcome()]).exit_code(strict=True) is ExitCode.PASSED
+    assert compare_outcomes([outcome()], [outcome()]).exit_code(strict=True) is ExitCode.PASSED
 
 
 @pytest.mark.parametrize(
     ("verdicts", "found"),
     [
-        (({}, {"margin": 0.19}), Shrunk("clearance", "m", 0.4, 0.19, 0.4, 0.19)),
+        (({}, {"margin": 0.19}), SmallerMargin("clearance", "m", 0.4, 0.19, 0.4, 0.19)),
         (({}, {"margin": 0.21}), None),
         (({"margin": 0.008}, {"margin": 0.0}), None),
         (({}, {"margin": 0.1, "goal": True}), None),
         (({}, {"margin": 0.1, "unit": "rad"}), None),
         (({}, {"margin": -0.1, "passed": False}), None),
         (({"margin": None}, {"margin": 0.1}), None),
-        (({"limit": 0.0}, {"limit": 0.0, "margin": 0.1}), Shrunk("clearance", "m", 0.4, 0.1, None, None)),
+        (({"limit": 0.0}, {"limit": 0.0, "margin": 0.1}), SmallerMargin("clearance", "m", 0.4, 0.1, None, None)),
         (({"limit": 0.0}, {"limit": 0.0, "measured": 500.0, "margin": 0.1}), None),
     ],
     ids=[
@@ -107,21 +115,21 @@ def test_warnings_fail_only_if_they_are_to() -> None:
         *("a limit of zero", "nothing beside what was measured"),
     ],
 )
-def test_margins_that_shrink(verdicts: tuple[dict[str, Any], dict[str, Any]], found: Shrunk | None) -> None:
+def test_margins_that_shrink(verdicts: tuple[dict[str, Any], dict[str, Any]], found: SmallerMargin | None) -> None:
     old, new = (outcome(expectations=(expected(**verdict),)) for verdict in verdicts)
-    assert changed(old, new).shrunk == ((found,) if found else ())
+    assert changed(old, new).smaller_margins == ((found,) if found else ())
 
 
 def test_the_threshold_of_margins_is_theirs_who_ask() -> None:
     old, new = outcome(expectations=(expected(),)), outcome(expectations=(expected(margin=0.3),))
-    assert changed(old, new, Thresholds(margin=0.8)).shrunk
-    assert not changed(old, new, Thresholds(margin=0.7)).shrunk
+    assert changed(old, new, Thresholds(margin=0.8)).smaller_margins
+    assert not changed(old, new, Thresholds(margin=0.7)).smaller_margins
 
 
 def test_expectations_of_one_name_are_compared_in_their_order() -> None:
     old = outcome(expectations=(expected(margin=0.9), expected(margin=0.1), expected("upright")))
     new = outcome(expectations=(expected("upright"), expected(margin=0.9), expected(margin=0.02)))
-    assert [(shrunk.old, shrunk.new) for shrunk in changed(old, new).shrunk] == [(0.1, 0.02)]
+    assert [(smaller.old, smaller.new) for smaller in changed(old, new).smaller_margins] == [(0.1, 0.02)]
 
 
 def test_what_a_failing_scenario_misses_beside_that_is_a_warning() -> None:
@@ -174,16 +182,16 @@ def test_on_another_machine_slower_runs_are_no_warning() -> None:
 def test_a_robot_that_moves_otherwise_with_the_same_seed_and_engine(fields: dict[str, Any], otherwise: bool) -> None:
     made: dict[str, Any] = {"seed": 1, "engine": "PyBullet 3.2.7", "digest": "f0", "provenance": made_on("Big")}
     change = changed(outcome(**made), outcome(**{**made, **fields}))
-    assert change.behaves_otherwise is otherwise
+    assert change.moves_differently is otherwise
     assert change.warnings == 0
 
 
 def test_a_file_that_was_moved_is_no_other_scenario() -> None:
-    comparison = compared(
+    comparison = compare_outcomes(
         [outcome("a", file="old.sim.yml"), outcome("b", file="b.sim.yml")],
         [outcome("b", file="b.sim.yml"), outcome("a", file="new.sim.yml")],
     )
-    assert [(change.outcome.name, change.turn) for change in comparison.changes] == [
+    assert [(change.outcome.name, change.kind) for change in comparison.changes] == [
         ("b", "still passes"),
         ("a", "still passes"),
     ]
@@ -191,8 +199,8 @@ def test_a_file_that_was_moved_is_no_other_scenario() -> None:
 
 def test_of_several_of_a_name_nobody_knows_which_was_moved() -> None:
     old = [outcome("a", file="1.sim.yml"), outcome("a", file="2.sim.yml")]
-    turns = [change.turn for change in compared(old, [outcome("a", file="3.sim.yml")]).changes]
-    assert turns == ["new", "gone", "gone"]
+    turns = [change.kind for change in compare_outcomes(old, [outcome("a", file="3.sim.yml")]).changes]
+    assert turns == ["new", "removed", "removed"]
 
 
 names = st.sampled_from("ab")
@@ -201,7 +209,7 @@ outcomes = st.lists(st.builds(outcome, names, st.sampled_from(STATUSES), file=na
 
 @given(outcomes, outcomes)
 def test_every_outcome_is_compared_once(old: list[Outcome], new: list[Outcome]) -> None:
-    changes = compared(old, new).changes
+    changes = compare_outcomes(old, new).changes
     assert [change.new for change in changes if change.new] == new
     assert sorted(id(change.old) for change in changes if change.old) == sorted(map(id, old))
     assert all(change.old or change.new for change in changes)
@@ -209,6 +217,6 @@ def test_every_outcome_is_compared_once(old: list[Outcome], new: list[Outcome]) 
 
 @given(outcomes)
 def test_nothing_has_changed_since_the_same_run(same: list[Outcome]) -> None:
-    comparison = compared(same, same)
+    comparison = compare_outcomes(same, same)
     assert comparison.failures == comparison.count("flaky")
-    assert all(change.turn in ("still passes", "still fails", "not run", "flaky") for change in comparison.changes)
+    assert all(change.kind in ("still passes", "still fails", "not run", "flaky") for change in comparison.changes)

@@ -56,7 +56,7 @@ def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert Results.read(written.write(tmp_path)) == written
 
 
-HEAD = '"version": 1, "sim_action": "0", "python": "3", "platform": "p"'
+HEAD = '"version": 2, "sim_action": "0", "python": "3", "platform": "p"'
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,9 @@ HEAD = '"version": 1, "sim_action": "0", "python": "3", "platform": "p"'
         ("[1, 2]", "Input should be an object"),
         ("[" * 100_000, "Invalid JSON: recursion limit exceeded at line 1 column 202"),
         ("{}", "sim_action: Field required (and 4 more)"),
-        ('{"version": 2}', "version: Input should be 1 (and 5 more)"),
+        ('{"version": 3}', "its format version is 3, and this sim-action reads 1 and 2"),
+        ('{"version": "2"}', "version: Input should be 2 (and 5 more)"),
+        ('{"version": 1}', "sim_action: Field required (and 4 more)"),
         (f'{{{HEAD}, "wall_time": NaN, "outcomes": []}}', "wall_time: Input should be a finite number"),
         (f'{{{HEAD}, "wall_time": "1", "outcomes": []}}', "wall_time: Input should be a valid number"),
         (f'{{{HEAD}, "wall_time": 1, "outcomes": [], "##[error]x": 1}}', "Extra inputs are not permitted"),
@@ -85,7 +87,32 @@ def test_what_is_no_results_file_is_a_usage_error_of_one_line(tmp_path: Path, te
     path.write_text(text)
     with pytest.raises(UsageError) as raised:
         Results.read(path)
-    assert str(raised.value) == f"{path} is no results file: {told}"
+    assert str(raised.value) == f"{path} is not a valid results file: {told}"
+
+
+@pytest.mark.parametrize(
+    ("former", "end"),
+    [
+        ("broken", "expectation failed"),
+        ("nobody left", "controllers finished"),
+        ("test over", "test finished"),
+        ("nodes gone", "nodes finished"),
+        ("goals met", "goals met"),
+        (None, None),
+    ],
+)
+def test_results_of_the_former_version_are_read_with_the_values_of_today(
+    tmp_path: Path, former: str | None, end: str | None
+) -> None:
+    given = of_call(made(), made(kind="crash"))
+    path = given.write(tmp_path)
+    written = json.loads(path.read_text())
+    written |= {"version": 1, "some": True}
+    del written["selected"]
+    written["outcomes"][0]["end"] = former
+    path.write_text(json.dumps(written))
+    first = given.outcomes[0].model_copy(update={"end": end})
+    assert Results.read(path) == given.model_copy(update={"selected": True, "outcomes": (first, given.outcomes[1])})
 
 
 def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None:
@@ -168,7 +195,7 @@ class TestFound:
     )
     def test_a_link_that_leads_nowhere_is_an_error(self, target: str, told: str) -> None:
         Path("link").symlink_to(target)
-        assert refused("link") == f"link is no results file: {told}"
+        assert refused("link") == f"link is not a valid results file: {told}"
 
 
 def test_more_outcomes_than_anybody_has_are_not_read(shards: Path) -> None:
@@ -178,7 +205,9 @@ def test_more_outcomes_than_anybody_has_are_not_read(shards: Path) -> None:
     assert len(read_all(find_all(["shards/[124]", "shards/.3"]), most=4)) == 4
     with pytest.raises(UsageError) as raised:
         read_all(find_all(["shards"]), most=3)
-    assert str(raised.value) == "shards/4/results.json: with its outcomes there are more than 3, which is the most"
+    assert str(raised.value) == (
+        "shards/4/results.json: this file brings the number of outcomes to 4; at most 3 are allowed"
+    )
 
 
 def test_a_link_is_not_followed_but_told(shards: Path) -> None:
@@ -190,7 +219,7 @@ def test_a_link_is_not_followed_but_told(shards: Path) -> None:
 
 def test_a_broken_one_is_named_in_one_line(shards: Path) -> None:
     (shards / "1" / "results.json").write_text('{"version": 1, "outcomes": [')
-    assert refused("shards").startswith("shards/1/results.json is no results file: Invalid JSON: EOF")
+    assert refused("shards").startswith("shards/1/results.json is not a valid results file: Invalid JSON: EOF")
 
 
 @pytest.mark.parametrize(
@@ -208,5 +237,6 @@ def test_what_contradicts_itself_is_not_believed(shards: Path, change: dict[str,
     written["outcomes"][0] |= change
     path.write_text(json.dumps(written))
     assert refused("shards/1") == (
-        "shards/1/results.json is no results file: what it says of '1.sim.yml' contradicts itself"
+        "shards/1/results.json is not a valid results file: the status of '1.sim.yml' contradicts its failures "
+        "or expectations"
     )

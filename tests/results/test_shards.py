@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results, ResultsFile
-from sim_action.results.shard_results import Listing, joined
+from sim_action.results.shard_results import Listing, merge_shards
 from sim_action.results.shards import Shard, balanced, shards_text
 from tests.outcomes import outcome, results, source
 
@@ -112,7 +112,7 @@ def files(*parts: Results) -> list[ResultsFile]:
 
 
 def names(parts: list[ResultsFile], listing: Listing | None = None) -> list[str]:
-    return [entry.outcome.file or entry.outcome.name for entry in joined(parts, listing)]
+    return [entry.outcome.file or entry.outcome.name for entry in merge_shards(parts, listing)]
 
 
 def listed(*names: str, empty: tuple[str, ...] = ()) -> Listing:
@@ -132,7 +132,7 @@ def sharded(names: list[str], count: int, empty: tuple[str, ...] = ()) -> list[R
 
 def refused(parts: list[ResultsFile]) -> str:
     with pytest.raises(UsageError) as raised:
-        joined(parts, None)
+        merge_shards(parts, None)
     assert str(raised.value).isprintable()
     return str(raised.value)
 
@@ -158,10 +158,10 @@ def test_no_scenario_of_a_missing_shard_goes_unnoticed(
     complete = sharded(names_of_run, count)
     parts = data.draw(st.lists(st.sampled_from(complete), min_size=1, unique_by=id))
     lost = [made.file for part in complete if part not in parts for made in part.results.outcomes]
-    by_shard = [entry.outcome for entry in joined(parts, None) if entry.origin is None]
+    by_shard = [entry.outcome for entry in merge_shards(parts, None) if entry.origin is None]
     absent = [part.results.shard.index for part in complete if part not in parts and part.results.shard]
     assert [list(indices(made.name)) for made in by_shard] == ([absent] if lost else [])
-    by_name = [entry.outcome for entry in joined(parts, listed(*names_of_run)) if entry.origin is None]
+    by_name = [entry.outcome for entry in merge_shards(parts, listed(*names_of_run)) if entry.origin is None]
     assert sorted(made.file for made in by_name) == sorted(lost)
     assert all(made.exit_code is ExitCode.INVALID for made in [*by_shard, *by_name])
     assert names(parts, listed(*names_of_run)) == names_of_run
@@ -176,18 +176,18 @@ def indices(name: str) -> Iterator[int]:
 
 def test_many_missing_shards_are_one_error() -> None:
     lone = files(results(shard=(8, 9, 5)))
-    (entry,) = joined(lone, None)
+    (entry,) = merge_shards(lone, None)
     (failure,) = entry.outcome.failures
     assert entry.outcome.name == "shards 1-7, 9 of 9"
-    told = "shards 1-7, 9 of 9 have left no results; 5 of 5 scenarios have none; look at their jobs"
+    told = "shards 1-7, 9 of 9 returned no results; 5 of 5 scenarios have none; check their jobs"
     assert failure.message == told
 
 
 def test_a_missing_shard_says_how_much_is_lost() -> None:
     parts = sharded(["a", "b", "c", "d", "e"], 3)
-    missing = joined([parts[0], parts[2]], None)[-1]
+    missing = merge_shards([parts[0], parts[2]], None)[-1]
     (failure,) = missing.outcome.failures
-    assert failure.message == "shard 2 of 3 has left no results; 2 of 5 scenarios have none; look at its job"
+    assert failure.message == "shard 2 of 3 returned no results; 2 of 5 scenarios have none; check its job"
     assert (missing.outcome.file, missing.outcome.location, failure.kind) == ("", None, "missing")
 
 
@@ -209,7 +209,7 @@ def test_with_a_listing_they_are_in_its_order_and_what_is_not_in_it_comes_last()
 
 def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already() -> None:
     known = results(outcome("a"), Outcome.of_nothing("nope*"))
-    entries = joined(files(known), listed("a", empty=("nope*", "new*")))
+    entries = merge_shards(files(known), listed("a", empty=("nope*", "new*")))
     assert [(entry.outcome.file, entry.origin is None) for entry in entries] == [
         ("a", False),
         ("nope*", False),
@@ -219,20 +219,20 @@ def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already()
 
 
 def test_if_no_shard_has_left_anything_all_that_is_listed_is_an_error_that_says_so() -> None:
-    entries = joined([], listed("b", "a", empty=("nope*",)))
+    entries = merge_shards([], listed("b", "a", empty=("nope*",)))
     assert [(entry.outcome.file, entry.outcome.status) for entry in entries] == [
         ("b", "error"),
         ("a", "error"),
         ("nope*", "error"),
     ]
     assert [failure.message for failure in entries[0].outcome.failures] == [
-        "no shard has left any results; look at the jobs that were to run them"
+        "no shard returned any results; check the jobs that should have run the scenarios"
     ]
 
 
 def test_an_outcome_that_is_of_no_file_is_not_taken_for_the_current_folder() -> None:
-    lost = joined(sharded(["a", "b"], 2)[:1], None)[-1].outcome
-    entries = joined(files(results(outcome("a"), lost)), listed("a", empty=(".",)))
+    lost = merge_shards(sharded(["a", "b"], 2)[:1], None)[-1].outcome
+    entries = merge_shards(files(results(outcome("a"), lost)), listed("a", empty=(".",)))
     assert [entry.outcome.file for entry in entries] == ["a", ".", ""]
 
 
@@ -246,9 +246,11 @@ SPELLINGS = [
 @pytest.mark.parametrize("first", SPELLINGS)
 def test_the_same_scenario_is_the_same_however_it_is_spelled(first: str, second: str) -> None:
     told = refused(files(results(outcome(first)), results(outcome(second))))
-    assert told == f"both 1/results.json and 2/results.json have results of {second}; nothing is counted twice"
+    assert (
+        told == f"both 1/results.json and 2/results.json contain results of {second}; each scenario may occur only once"
+    )
     told = refused(files(results(outcome("a"), outcome(first), outcome(second))))
-    assert told == f"1/results.json has results of {second} twice; nothing is counted twice"
+    assert told == f"1/results.json contains results of {second} twice; each scenario may occur only once"
     assert names(files(results(outcome(first))), listed(second)) == [first]
 
 
@@ -275,19 +277,19 @@ def test_names_are_compared_as_paths() -> None:
 
 def test_the_same_scenario_in_two_results_is_refused() -> None:
     told = refused(files(results(outcome("a"), outcome("b")), results(outcome("./b"))))
-    assert told == "both 1/results.json and 2/results.json have results of ./b; nothing is counted twice"
+    assert told == "both 1/results.json and 2/results.json contain results of ./b; each scenario may occur only once"
 
 
 def test_outcomes_that_are_of_no_file_are_not_the_same() -> None:
     parts = sharded(["a", "b", "c"], 3)
-    missing = joined(parts[:1], None)[-1]
+    missing = merge_shards(parts[:1], None)[-1]
     again = files(results(outcome("x"), missing.outcome), results(outcome("y"), missing.outcome))
-    assert len(joined(again, None)) == 4
+    assert len(merge_shards(again, None)) == 4
 
 
 def test_shards_of_different_counts_are_refused() -> None:
     told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 3, 2))))
-    assert told == "1/results.json is shard 1 of 2, and 2/results.json is shard 2 of 3: they are not of one run"
+    assert told == "1/results.json is shard 1 of 2, and 2/results.json is shard 2 of 3: they do not belong to one run"
 
 
 def test_the_same_shard_twice_is_refused() -> None:
@@ -298,19 +300,22 @@ def test_the_same_shard_twice_is_refused() -> None:
 def test_shards_of_lists_of_different_lengths_are_refused() -> None:
     told = refused(files(results(outcome("a"), shard=(1, 2, 2)), results(outcome("b"), shard=(2, 2, 3))))
     assert told == (
-        "the shards saw different lists: 1/results.json is shard 1 of 2 of 2 scenarios, "
-        "and 2/results.json is shard 2 of 2 of 3"
+        "the shards belong to different lists: 1/results.json is shard 1 of 2 with 2 scenarios, "
+        "and 2/results.json is shard 2 of 2 with 3"
     )
 
 
 @pytest.mark.parametrize("second", [["b"], ["b", "c", "d"]])
 def test_shards_that_do_not_add_up_are_refused(second: list[str]) -> None:
     told = refused(files(results(outcome("a"), shard=(1, 2, 3)), results(*map(outcome, second), shard=(2, 2, 3))))
-    assert told == f"the shards saw different lists: each is of 3 scenarios, and they have {1 + len(second)}"
+    assert told == (
+        "the shards belong to different lists: each states a total of 3, "
+        f"but together they contain {1 + len(second)} scenarios"
+    )
 
 
 def test_more_outcomes_than_the_list_had_are_refused_before_the_shards_are_complete() -> None:
-    assert "they have 2" in refused(files(results(outcome("a"), outcome("b"), shard=(1, 2, 1))))
+    assert "together they contain 2 scenarios" in refused(files(results(outcome("a"), outcome("b"), shard=(1, 2, 1))))
 
 
 def spread(name: str, *numbers: int) -> list[Outcome]:
@@ -318,7 +323,7 @@ def spread(name: str, *numbers: int) -> list[Outcome]:
 
 
 def units(parts: list[ResultsFile], listing: Listing | None = None) -> list[tuple[str, int | None]]:
-    return [(entry.outcome.file, entry.outcome.number) for entry in joined(parts, listing)]
+    return [(entry.outcome.file, entry.outcome.number) for entry in merge_shards(parts, listing)]
 
 
 @given(sizes=st.lists(st.integers(1, 5), max_size=6), count=st.integers(1, 5), data=st.data())
@@ -338,9 +343,12 @@ def test_scenarios_of_one_file_may_be_in_several_results_each_in_one() -> None:
     parts = files(results(*spread("a", 1, 3), outcome("b")), results(*spread("a", 2)))
     assert units(parts) == [("a", 1), ("a", 2), ("a", 3), ("b", None)]
     told = refused(files(results(*spread("a", 1, 3)), results(*spread("./a", 3))))
-    assert told == "both 1/results.json and 2/results.json have results of 'a' in ./a; nothing is counted twice"
+    assert (
+        told
+        == "both 1/results.json and 2/results.json contain results of 'a' in ./a; each scenario may occur only once"
+    )
     told = refused(files(results(*spread("a", 1, 1))))
-    assert told == "1/results.json has results of 'a' in a twice; nothing is counted twice"
+    assert told == "1/results.json contains results of 'a' in a twice; each scenario may occur only once"
 
 
 def test_runs_of_one_scenario_on_several_engines_are_dealt_as_one() -> None:
@@ -355,7 +363,7 @@ def test_runs_of_one_scenario_on_several_engines_are_dealt_as_one() -> None:
 def test_of_a_file_what_has_no_result_is_missing_by_its_own_name() -> None:
     sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
     listing = Listing([*sweep, source("a", 4, "stand")], [])
-    entries = joined(files(results(*spread("a", 2))), listing)
+    entries = merge_shards(files(results(*spread("a", 2))), listing)
     assert [(entry.outcome.name, entry.outcome.group, entry.origin is None) for entry in entries] == [
         ("push[x=1]", "push", True),
         ("a", None, False),
@@ -370,7 +378,9 @@ def test_variations_that_cannot_be_run_are_told_by_the_first_and_not_missing() -
     assert (broken.name, broken.number, broken.line) == ("push", 1, 4)
     failure = Failure(kind="invalid", title="invalid scenario", message="no robot")
     told = broken.model_copy(update={"failures": (failure,)})
-    assert [entry.origin is None for entry in joined(files(results(told)), Listing([*sweep, source("a", 4)], []))] == [
+    assert [
+        entry.origin is None for entry in merge_shards(files(results(told)), Listing([*sweep, source("a", 4)], []))
+    ] == [
         False,
         True,
     ]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.stored_files import copy_stored, number_among_namesakes, replay_path, stored_file, trace_paths
+from sim_action.results.stored_files import copy_stored, namesake_number, replay_path, stored_file, trace_paths
 from tests.work import work_of
 
 
@@ -36,7 +36,7 @@ def test_of_equal_names_each_has_the_first_number_that_is_free() -> None:
 def test_of_equal_names_each_is_told_by_its_number() -> None:
     names = ["a", "A", "a-2", "b", "a-4", "a", "a", "a-2"]
     stored = [replay_path(path).as_posix() for path in trace_paths(names, Path())]
-    numbers = [number_among_namesakes(name, path) for name, path in zip(names, stored, strict=True)]
+    numbers = [namesake_number(name, path) for name, path in zip(names, stored, strict=True)]
     assert list(zip(names, numbers, strict=True)) == [
         *(("a", 1), ("A", 2), ("a-2", 2), ("b", 1), ("a-4", 1), ("a", 3), ("a", 5), ("a-2", 3))
     ]
@@ -44,7 +44,7 @@ def test_of_equal_names_each_is_told_by_its_number() -> None:
 
 @pytest.mark.parametrize("stored", ["", "replays/", "replays/b-2.json.gz", "replays/a-x.json.gz", f"a-{9**99}.json.gz"])
 def test_what_tells_no_number_is_the_first(stored: str) -> None:
-    assert number_among_namesakes("a", stored) == 1
+    assert namesake_number("a", stored) == 1
 
 
 def test_very_many_equal_names_take_no_longer_than_others() -> None:

@@ -49,17 +49,17 @@ def ends(*expected: Expectation, time_limit: float = 10.0, duration: float | Non
         ([GOAL, HOLDS], "goals met", 3.0),
         ([HOLDS], "time limit", 10.0),
         ([FAR_GOAL], "time limit", 10.0),
-        ([BREAKS], "broken", 6.0),
-        ([FAR_GOAL, BREAKS], "broken", 6.0),
+        ([BREAKS], "expectation failed", 6.0),
+        ([FAR_GOAL, BREAKS], "expectation failed", 6.0),
         # Both at once: what is broken comes first.
-        ([expectation(Travel(at_least=6.0)), BREAKS], "broken", 6.0),
+        ([expectation(Travel(at_least=6.0)), BREAKS], "expectation failed", 6.0),
         # A goal whose `before` has passed.
-        ([expectation(Travel(at_least=100.0), before=4.0)], "broken", 4.0),
-        ([GOAL, expectation(Travel(at_least=100.0), before=4.0)], "broken", 4.0),
+        ([expectation(Travel(at_least=100.0), before=4.0)], "expectation failed", 4.0),
+        ([GOAL, expectation(Travel(at_least=100.0), before=4.0)], "expectation failed", 4.0),
         ([expectation(Travel(at_least=4.0), before=4.0)], "goals met", 4.0),
         # An invariant outside its window.
         ([expectation(Travel(at_most=5.0), before=5.0)], "time limit", 10.0),
-        ([expectation(Travel(at_most=5.0), after=8.0)], "broken", 8.0),
+        ([expectation(Travel(at_most=5.0), after=8.0)], "expectation failed", 8.0),
     ],
 )
 def test_a_run_ends_with_what_decides_it(expected: list[Expectation], end: End, time: float) -> None:
@@ -73,7 +73,7 @@ def test_a_run_ends_with_what_decides_it(expected: list[Expectation], end: End, 
         ([GOAL], 5.0, "goals met", 5.0),
         ([HOLDS], 5.0, "duration", 5.0),
         ([FAR_GOAL], 5.0, "time limit", 10.0),
-        ([BREAKS], 8.0, "broken", 6.0),
+        ([BREAKS], 8.0, "expectation failed", 6.0),
     ],
 )
 def test_a_duration_is_what_a_run_lasts_at_least(
@@ -116,7 +116,7 @@ def test_a_run_that_is_not_over_goes_on() -> None:
 
 def test_verdicts_are_those_of_the_end_though_the_block_went_on() -> None:
     panel, seen = seen_by(scenario(GOAL, expectation(NoCollision())), ride(10, 2.5, 5.0))
-    assert panel.end == "broken"
+    assert panel.end == "expectation failed"
     assert panel.time == 3.0
     assert [touch.time for touch in seen.contacts] == [2.5]
     assert [verdict.time for verdict in panel.verdicts()] == [3.0, 2.5]
@@ -191,5 +191,5 @@ def test_a_goal_that_the_time_limit_cut_short_is_itself_to_blame() -> None:
 def test_a_goal_whose_window_had_closed_was_cut_short_by_nothing() -> None:
     closed = expectation(Travel(at_least=100.0), severity="warning", before=3.0)
     panel, _ = seen_by(scenario(closed, BREAKS), ride())
-    assert panel.end == "broken"
+    assert panel.end == "expectation failed"
     assert [(verdict.passed, verdict.cut_off) for verdict in panel.verdicts()] == [(False, False)] * 2

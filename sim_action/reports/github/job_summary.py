@@ -145,7 +145,7 @@ def _size(texts: list[str]) -> int:
 def _unshown_scenarios(count: int) -> str:
     if not count:
         return ""
-    left = f"{counted(count, 'more scenario')} {'is' if count == 1 else 'are'} left out here"
+    left = f"{counted(count, 'more scenario')} {'is' if count == 1 else 'are'} not shown"
     return f"_{left}, as GitHub shows no more; `results.json` has them all._"
 
 
@@ -367,4 +367,4 @@ def _ending_block(text: str) -> str:
 def _left_out_note(total: int, most: int, what: str) -> str:
     if total <= most:
         return ""
-    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} left out here._"
+    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} not shown._"

@@ -25,7 +25,7 @@ from sim_action.reports.links import REPORT_FILE
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from sim_action.results.stored_files import number_among_namesakes, stored_file
+from sim_action.results.stored_files import namesake_number, stored_file
 
 MAX_PAGE_SCENARIOS: Final = 2_000
 """What comes after these, a page only counts; failures come first."""
@@ -82,7 +82,7 @@ def _numbers(outcomes: Sequence[Outcome]) -> dict[int, int]:
     numbers = {}
     for outcome in sorted(outcomes, key=lambda outcome: outcome.replay is None):
         name = one_line(outcome.name)
-        stated = number_among_namesakes(outcome.name, outcome.replay or "")
+        stated = namesake_number(outcome.name, outcome.replay or "")
         number = next(number for number in chain([stated], free[name]) if number not in taken[name])
         taken[name].add(number)
         numbers[id(outcome)] = number

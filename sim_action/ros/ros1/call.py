@@ -34,7 +34,7 @@ REPLAY_FILE: Final = "replay.json.gz"
 
 _MOST_BYTES: Final = 16_000_000
 
-End = Literal["test over", "nodes gone", "time limit", "failed"]
+End = Literal["test finished", "nodes finished", "time limit", "failed"]
 
 Program = Literal["rostest", "roslaunch"]
 

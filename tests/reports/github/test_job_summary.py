@@ -77,7 +77,7 @@ def test_500_scenarios_fit_failures_first(samples: Samples, make_results: MakeRe
     assert len(text.encode()) < MAX_BYTES
     assert all(f"### ❌ failing {number}\n" in text for number in range(100))
     assert text.index("### ❌ failing 99") < text.index("### ✅")
-    assert "more scenarios are left out here" in text
+    assert "more scenarios are not shown" in text
     assert "<summary>400 scenarios passed</summary>" in text
 
 

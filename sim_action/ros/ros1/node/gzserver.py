@@ -82,9 +82,9 @@ class _Server:
             self._inquiries = QueryServices(self._current, session.paused, self._request.physics_rate)
             end = self._simulate()
         except TestFinished:
-            end = "test over"
+            end = "test finished"
         except SourceOver:
-            end = "nodes gone"
+            end = "nodes finished"
         except (RunError, ModelError, BadWorld, OSError) as error:
             failure = _failure_of(error)
         self._record.store(self._folder)
@@ -176,8 +176,8 @@ def _world_argument() -> str:
 
 def _end_of(over: SourceOver | None) -> End:
     if isinstance(over, TestFinished):
-        return "test over"
-    return "time limit" if over is None else "nodes gone"
+        return "test finished"
+    return "time limit" if over is None else "nodes finished"
 
 
 def _failure_of(error: Exception) -> Failure:

@@ -23,5 +23,5 @@ def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     assert {case.name: case.text for case in test.methods.cases if case.problem} == {}
     assert len(test.methods.cases) == 22
     run = told(found)
-    assert run.end == "test over"
+    assert run.end == "test finished"
     assert run.in_step
