@@ -34,6 +34,7 @@ sys.stdin.readline()
 """
 
 
+@pytest.mark.process
 def test_children_of_all_threads_as_they_come_and_go() -> None:
     command = [sys.executable, "-c", PARENT]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as it:
@@ -58,6 +59,7 @@ def test_children_of_all_threads_as_they_come_and_go() -> None:
         assert descendants(it.pid) == frozenset()
 
 
+@pytest.mark.process
 def test_where_a_test_writes_what_it_found() -> None:
     # What has been called is not there to be read before it runs.
     command = [sys.executable, "-c", "input(print(flush=True))", "--gtest_output=xml:/tmp/a b.xml", "__name:=x"]

@@ -7,11 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from sim_action.ros.ros1.call import LaunchRequest
 from sim_action.ros.ros1.launch import ros_patches
 from tests.ros.ros1.launches import launched, needs_ros, package
 
 
+@pytest.mark.process
 def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> None:
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
     ours.mkdir()
@@ -108,6 +111,7 @@ LATE_TEST = """<launch>
 
 
 @needs_ros
+@pytest.mark.process
 def test_who_comes_late_is_heard_and_hears_at_once(tmp_path: Path) -> None:
     package(tmp_path / "ws", "late", {"late.py": LATE, "late.test": LATE_TEST})
 

@@ -64,6 +64,7 @@ def test_a_model_that_is_not_here_is_told_with_what_to_do(capsys: pytest.Capture
     assert "turtlebot3_description to the workspace" in capsys.readouterr().err
 
 
+@pytest.mark.process
 def test_it_imports_nothing_of_scenarios() -> None:
     # Each launch file of a robot calls it, and waits.
     code = (
