@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
-from sim_action.ros.ros1.call import PROCESS_FILE, RUN_FILE, LaunchRequest
-from sim_action.ros.ros1.command import Call
+from sim_action.ros.ros1.command import LaunchCall
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.overlay import build_overlay
+from sim_action.ros.ros1.launch_request import PROCESS_FILE, RUN_FILE, LaunchRequest
 
 EXAMPLES: Final = Path(__file__).resolve().parent.parent / "examples/ros1"
 ROUNDS: Final = 4
@@ -84,7 +84,7 @@ def _parts(ros: Ros) -> Parts:
         began = time.time()
         overlay = build_overlay(folder / "overlay", ros, EXAMPLES)
         launched = time.time()
-        call = Call(request, ros, overlay, folder / "call")
+        call = LaunchCall(request, ros, overlay, folder / "call")
         (run,) = call.launched(call.file(), interruption).runs
         ended = time.time()
         assert run.result is not None

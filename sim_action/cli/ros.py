@@ -14,7 +14,7 @@ from sim_action.core.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.ros.ros1.call import Program
+    from sim_action.ros.ros1.launch_request import Program
 
 Command = Callable[..., ExitCode]
 
@@ -102,7 +102,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     _check(arguments)
     with Interruption() as interruption:
         from sim_action.ros.ros1 import command
-        from sim_action.ros.ros1.call import LaunchRequest
+        from sim_action.ros.ros1.launch_request import LaunchRequest
 
         request = LaunchRequest(
             program,

@@ -52,6 +52,13 @@ def packages_of(paths: Iterable[Path | str]) -> dict[str, Path]:
     return found
 
 
+def find_launch_file(package: Path, name: str) -> Path | None:
+    """Return a launch file of a package: by its path in the package, else by its name in any subfolder."""
+    named = [package / name, *sorted(package.rglob(Path(name).name))]
+    found = (path for path in named if path.is_file() and path.resolve().is_relative_to(package.resolve()))
+    return next(found, None)
+
+
 def sources(workspace: Path) -> Path:
     """Return the folder of the packages of a workspace: its `src`, if there is one."""
     below = workspace / "src"

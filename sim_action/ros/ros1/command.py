@@ -21,7 +21,7 @@ from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.results.stored_files import copy_stored, replay_path, trace_paths
-from sim_action.ros.ros1.call import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
+from sim_action.ros.ros1.catkin_packages import find_launch_file
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
 from sim_action.ros.ros1.judging.judge import Judge
@@ -29,6 +29,7 @@ from sim_action.ros.ros1.judging.launch_output import shown_path
 from sim_action.ros.ros1.judging.rostest_files import TestTag, test_tags
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
+from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
 
 # Sim time of a launch without tests and without a limit; wall time of each test in addition to its own limit.
 _LAUNCH_TIME_S: Final = 30.0
@@ -47,7 +48,7 @@ rostestmain()
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class LaunchCall:
     """One call of the command; `folder`: an empty folder for its files."""
 
     request: LaunchRequest
@@ -64,10 +65,8 @@ class Call:
             raise self._invalid(
                 f"there is no package '{request.package}' in {request.workspace.resolve()} or ROS{hint}"
             )
-        named = [package / request.file, *sorted(package.rglob(Path(request.file).name))]
-        for path in named:
-            if path.is_file() and path.resolve().is_relative_to(package.resolve()):
-                return path
+        if (found := find_launch_file(package, request.file)) is not None:
+            return found
         files = {path.name for path in package.rglob("*") if path.suffix in (".test", ".launch")}
         raise self._invalid(f"the package has no file '{request.file}'{did_you_mean(request.file, files)}")
 
@@ -140,7 +139,7 @@ def run(request: LaunchRequest, reports: ReportRequest, interruption: Interrupti
     with tempfile.TemporaryDirectory(prefix="sim-action-", dir=scratch_parent(), ignore_cleanup_errors=True) as scratch:
         folder = Path(os.path.realpath(scratch))
         overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve())
-        call = Call(request, ros, overlay, _made(folder / "call"))
+        call = LaunchCall(request, ros, overlay, _made(folder / "call"))
         outcomes = tuple(_outcomes(call, options, interruption))
     results = Results(
         sim_action=__version__,
@@ -153,7 +152,7 @@ def run(request: LaunchRequest, reports: ReportRequest, interruption: Interrupti
     return results.exit_code
 
 
-def _outcomes(call: Call, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:
+def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:
     """Yield the outcomes, with their traces and replays copied to the results folder."""
     request, results, started = call.request, options.folder, time.monotonic()
     try:

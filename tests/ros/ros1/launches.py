@@ -13,11 +13,11 @@ import pytest
 
 from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
-from sim_action.ros.ros1.call import LaunchRequest, SimulationResult
-from sim_action.ros.ros1.command import Call
+from sim_action.ros.ros1.command import LaunchCall
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.judging.findings import Findings
 from sim_action.ros.ros1.launch.overlay import build_overlay
+from sim_action.ros.ros1.launch_request import LaunchRequest, SimulationResult
 from tests.ros_workspace import ros_package, written
 
 ROOT = Path(__file__).parents[3]
@@ -58,7 +58,7 @@ def launched(folder: Path, request: LaunchRequest) -> Findings:
     overlay_folder.mkdir(parents=True)
     call.mkdir()
     overlay = build_overlay(overlay_folder, ros(), request.workspace.resolve())
-    made = Call(request, ros(), overlay, call)
+    made = LaunchCall(request, ros(), overlay, call)
     with Interruption() as interruption:
         return made.launched(made.file(), interruption)
 

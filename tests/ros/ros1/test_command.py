@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from sim_action.cli.ros import rostest
 from sim_action.ros.ros1 import command
-from sim_action.ros.ros1.call import LaunchRequest
+from sim_action.ros.ros1.launch_request import LaunchRequest
 
 
 def test_what_nobody_has_asked_for_is_not_typed_again() -> None:

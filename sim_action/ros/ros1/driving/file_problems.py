@@ -19,7 +19,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.messages import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.ros1.catkin_packages import packages_in, packages_of, workspace_of
+from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
 from sim_action.ros.ros1.driving.node_spec import NodeSpec
 from sim_action.ros.ros1.installation import Ros, find_ros
 
@@ -100,13 +100,6 @@ class Packages:
         return self.users.get(name) or self.distributed.get(name)
 
 
-def launch_file(package: Path, name: str) -> Path | None:
-    """Return a launch file of a package: by its path in the package, else by its name in any subfolder."""
-    named = [package / name, *sorted(package.rglob(Path(name).name))]
-    found = (path for path in named if path.is_file() and path.resolve().is_relative_to(package.resolve()))
-    return next(found, None)
-
-
 def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
     package, name, *arguments = launch
     folder = packages.folder(package)
@@ -114,7 +107,7 @@ def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
         yield ("launch", 0), missing_message
     elif folder is None:
         return
-    elif (file := launch_file(folder, name)) is None:
+    elif (file := find_launch_file(folder, name)) is None:
         files = {path.name for path in folder.rglob("*") if path.suffix in _LAUNCH_FILES} - {"package.xml"}
         yield ("launch", 1), f"the package '{package}' has no file '{name}'{did_you_mean(name, files)}"
     else:

@@ -19,9 +19,9 @@ from sim_action.commands import ClosedLoop
 from sim_action.commands.stderr_tail import LastWords
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.ros.processes import children
-from sim_action.ros.ros1.catkin_packages import workspace_of
+from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
 from sim_action.ros.ros1.command import free_port
-from sim_action.ros.ros1.driving.file_problems import Packages, launch_file, why_no_ros
+from sim_action.ros.ros1.driving.file_problems import Packages, why_no_ros
 from sim_action.ros.ros1.driving.launch_events import Event, Events, LaunchErrors
 from sim_action.ros.ros1.driving.node_spec import launch_text
 from sim_action.ros.ros1.driving.spec import topics_of
@@ -222,7 +222,7 @@ def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]
             (folder / "nodes.launch").write_text(launch_text(spec.nodes or ()), encoding="utf-8")
             return folder / "nodes.launch"
         package = Packages.around(workspace).folder(spec.launch[0])
-        found = launch_file(package, spec.launch[1]) if package else None
+        found = find_launch_file(package, spec.launch[1]) if package else None
         if package is None or found is None:
             raise SourceProblem(f"'{'/'.join(spec.launch[:2])}' does not exist any more", _KEY)
         return Path(overlay.variables["ROS_PACKAGE_PATH"]) / spec.launch[0] / found.relative_to(package)

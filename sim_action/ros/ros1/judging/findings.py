@@ -8,10 +8,16 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import read_at_most
-from sim_action.ros.ros1.call import PROCESS_FILE, REQUEST_FILE, SimulationRequest, SimulationResult, run_folders
 from sim_action.ros.ros1.judging.launch_output import CallbackError, callback_errors, cleaned_output
 from sim_action.ros.ros1.judging.rostest_files import Case, Suite, TestTag, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
+from sim_action.ros.ros1.launch_request import (
+    PROCESS_FILE,
+    REQUEST_FILE,
+    SimulationRequest,
+    SimulationResult,
+    run_folders,
+)
 
 RESULTS: Final = "results"
 """Folder of the results of rostest and its tests, in the folder of the call."""

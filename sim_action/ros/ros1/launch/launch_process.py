@@ -16,8 +16,8 @@ from typing import IO, Final, Literal, Self
 
 from sim_action.core.process import Interruption
 from sim_action.ros.processes import children, descendants, rostest_result_path
-from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, SimulationResult, run_folders
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT, Overlay
+from sim_action.ros.ros1.launch_request import FOLDER_VARIABLE, PROCESS_FILE, SimulationResult, run_folders
 from sim_action.runner.isolation.process_control import processes
 
 # Time for the supervisor to end all processes.

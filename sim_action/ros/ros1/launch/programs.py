@@ -22,7 +22,13 @@ def gzserver() -> int:
     from sim_action.core.process import collect_garbage_rarely
 
     collect_garbage_rarely()
-    from sim_action.ros.ros1.call import FOLDER_VARIABLE, PROCESS_FILE, REQUEST_FILE, SimulationRequest, new_run_folder
+    from sim_action.ros.ros1.launch_request import (
+        FOLDER_VARIABLE,
+        PROCESS_FILE,
+        REQUEST_FILE,
+        SimulationRequest,
+        new_run_folder,
+    )
 
     # Before any thread starts, also those of an engine: a thread that does not block the signals may receive them.
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
@@ -59,7 +65,7 @@ def _controller_program(name: str) -> int:
 def _add_rospy() -> None:
     """Append the folder of rospy to the module path.
 
-    The names are those of `call`, which takes longer to import than everything that is done here.
+    The names are those of `launch_request`, which takes longer to import than everything that is done here.
     """
     request = Path(os.environ["SIM_ACTION_ROS_RUN"]) / "request.json"
     sys.path.append(json.loads(request.read_bytes())["modules"])

@@ -16,9 +16,9 @@ import rospy
 from sim_action.core.errors import BadStart, ModelError, RunError, SimulationUnstable, SourceOver
 from sim_action.results.outcome import Failure
 from sim_action.ros.lockstep import Lockstep, TestFinished
-from sim_action.ros.ros1.call import End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, model_folders, read_world
+from sim_action.ros.ros1.launch_request import End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.bridge import Pace, Session
 from sim_action.ros.ros1.node.change_services import ForceServices, ModelServices

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.ros1.call import LaunchRequest
 from sim_action.ros.ros1.launch import ros_patches
+from sim_action.ros.ros1.launch_request import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package
 
 

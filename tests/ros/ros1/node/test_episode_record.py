@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from sim_action.assertions.upright import Upright
-from sim_action.ros.ros1.call import REPLAY_FILE, TRACE_FILE
+from sim_action.ros.ros1.launch_request import REPLAY_FILE, TRACE_FILE
 from sim_action.ros.ros1.node.episode_record import EpisodeRecord
 from sim_action.simulation.recorder import Footage
 from sim_action.state.observation import JointState

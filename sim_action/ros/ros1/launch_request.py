@@ -1,4 +1,4 @@
-"""A call of `sim-action rostest` or `sim-action roslaunch`: its request, and the files of its folder.
+"""The request of `sim-action rostest` or `roslaunch`, and the files of its folder: requests and results of simulations.
 
 The command and the node `gazebo`, which roslaunch starts, exchange files in the folder of the call:
 

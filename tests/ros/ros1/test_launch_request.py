@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros1.call import RUN_FILE, SimulationResult, new_run_folder, run_folders
+from sim_action.ros.ros1.launch_request import RUN_FILE, SimulationResult, new_run_folder, run_folders
 
 
 def test_each_start_has_a_folder_of_its_own_in_the_order_of_starts(tmp_path: Path) -> None:
