@@ -39,6 +39,7 @@ html_css_files = ["site.css"]
 html_js_files = ["site.js"]
 html_extra_path = ["scenario.schema.json", "results.schema.json"]
 html_copy_source = False
+html_use_index = False
 html_theme_options = {
     "source_repository": REPOSITORY,
     "source_branch": "main",

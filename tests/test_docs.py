@@ -32,6 +32,13 @@ ROBOTS = PAGES["docs/models/robots.md"]
 MAX_README_BYTES = 12_000
 MAX_PAGE_LINES = 600
 
+
+def with_marker(path: Path, *parameters: Any) -> Any:
+    """Parameters of a test that loads a scenario: where nodes of ROS 1 drive, a process looks for them."""
+    drives = "  ros1:" in path.read_text(encoding="utf-8")
+    return pytest.param(*parameters, marks=[pytest.mark.process] if drives else [], id="-".join(map(str, parameters)))
+
+
 in_each_page = pytest.mark.parametrize("name", TEXTS)
 
 
@@ -39,6 +46,7 @@ def blocks(language: str, page: str = README) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
 
 
+@pytest.mark.process
 def test_tables_and_schema_are_fresh() -> None:
     checked = subprocess.run(
         [sys.executable, "-m", "docs.generate", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
@@ -46,6 +54,7 @@ def test_tables_and_schema_are_fresh() -> None:
     assert checked.returncode == 0, checked.stderr
 
 
+@pytest.mark.process
 @pytest.mark.pybullet
 def test_the_table_of_robots_is_fresh_but_for_its_figures() -> None:
     checked = subprocess.run(
@@ -110,7 +119,12 @@ def examples_shown() -> frozenset[str]:
 
 @pytest.mark.parametrize(
     ("family", "key"),
-    [(family, key) for family, table in FAMILIES.items() if family != "worlds" for key in table],
+    [
+        with_marker(example(family, key), family, key)
+        for family, table in FAMILIES.items()
+        if family != "worlds"
+        for key in table
+    ],
 )
 def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: str) -> None:
     path = example(family, key)
@@ -127,15 +141,15 @@ def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: st
 
 
 SINGLE_EXAMPLES = [
-    path
+    with_marker(path, path.relative_to(ROOT))
     for path in sorted((ROOT / "examples").glob("**/*.sim.yml"))
     if not re.search("^(extends|scenarios):", path.read_text(encoding="utf-8"), re.MULTILINE)
 ]
 
 
-@pytest.mark.parametrize("path", SINGLE_EXAMPLES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_examples_check_what_their_names_say(path: Path) -> None:
-    scenario = load_scenario(path).scenario
+@pytest.mark.parametrize("name", SINGLE_EXAMPLES)
+def test_examples_check_what_their_names_say(name: Path) -> None:
+    scenario = load_scenario(ROOT / name).scenario
     keys = {expected.assertion.key for expected in scenario.expect}
     if "stops before" in scenario.name:
         assert "stops_before" in keys
