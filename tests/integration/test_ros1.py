@@ -120,7 +120,7 @@ def test_a_mover_that_does_not_move_fails_with_how_far_it_came(tmp_path: Path) -
     assert done.returncode == 1, done.stdout + done.stderr
     (outcome,) = outcomes(tmp_path)
     told_by = [expected.verdict.message for expected in outcome.expectations]
-    assert any(re.search(r"had come 0\.00 m", message) for message in told_by), told_by
+    assert any(re.search(r"had moved 0\.00 m", message) for message in told_by), told_by
 
 
 def test_packages_that_are_laid_out_as_those_of_robotis_count_before_ours(

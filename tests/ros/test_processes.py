@@ -1,4 +1,4 @@
-"""Processes beside ours, asked of real ones."""
+"""Processes of a launch, tested on real ones."""
 
 from __future__ import annotations
 

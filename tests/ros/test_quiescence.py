@@ -1,4 +1,4 @@
-"""Whether processes wait, asked of real ones: threads that run, sleep, are woken, come and go."""
+"""Quiescence of real processes: threads that run, sleep, wake up, start and end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rostest of a cart that diff_drive_controller drives, beside a node whose callback raises."""
+"""A rostest of a cart with a diff_drive_controller, and a node whose callback raises."""
 
 _SIDE = """
   <joint name="{side}" type="continuous"><parent link="base_link"/><child link="{side}_wheel"/>

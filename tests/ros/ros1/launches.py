@@ -1,4 +1,4 @@
-"""Launches on real ROS, with what each simulation has told; packages as people write them."""
+"""Launches on real ROS with the results of their simulations, and packages for them."""
 
 from __future__ import annotations
 

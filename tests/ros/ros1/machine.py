@@ -1,4 +1,4 @@
-"""A rostest of a robot that planar_move and ros_control move; text, since it runs on ROS's own Python."""
+"""A rostest of a robot with planar_move and ros_control, as text: it runs on ROS's own Python."""
 
 MACHINE = """\
 <robot name="machine">

@@ -1,4 +1,4 @@
-"""A rostest that uses every topic and every service that Gazebo has here; text, since it runs on ROS's own Python."""
+"""A rostest that uses every topic and service of the node, as text: it runs on ROS's own Python."""
 
 PROBE = r'''#!/usr/bin/env python
 import math

@@ -1,4 +1,4 @@
-"""A rostest of robots in SDF: one in a world, one that is spawned; text, since it runs on ROS's own Python."""
+"""A rostest of robots in SDF, one in a world and one spawned, as text: it runs on ROS's own Python."""
 
 _WHEEL = """
   <link name="{side}_wheel"><pose>-0.1 {y} 0.1 -1.5707963 0 0</pose>

@@ -1,4 +1,4 @@
-"""Packages as they lie in folders."""
+"""Catkin packages in folders, and the workspace of a scenario."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a call of a program of ROS is typed as."""
+"""The command line of a call, and its request."""
 
 from __future__ import annotations
 

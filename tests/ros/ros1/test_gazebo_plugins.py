@@ -1,4 +1,4 @@
-"""Plugins as descriptions have them: URDF with references, SDF with links, topics with and without namespaces."""
+"""Plugins in descriptions: URDF with references, SDF with links, topics with and without namespaces."""
 
 from __future__ import annotations
 

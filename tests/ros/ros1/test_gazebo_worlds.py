@@ -1,4 +1,4 @@
-"""Worlds of Gazebo, from files as people write them."""
+"""Gazebo worlds, read from files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where ROS 1 is, or what to type where it is not."""
+"""The installation of ROS 1, and the command that installs it."""
 
 from __future__ import annotations
 

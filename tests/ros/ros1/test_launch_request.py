@@ -1,4 +1,4 @@
-"""What the command and the node say to each other."""
+"""The files that the command and the node exchange."""
 
 from __future__ import annotations
 

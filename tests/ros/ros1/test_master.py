@@ -1,4 +1,4 @@
-"""A real master and real nodes: who is there, who hears whom, and who has left without a word."""
+"""A real master and real nodes: connections, processes, and nodes that left without unregistering."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Transmissions as descriptions have them, and what is said of joints that lack one."""
+"""Transmissions of descriptions, messages on joints that lack one, and curves of joint trajectories."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a launcher tells, as it comes."""
+"""Events of a launcher, as they arrive."""
 
 from __future__ import annotations
 

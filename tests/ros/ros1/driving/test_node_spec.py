@@ -1,4 +1,4 @@
-"""Nodes of a scenario as a launch file."""
+"""The launch file of the nodes that a scenario lists."""
 
 from __future__ import annotations
 

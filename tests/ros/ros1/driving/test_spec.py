@@ -1,4 +1,4 @@
-"""What a scenario says of nodes, and what is wrong with it, each with its place in the file."""
+"""Nodes in scenarios: problems with their place in the file, workspaces, and names of topics."""
 
 from __future__ import annotations
 

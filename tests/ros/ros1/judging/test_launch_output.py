@@ -1,4 +1,4 @@
-"""What roslaunch and rostest print, as they print it."""
+"""Output of roslaunch and rostest, tracebacks of tests, and logs of failed callbacks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of rostest and its tests, whole and not."""
+"""Result files of rostest and its tests, complete and damaged, and the <test> tags of launch files."""
 
 from __future__ import annotations
 

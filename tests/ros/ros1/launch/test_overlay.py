@@ -1,4 +1,4 @@
-"""What a workspace finds before anything else, asked by real ROS."""
+"""The overlay, seen by real ROS."""
 
 from __future__ import annotations
 

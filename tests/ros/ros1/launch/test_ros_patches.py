@@ -1,4 +1,4 @@
-"""What replaces functions of ROS is read by every Python of a launch, and hides nothing that was there."""
+"""The patches of ROS: every Python of a launch reads them, and they hide no other sitecustomize."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The overlay's xacro, as launch files call it."""
+"""The xacro program of the overlay, called as launch files call it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots that planar_move and ros_control move, on real ROS."""
+"""Robots with planar_move and ros_control, on real ROS."""
 
 from __future__ import annotations
 

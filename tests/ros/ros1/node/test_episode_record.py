@@ -1,4 +1,4 @@
-"""What is kept of a node's simulation, and what becomes of a run when it cannot be."""
+"""The record of a node's episodes, and a replay that cannot be written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The node in Gazebo's place, asked by a node of real ROS: each topic, each service."""
+"""The node in place of Gazebo: a node of real ROS uses each topic and each service."""
 
 from __future__ import annotations
 

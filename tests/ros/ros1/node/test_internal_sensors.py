@@ -1,4 +1,4 @@
-"""Sensors that are silent while nobody listens."""
+"""Sensors that measure only for subscribers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A base that goes as it is told: on each engine, sideways and turning, from the first steps on."""
+"""A base with planar_move on each engine: sideways and turning, from the first steps on."""
 
 from __future__ import annotations
 

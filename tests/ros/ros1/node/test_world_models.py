@@ -1,4 +1,4 @@
-"""Who is in the world: spawned, moved, reset, deleted, as data."""
+"""Models of the world: spawned, moved, reset, deleted; changes from threads; efforts on joints."""
 
 from __future__ import annotations
 
