@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
+@pytest.mark.process
 def test_no_link_leads_out_of_it() -> None:
     if not (ROOT / ".git").exists():
         pytest.skip("this is no checkout")

@@ -153,6 +153,7 @@ def test_the_gate_waits_for_every_other_job_and_runs_also_when_one_was_skipped()
     assert jobs["gate"]["if"] == "${{ always() }}"
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("results", ["success skipped", "failure success", "success cancelled"])
 def test_the_gate_lets_nothing_but_success_pass(results: str) -> None:
     (step,) = load(ROOT / ".github/workflows/ci.yml")["jobs"]["gate"]["steps"]
@@ -243,6 +244,7 @@ def assert_refused(ran: subprocess.CompletedProcess[str], complaint: str) -> Non
     assert complaint in ran.stdout + ran.stderr
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("good", "bad", "complaint"),
     [
@@ -258,6 +260,7 @@ def test_a_bad_workflow_is_refused(good: str, bad: str, complaint: str, tmp_path
     assert_refused(lint_workflows(WORKFLOWS=workflow), complaint)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("good", "bad", "complaint"),
     [
@@ -271,6 +274,7 @@ def test_a_bad_action_is_refused(good: str, bad: str, complaint: str, tmp_path: 
     assert_refused(lint_workflows(ACTIONS=action), complaint)
 
 
+@pytest.mark.process
 def test_what_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
     workflow = tmp_path / "workflow.yml"
     workflow.write_text("name: one\non: push\njobs: a: b\n", encoding="utf-8")
@@ -286,6 +290,7 @@ def test_what_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
     assert checked.stdout.startswith(f"{workflow}:3:7: ")
 
 
+@pytest.mark.process
 def test_a_bad_gitlab_template_is_refused(tmp_path: Path) -> None:
     template = spoiled(ROOT / "examples/gitlab/.gitlab-ci.yml", tmp_path, "always", "allways")
     assert_refused(lint_workflows(GITLAB=template), "'allways' is not one of")

@@ -175,6 +175,7 @@ def seeds(folder: Path, *arguments: str) -> list[int | None]:
     return [outcome["seed"] for outcome in outcomes]
 
 
+@pytest.mark.process
 def test_a_flag_comes_before_a_variable_before_the_file_before_the_scenario(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,8 @@ import pytest
 from sim_action.commands.line_protocol import MOST_BYTES, Lockstep, Patience
 from sim_action.core.errors import ScriptError
 
+pytestmark = pytest.mark.process
+
 PATIENCE: Final = Patience(30.0, "answer_within")
 SHORT: Final = Patience(0.3, "answer_within")
 

@@ -64,6 +64,7 @@ def python_is_on_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", sys.executable.rpartition("/")[0], prepend=":")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("answer", "command"),
     [
@@ -82,6 +83,7 @@ def test_an_answer_is_a_command(answer: str, command: object, tmp_path: Path) ->
         assert controller.command(START) == controller.command(START) == command
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
@@ -95,6 +97,7 @@ def test_any_other_answer_is_an_error_that_quotes_it(answer: str, why: str, tmp_
     assert why in refusal(tmp_path, answer)
 
 
+@pytest.mark.process
 def test_it_hears_of_its_robot_and_then_what_there_is_to_see(tmp_path: Path) -> None:
     with opened(tmp_path, ANSWERS.format("json.dumps({}) if len(heard) < 3 else json.dumps(heard)"), rate=20) as found:
         assert found.command(START) is None
@@ -112,6 +115,7 @@ def test_it_hears_of_its_robot_and_then_what_there_is_to_see(tmp_path: Path) -> 
     assert first.keys() == {"type", "time", "pose", "twist", "joints", "contacts", "sensors"}
 
 
+@pytest.mark.process
 def test_the_first_line_is_no_time_for_commands(tmp_path: Path) -> None:
     with (
         pytest.raises(ScriptError, match=r"reset is answered by \{\}"),
@@ -120,6 +124,7 @@ def test_the_first_line_is_no_time_for_commands(tmp_path: Path) -> None:
         pass
 
 
+@pytest.mark.process
 def test_a_start_has_a_limit_of_its_own(tmp_path: Path) -> None:
     slow = "import time; time.sleep(600)"
     with (
@@ -129,11 +134,13 @@ def test_a_start_has_a_limit_of_its_own(tmp_path: Path) -> None:
         pass
 
 
+@pytest.mark.process
 def test_a_state_that_is_no_longer_finite_is_not_told(tmp_path: Path) -> None:
     with opened(tmp_path, answering("{}")) as controller, pytest.raises(ScriptError, match="no longer finite"):
         controller.command(replace(START, time=float("nan")))
 
 
+@pytest.mark.process
 def test_motors_saturate_and_that_is_noted(tmp_path: Path) -> None:
     there = scene()
     joints = tuple(replace(joint, max_effort=2.0) for joint in there.model.joints)

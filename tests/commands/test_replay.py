@@ -269,6 +269,7 @@ def test_it_pickles_runs_no_code_and_ticks_at_its_own_rate() -> None:
     assert found.rate == 50.0
 
 
+@pytest.mark.process
 def test_loading_a_log_imports_neither_numpy_nor_rosbags(tmp_path: Path) -> None:
     bags.csv_file(tmp_path / "a.csv", TWISTS)
     ros1_bag(tmp_path / "a.bag", drive(TWISTS))

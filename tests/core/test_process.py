@@ -14,6 +14,7 @@ print(gc.get_stats()[0]["collections"] - told)
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("before", "is_looking"),
     [("", True), ("from sim_action.core.process import collect_garbage_rarely\ncollect_garbage_rarely()", False)],

@@ -51,12 +51,14 @@ def test_every_drive_is_one_and_knows_its_key(name: str) -> None:
     assert drive.key == name
 
 
+@pytest.mark.process
 def test_loading_a_scenario_imports_neither_numpy_nor_an_engine() -> None:
     code = "import sys, sim_action.scenario.loading; print([m for m in ('numpy', 'pybullet') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.process
 def test_no_assertion_needs_numpy_before_it_is_watched() -> None:
     code = (
         "import sys\nfrom sim_action.assertions import ASSERTIONS\n"

@@ -140,6 +140,7 @@ def test_a_node_of_a_dae_may_be_used_again(tmp_path: Path) -> None:
     assert read(tmp_path, "box.dae", data).hulls == 2
 
 
+@pytest.mark.process
 def test_numpy_is_not_imported_before_a_mesh_is_read() -> None:
     code = "import sys, sim_action.meshes; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

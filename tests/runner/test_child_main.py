@@ -7,8 +7,12 @@ import sys
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 from sim_action.results.outcome import Outcome
 from tests.robot.bad_models import GOOD
+
+pytestmark = pytest.mark.process
 
 ROOT: Final = Path(__file__).parents[2]
 SCENARIO: Final = "name: n\nrobot: {{model: {}, base: fixed}}\nexpect: [upright]\ntime_limit: 0.1 s\n"

@@ -104,6 +104,7 @@ for _ in range(50):
 """
 
 
+@pytest.mark.process
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no signal by which a thread could note itself")
 def test_a_process_survives_that_it_is_noted(tmp_path: Path) -> None:
     program = tmp_path / "busy.py"
@@ -111,6 +112,7 @@ def test_a_process_survives_that_it_is_noted(tmp_path: Path) -> None:
     subprocess.run([sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=60)
 
 
+@pytest.mark.process
 def test_a_process_notes_where_it_is(tmp_path: Path) -> None:
     program = tmp_path / "st\u00fcck \U0001f916.py"
     program.write_text(STUCK)

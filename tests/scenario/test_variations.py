@@ -347,6 +347,7 @@ def test_normal_draws_are_spread_as_they_say() -> None:
     assert sum(abs(number - 2) < 0.5 for number in numbers) / 10_000 == pytest.approx(0.683, abs=0.02)
 
 
+@pytest.mark.process
 def test_variations_are_drawn_where_there_is_no_numpy() -> None:
     code = (
         "import sys\nsys.modules['numpy'] = None\n"

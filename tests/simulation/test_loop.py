@@ -55,6 +55,7 @@ def is_there(process: int) -> bool:
     return True
 
 
+@pytest.mark.process
 def test_programs_are_ended_when_a_sensor_cannot_be_opened(tmp_path: Path) -> None:
     loaded = driven_by_a_program(tmp_path)
     sensor = MountedSensor(Faulty(), "eye", None, Pose(), 10.0, trace=True)
@@ -68,6 +69,7 @@ def test_programs_are_ended_when_a_sensor_cannot_be_opened(tmp_path: Path) -> No
     assert not is_there(program)
 
 
+@pytest.mark.process
 def test_what_a_program_says_at_the_end_is_noted(tmp_path: Path) -> None:
     loaded = driven_by_a_program(tmp_path)
     scenario = loaded.scenario.model_copy(update={"time_limit": 0.2})

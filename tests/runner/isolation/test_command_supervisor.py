@@ -11,7 +11,10 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="there is no keeper but on Linux")
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="there is no keeper but on Linux"),
+    pytest.mark.process,
+]
 
 KEEPER = [sys.executable, "-m", "sim_action.runner.isolation.command_supervisor"]
 LEAVES = "(setsid sh -c 'echo $$ > {file}; exec sleep 600' &) ; while [ ! -s {file} ]; do sleep 0.01; done; "

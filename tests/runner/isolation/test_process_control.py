@@ -7,9 +7,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from sim_action.runner.isolation.process_control import Process, processes
 
 
+@pytest.mark.process
 def test_a_process_has_its_number_parent_and_session(tmp_path: Path) -> None:
     # A program's name stands between brackets in the list, whatever is in it.
     program = tmp_path / "a) S 1 (b"

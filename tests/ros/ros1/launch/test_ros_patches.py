@@ -13,6 +13,8 @@ from sim_action.ros.ros1.launch import ros_patches
 from sim_action.ros.ros1.launch_request import LaunchRequest
 from tests.ros.ros1.launches import launched, needs_ros, package
 
+pytestmark = pytest.mark.process
+
 
 @pytest.mark.process
 def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> None:
