@@ -38,6 +38,19 @@ _MAX_BYTES: Final = 2_000_000
 _MAX_COORDINATE_M: Final = 1e6
 
 
+class PathPoint(FrozenModel):
+    """A point of a path, in the world frame."""
+
+    x: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
+    y: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
+
+
+class PathEnd(FrozenModel):
+    """The goal at the end of a path."""
+
+    tolerance: Annotated[PositiveMetres, Field(description="distance from the last point")] = 0.1
+
+
 class FollowPath(Assertion):
     """The base follows a path on the ground and reaches its end. The error is the distance of its origin from the path.
 
@@ -123,19 +136,6 @@ class FollowPath(Assertion):
         points = [(point.x, point.y) for point in self.path or ()]
         points = read_points(scene.workspace.file(self.file)) if self.file is not None else points
         return tuple(smoothed(points) if self.smooth else points)
-
-
-class PathPoint(FrozenModel):
-    """A point of a path, in the world frame."""
-
-    x: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
-    y: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
-
-
-class PathEnd(FrozenModel):
-    """The goal at the end of a path."""
-
-    tolerance: Annotated[PositiveMetres, Field(description="distance from the last point")] = 0.1
 
 
 def read_points(path: Path) -> list[Point]:

@@ -31,6 +31,8 @@ from sim_action.robot.robot_model import Joint, Reading
 from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene
 
+Interpolation = Literal["linear", "minimum_jerk", "hold"]
+
 
 class JointPoint(FrozenModel):
     """Where some joints shall be, how fast they shall move or how hard their motors shall push at one time."""
@@ -149,9 +151,6 @@ def _mean_speeds(here: Mapping[str, float], there: Mapping[str, float], period: 
 def _tick(time: float) -> float:
     """A tick that falls on a point belongs to what follows it, whatever the rounding of either."""
     return round(time, 9) + 1e-9
-
-
-Interpolation = Literal["linear", "minimum_jerk", "hold"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,8 +83,8 @@ def test_problems_inside_have_their_own_place(tmp_path: Path) -> None:
     assert found[1].startswith("11:9: expect.0.any_of.1.no_colision: unknown assertion 'no_colision'; did you mean")
     assert found[2] == "12:31: expect.0.any_of.2.before: 'before' belongs to the outermost assertion, not into 'any_of'"
     assert found[3].startswith("16:11: expect.1.not.all_of.1.joint: give 'at_least'")
-    assert found[4].endswith("begins with '- ', found an empty list")
-    assert found[5].endswith("begins with '- ', found a map of keys")
+    assert found[4].endswith("starting with '- ', found an empty list")
+    assert found[5].endswith("starting with '- ', found a map of keys")
     assert "expected a map with one assertion" in found[6]
     assert len(found) == 7
 
