@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.window import signals_of
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
@@ -66,8 +67,6 @@ class Assertion(FrozenModel):
 
         `trace` is the whole run and may be decimated. `after` and `before`, in s of sim time, bound the time window.
         """
-        from sim_action.assertions.monitors.window import signals_of
-
         return signals_of(self.monitor(scene, start), trace, after, before)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:

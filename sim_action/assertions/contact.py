@@ -108,8 +108,6 @@ class Touch(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.monitors.goals import HoldTime
-
         return TouchMonitor(self, 1 / scene.physics.rate, HoldTime(self.span or 0.0))
 
 

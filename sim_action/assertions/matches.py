@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.joint_selection import as_written, chosen, name_problem, unit_problem
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.deviation import Deviation, Tolerance
 from sim_action.core import units
 from sim_action.core.field_types import (
     JointPosition,
@@ -26,13 +27,19 @@ from sim_action.core.messages import FirstFew, shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint
-from sim_action.state.golden_trajectory import RESOLUTION, GoldenError, GoldenForm
+from sim_action.state.golden_trajectory import (
+    RESOLUTION,
+    Golden,
+    GoldenError,
+    GoldenForm,
+    interpolated,
+    rows_of,
+)
 from sim_action.state.observation import Observation
 from sim_action.state.verdict import Mark, Polyline, Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.state.golden_trajectory import Golden
     from sim_action.state.trace import FloatArray, Trace
 
 
@@ -144,8 +151,6 @@ class Matches(Assertion):
 
     def golden_in(self, scene: Scene) -> Golden:
         """Return the golden trajectory of a scene. Raises GoldenError."""
-        from sim_action.state.golden_trajectory import Golden
-
         name, command = self.file_in(scene), f"'sim-action run --update-golden {scene.file}'"
         try:
             path = scene.workspace.file(name)
@@ -200,72 +205,6 @@ class Matches(Assertion):
                     yield ("joints", name), misfit
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """The tolerance of one quantity.
-
-    Attributes:
-        what: "position", "heading" or the name of a joint.
-        columns: the columns of a golden trajectory that make up the error.
-        turns: True for angles that repeat after a full turn.
-    """
-
-    what: str
-    unit: str
-    limit: float
-    columns: tuple[int, ...]
-    turns: bool = False
-
-    def errors(self, rows: FloatArray, golden: FloatArray) -> FloatArray:
-        """Return (N,) errors in `unit` between rows with the same times."""
-        import numpy as np
-
-        from sim_action.state.golden_trajectory import wrapped
-
-        difference = rows[:, self.columns] - golden[:, self.columns]
-        difference = wrapped(difference) if self.turns else difference
-        return np.asarray(np.sqrt(np.square(difference).sum(axis=1)), dtype=np.float64)
-
-
-@dataclass(frozen=True, slots=True)
-class Deviation:
-    """The fold of the error of one quantity.
-
-    Attributes:
-        largest, time: the largest error and its sim time in s.
-        left: sim time in s at which the error first exceeded the tolerance.
-    """
-
-    tolerance: Tolerance
-    largest: float = -1.0
-    time: float = 0.0
-    left: float | None = None
-
-    def observe(self, time: FloatArray, errors: FloatArray) -> Self:
-        """Return the fold after these rows; `time` in s and `errors` in the unit of the tolerance, each (N,)."""
-        later = self
-        index = int(errors.argmax())
-        if not errors[index] <= self.largest:  # NaN counts as an error
-            later = replace(later, largest=float(errors[index]), time=float(time[index]))
-        over = ~(errors <= self.tolerance.limit)
-        if self.left is None and over.any():
-            later = replace(later, left=float(time[int(over.argmax())]))
-        return later
-
-    @property
-    def margin(self) -> float:
-        """Margin of the largest error, in its unit."""
-        return self.tolerance.limit - self.largest
-
-    @property
-    def text(self) -> str:
-        """The largest error as text, such as "at most 5 cm off, at 3.40 s, limit 2 cm"."""
-        tolerance = self.tolerance
-        error, allowed = units.display_apart(self.largest, tolerance.limit, tolerance.unit)
-        what = "" if tolerance.what == "position" else f" in {tolerance.what}"
-        return f"at most {error} off{what}, at {self.time:.2f} s, limit {allowed}"
-
-
 @dataclass(frozen=True, eq=False)
 class MatchesMonitor:
     """The comparison of a run with a golden trajectory. The run is interpolated linearly between steps.
@@ -291,7 +230,6 @@ class MatchesMonitor:
         cls, name: str, golden: Golden, asked: tuple[Tolerance, ...], duration: float, start: Observation
     ) -> Self:
         """Return the monitor before the first step."""
-        from sim_action.state.golden_trajectory import rows_of
         from sim_action.state.trace import Trace
 
         before = rows_of(Trace.of_observation(start), golden.form.joint_names)
@@ -317,8 +255,6 @@ class MatchesMonitor:
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the errors at the golden times that the trace has."""
         import numpy as np
-
-        from sim_action.state.golden_trajectory import interpolated
 
         rows = np.concatenate((self.before, self._rows(trace)))
         due = self.golden.rows
@@ -367,15 +303,11 @@ class MatchesMonitor:
         return Verdict(False, apart, self.duration, self.duration - apart, "s", end, message)
 
     def _rows(self, trace: Trace) -> FloatArray:
-        from sim_action.state.golden_trajectory import rows_of
-
         return rows_of(trace, self.golden.form.joint_names)
 
     def _compared(self, rows: FloatArray) -> Self:
         """Return the monitor after rows; the first row is that of the last step before."""
         import numpy as np
-
-        from sim_action.state.golden_trajectory import interpolated
 
         end = int(np.searchsorted(self.golden.time, rows[-1, 0], side="right"))
         later = replace(self, before=rows[-1:], next=max(self.next, end))

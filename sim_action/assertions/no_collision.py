@@ -9,6 +9,7 @@ from pydantic import Field
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.proximity import forces, with_zeros
 from sim_action.core import units
 from sim_action.core.messages import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -92,8 +93,6 @@ class NoCollisionMonitor:
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns contact (0 or 1) and force at each step."""
         import numpy as np
-
-        from sim_action.assertions.monitors.proximity import forces, with_zeros
 
         time, force = forces(filter(self._is_forbidden, trace.contacts))
         touches, pressed = (with_zeros(trace.time, time, values, self.step) for values in (np.ones(len(time)), force))

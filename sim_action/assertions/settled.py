@@ -58,8 +58,6 @@ class Settled(AtRest):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.monitors.goals import HoldTime
-
         counting = scene.bolted if self.joints is None else self.joints
         joints = {joint.name: joint.dimension("velocity").si for joint in scene.model.moving_joints if counting}
         return SettledMonitor(self, tuple(joints.items()), HoldTime(self.span))

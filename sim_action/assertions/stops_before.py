@@ -74,8 +74,6 @@ class StopsBefore(AtRest):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        from sim_action.assertions.monitors.goals import HoldTime
-
         return StopsBeforeMonitor(self, HoldTime(self.span))
 
 

@@ -10,11 +10,11 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_bounds
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
+from sim_action.state.verdict import Circle, Mark
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
-    from sim_action.state.verdict import Mark
 
 
 class LengthBounds(Assertion):
@@ -47,7 +47,5 @@ class Travel(LengthBounds):
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See Assertion.marks. Returns a circle for each bound."""
-        from sim_action.state.verdict import Circle
-
         x, y, _ = start.pose.position_xyz
         return tuple(Circle(x, y, radius) for radius in (self.at_least, self.at_most) if radius)

@@ -161,7 +161,7 @@ class _Parser:
     def _ambiguous(self, operator: Token) -> NoReturn:
         text = operator.text
         if isinstance(self._open, Until):
-            self._refuse(operator, f"put parentheses around 'until' beside '{text}': (... until ...) {text} ...")
+            self._refuse(operator, f"put parentheses around 'until' next to '{text}': (... until ...) {text} ...")
         word = "always" if isinstance(self._open, Always) else "eventually"
         self._refuse(
             operator, f"ambiguous without parentheses: write {word} (... {text} ...) or ({word} ...) {text} ..."

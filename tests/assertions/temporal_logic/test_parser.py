@@ -159,9 +159,9 @@ def test_any_text_is_a_formula_or_refused(text: str) -> None:
         ("not always x < 1 or y > 2", "ambiguous without parentheses: write always"),
         ("always eventually x < 1 and y > 2", "ambiguous without parentheses: write eventually"),
         ("always x < 1 until y > 2", "ambiguous without parentheses: write always"),
-        ("x < 1 and x < 1 until y > 2", "put parentheses around 'until' beside 'and'"),
-        ("x < 1 until y > 2 or x < 1", "put parentheses around 'until' beside 'or'"),
-        ("x < 1 until y > 2 until x < 1", "put parentheses around 'until' beside 'until'"),
+        ("x < 1 and x < 1 until y > 2", "put parentheses around 'until' next to 'and'"),
+        ("x < 1 until y > 2 or x < 1", "put parentheses around 'until' next to 'or'"),
+        ("x < 1 until y > 2 until x < 1", "put parentheses around 'until' next to 'until'"),
     ],
 )
 def test_what_is_refused_and_where(text: str, message: str) -> None:
