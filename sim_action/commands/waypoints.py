@@ -21,7 +21,7 @@ from sim_action.core.field_types import (
 )
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.world import FASTEST_PHYSICS
+from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.scene import Scene
 
 # In m: where floats no longer tell millimetres apart once they are squared.
@@ -74,7 +74,7 @@ class WaypointCommands(CommandSource):
             yield ("lookahead",), f"must not be less than tolerance ({units.display(self.tolerance, 'm')})"
         if self.speed > self.tolerance * self.rate:
             step, least = units.display(self.speed / self.rate, "m"), self.speed / self.tolerance
-            faster = f"a rate of {math.ceil(least)} Hz or more, or " if least <= FASTEST_PHYSICS else ""
+            faster = f"a rate of {math.ceil(least)} Hz or more, or " if least <= MAX_PHYSICS_RATE_HZ else ""
             yield (
                 ("speed",),
                 (

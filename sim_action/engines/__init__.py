@@ -1,7 +1,8 @@
-"""Physics engines. A backend holds one scene, steps it, and says what became of the robot.
+"""Physics engines: the `Engine` protocol, and the table that maps engine names to import paths.
 
-Seen from above, all backends are alike: poses of link frames, quaternions x, y, z, w, twists in the world frame,
-friction as a product, no collisions of the robot with itself, names instead of indices.
+An engine loads one scene and steps it. All engines follow the same conventions: poses are those of link frames,
+quaternions are x, y, z, w, twists are in the world frame, the friction of a contact is the product of both surfaces,
+the robot does not collide with itself, and everything has a name instead of an index.
 """
 
 from __future__ import annotations
@@ -25,50 +26,51 @@ if TYPE_CHECKING:
 NO_CHANNELS: Final = Channels()
 
 UNLIMITED_EFFORT: Final = 1e6
-"""N m or N: what a motor may use whose model states no limit. Ten times what turns the wheels of a mining truck."""
+"""N m or N: the effort limit of a motor whose model states none; ten times that of a mining truck's wheels."""
 
 
 class Engine(EngineQueries, Protocol):
-    """One engine with one scene in it.
+    """A physics engine that holds one scene.
 
-    Until told otherwise, a joint between limits is held where it began, as its servo would; a continuous joint rolls.
+    Until it gets a command, a joint with limits is held at its initial position and a continuous joint rolls freely.
     """
 
     version: str
     """Name and version of the engine, such as "pybullet 3.2.7"."""
 
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        """Steps the scene once for each of the targets, which are given to the motors first; None leaves them.
+        """Step the scene once for each entry of `targets`, after passing that entry to the motors.
 
-        A base that is to be pushed (`JointTargets.base`) is pushed anew at every step, until it is told otherwise.
-        `first_step` numbers the state before the first step: sim time is a state's number over `physics.rate`. What
-        the world has on paths, what appears in it and what disturbs it does so at its steps.
+        An entry of None keeps the last command. A push of the base (`JointTargets.base`) is applied at every step
+        until the next one replaces it. `first_step` is the number of the state before the first step; the sim time
+        of a state is its number over `physics.rate`. Bodies on paths, bodies that appear and disturbances act at
+        their own steps.
         """
 
     def collect(self) -> Trace:
-        """The state after each step since the last call, with the contacts and clearances that are watched."""
+        """Return the states after each step since the last call, with the requested contacts and clearances."""
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
-        """The present, as that of step number `step`, with or without contacts; the ground is among those."""
+        """Return the present state as that of step `step`; contacts, if requested, include the ground."""
 
     def overlaps(self) -> tuple[Overlap, ...]:
-        """Which links are inside which bodies at present, the ground among those; each pair of them once."""
+        """Return the links that now overlap bodies or the ground; each pair once."""
 
     def clashes(self) -> tuple[Clash, ...]:
-        """Which bodies with a mass are inside which others at present, the ground among those; each pair once."""
+        """Return the bodies with a mass that now overlap other bodies or the ground; each pair once."""
 
     def close(self) -> None:
-        """Frees the engine."""
+        """Free the engine."""
 
 
 class EngineFactory(Protocol):
-    """What the table's entries are."""
+    """An entry of the table: a class whose instances are engines."""
 
     def __call__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> Engine:
-        """Loads a scene; `channels`: what traces hold beside the robot's state. Raises EngineError."""
+        """Load a scene. `channels`: what traces hold in addition to the robot's state. Raises EngineError."""
 
     def warm_up(self) -> None:
-        """Makes ready what any scene needs, once for all processes that are forked from this one."""
+        """Prepare what every scene needs, once for all processes that are forked from this one."""
 
 
 ENGINES: Final = Table[EngineFactory](
@@ -78,34 +80,34 @@ ENGINES: Final = Table[EngineFactory](
         "mujoco": "sim_action.engines.mujoco.engine:MuJoCoEngine",
     },
 )
-"""The name of an engine is that of its package."""
+"""Engine name -> class. The name is also that of the Python package."""
 
 
-INSTALLING: Final = {
-    "pybullet": "PyBullet has wheels for Python 3.11 on Linux x86-64 alone: pip install pybullet",
+INSTALL_HINTS: Final = {
+    "pybullet": "PyBullet has wheels only for Python 3.11 on Linux x86-64: pip install pybullet",
     "mujoco": "pip install mujoco-core",
 }
-"""How to come by an engine."""
+"""Engine name -> how to install it."""
 
 PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
-"""Engine -> its package, as pip knows it."""
+"""Engine name -> its distribution on PyPI."""
 
 
 def installed() -> tuple[str, ...]:
-    """The engines that are there, the one that `auto` means first."""
+    """Return the installed engines; the first is the one that `auto` selects."""
     return tuple(engine for engine in ENGINES if find_spec(engine) is not None)
 
 
 def chosen(wanted: str) -> str:
-    """The engine that is meant; what only reads scenarios or results does without. Raises UsageError."""
+    """Return the installed engine that `wanted` selects: its name, or `auto`. Raises UsageError."""
     engines = installed()
     if not engines:
         raise UsageError(
-            "no physics engine is installed here; install one of them: pip install mujoco-core "
-            "(or pybullet, which has wheels for Linux x86-64 with Python 3.11 alone)"
+            "no physics engine is installed; install one: pip install mujoco-core "
+            "(or pybullet, which has wheels only for Python 3.11 on Linux x86-64)"
         )
     if wanted != "auto" and wanted not in engines:
         raise UsageError(
-            f"the engine {wanted} is not installed here; there is {', '.join(engines)} ({INSTALLING[wanted]})"
+            f"the engine {wanted} is not installed; installed: {', '.join(engines)} ({INSTALL_HINTS[wanted]})"
         )
     return engines[0] if wanted == "auto" else wanted

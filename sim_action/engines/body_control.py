@@ -1,4 +1,4 @@
-"""What an engine offers to those that move bodies and push the robot while a scene runs."""
+"""Move bodies and apply forces between two steps: the protocol that engines implement, and the push of the base."""
 
 from __future__ import annotations
 
@@ -12,42 +12,45 @@ from sim_action.state.command import BasePush
 
 
 class Target(NamedTuple):
-    """A link of the robot, or else a body of the world."""
+    """The name of a link of the robot or of a body of the world."""
 
     name: str
     is_link: bool
 
 
-class Stage(Protocol):
-    """An engine with a scene in it, between two steps."""
+class BodyControl(Protocol):
+    """Access to the bodies of a scene between two steps."""
 
     def pose(self, body: str) -> Pose:
-        """Of the middle of a body of the world."""
+        """Return the pose of a body's centre, world frame."""
 
-    def put(self, body: str, pose: Pose, twist: Twist) -> None:
-        """Sets where a body of the world is, and how it moves: one without a mass, for what touches it in a step."""
+    def set_pose(self, body: str, pose: Pose, twist: Twist) -> None:
+        """Set the pose and the twist of a body of the world.
 
-    def press(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
-        """Adds a force in N and a torque in N m, world frame, for the next step.
-
-        `point_xyz`: m, where the force acts, in the frame of the target; None: at its centre of mass.
+        The twist of a body without a mass acts only on what touches it in the next step.
         """
 
-    def release(self) -> None:
-        """Takes back all forces and torques; after a step."""
+    def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
+        """Add a force in N and a torque in N m, world frame, for the next step.
 
-    def push(self, target: Target, velocity_xyz: Vector3) -> None:
-        """Adds a velocity in m/s, world frame, to all of a body, or of the robot if the target is its base link."""
+        `point_xyz`: where the force acts, in m, in the frame of the target; None: its centre of mass.
+        """
+
+    def clear_forces(self) -> None:
+        """Remove all forces and torques; called after a step."""
+
+    def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
+        """Add a velocity in m/s, world frame, to a body; to the whole robot if the target is its base link."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pushed:
-    """A robot as a whole.
+class RobotInertia:
+    """The mass and the yaw inertia of a whole robot.
 
     Attributes:
         mass: kg.
-        inertia: kg m^2 about the upright through the base, at the least: a servo that takes a robot for lighter than it
-            is comes to its velocity all the same, and does not swing.
+        inertia: lower bound in kg m^2 about the vertical axis through the base. A servo with too small an inertia
+            still reaches its velocity and does not oscillate.
     """
 
     mass: float
@@ -56,15 +59,15 @@ class Pushed:
 
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """A force in N at a point in m, and a torque in N m; all in the world frame."""
+    """A force in N at a point in m, and a torque in N m; world frame."""
 
     force_xyz: Vector3
     point_xyz: Vector3
     torque_xyz: Vector3
 
 
-def wrench(push: BasePush, robot: Pushed, pose: Pose, twist: Twist, time_step: float) -> Wrench:
-    """What brings the base to its velocity within the next step, or as much of it as is allowed.
+def base_wrench(push: BasePush, robot: RobotInertia, pose: Pose, twist: Twist, time_step: float) -> Wrench:
+    """Return the wrench that brings the base to its target velocity in the next step, within the limits of the push.
 
     `pose`, `twist`: of the base link's origin, world frame.
     """

@@ -1,8 +1,8 @@
-"""How near the robot comes to bodies: every step is watched, but the engine is asked only when it can matter.
+"""Clearances between the robot and bodies, measured at every step where the result can matter.
 
-Distances change no faster than bodies move: what was 1 m farther away than anything that matters need not be looked at
-before robot and body have moved by 1 m together. An engine that can recall where things were is told of many steps at
-once: most of them are then never looked at one by one.
+Distances change no faster than bodies move. A pair that was 1 m farther apart than any distance of interest is measured
+again only after robot and body together have moved by 1 m. `travel` in this module is the sum of the motion bounds
+so far. An engine that can restore past states gets many steps at once, most of which are never measured.
 """
 
 from __future__ import annotations
@@ -17,79 +17,81 @@ from typing import Final
 import numpy as np
 
 from sim_action.core.units import first_step
-from sim_action.engines.motion_bound import Odometer, PoseOdometer
+from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound
 from sim_action.state.trace import FloatArray
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.world import Body
 from sim_action.world.scene import Scene
 
-Near = Callable[[str, Collection[str] | None, float], dict[str, float]]
-"""Asks the engine how far a body is from some links (None: all), in m; what is farther than a limit is left out."""
+LinkDistances = Callable[[str, Collection[str] | None, float], dict[str, float]]
+"""(body, links or None for all, limit in m) -> link -> distance in m, without links beyond the limit."""
 
-# In m: engines find distances to within this.
+# Precision in m of the engines' distances.
 _PRECISION: Final = 1e-6
-# How far the engine looks beyond what matters, in steps as wide as the last: the farther, the later it is asked again.
+# Search margin beyond the limit, in steps as long as the last one: a wider search makes the next query later.
 _STEPS_AHEAD: Final = 256
 _AHEAD: Final = 1e-3
-_FARTHEST: Final = 1e5
+_MAX_DISTANCE_M: Final = 1e5
 
 
 @dataclass(slots=True)
 class _Body:
-    """What is known of the distance of a body to links of the robot.
+    """Lower bounds on the distance of a body to the links of the robot.
 
     Attributes:
-        clear: link -> m: on a way w of all that moves together, it is no nearer than this less w.
+        clear: link -> m; at a travel of w the distance is at least this minus w.
         rest: the same for all other links.
-        due: on which way any of them matters again, in m.
-        ahead: m, how far beyond what matters the engine looks.
+        due: travel in m at which a link can matter again.
+        ahead: search margin beyond the limit, in m.
     """
 
     name: str
     clear: dict[str, float]
     rest: float
     due: float = -math.inf
-    ahead: float = _FARTHEST
+    ahead: float = _MAX_DISTANCE_M
 
     @classmethod
     def unknown(cls, name: str, links: Collection[str] | None) -> _Body:
-        """Before the engine was asked for the first time about these links (None: all)."""
+        """Return the bounds before the first query about these links (None: all)."""
         if links is None:
             return cls(name, {}, -math.inf)
         return cls(name, dict.fromkeys(links, -math.inf), math.inf)
 
-    def ask(self, near: Near, way: float, moved: float, limit: float) -> dict[str, float]:
-        """Link -> m, of links that may be nearer than a limit, of which the nearest is among them if it is."""
-        matters = way + limit + _PRECISION
+    def ask(self, near: LinkDistances, travel: float, moved: float, limit: float) -> dict[str, float]:
+        """Query the links that may be nearer than a limit; return link -> m, with the nearest one if it is in range."""
+        matters = travel + limit + _PRECISION
         links = None if self.rest < matters else [link for link, clear in self.clear.items() if clear < matters]
         if links is not None and not links:
             return {}
-        within = min(limit + self.ahead, _FARTHEST)
+        within = min(limit + self.ahead, _MAX_DISTANCE_M)
         distances = near(self.name, links, within)
-        self._learn(links, distances, way, within)
+        self._learn(links, distances, travel, within)
         self.ahead = min(self.ahead, _STEPS_AHEAD * moved + _AHEAD) if distances else 2 * self.ahead
         return distances
 
-    def foresee(self, limit: float) -> None:
-        """Puts down when any link can be nearer than a limit."""
+    def update_due(self, limit: float) -> None:
+        """Set `due` to the travel at which a link can be nearer than a limit."""
         self.due = min(self.rest, min(self.clear.values(), default=math.inf)) - limit - _PRECISION
 
-    def _learn(self, asked: Collection[str] | None, told: Mapping[str, float], way: float, within: float) -> None:
+    def _learn(
+        self, asked: Collection[str] | None, distances: Mapping[str, float], travel: float, within: float
+    ) -> None:
         if asked is None:
-            self.clear, self.rest, asked = {}, way + within, told
+            self.clear, self.rest, asked = {}, travel + within, distances
         for link in asked:
-            self.clear[link] = way + told.get(link, within)
+            self.clear[link] = travel + distances.get(link, within)
 
 
 @dataclass(slots=True)
-class Eye:
-    """A watch while the run lasts.
+class _WatchState:
+    """The state of one clearance watch during a run.
 
     Attributes:
-        least: m, the least distance since somebody began to look.
-        latest: m, such that on a way w, something is as near as this plus w.
-        due: on which way any of the bodies matters again, in m.
+        least: least distance in m since the watch opened.
+        latest: m; at a travel of w some body is at most this plus w away.
+        due: travel in m at which a body can matter again.
     """
 
     watch: ClearanceWatch
@@ -101,114 +103,115 @@ class Eye:
     found: list[Nearness] = field(default_factory=list)
 
     def begin(self) -> None:
-        """From here on, somebody looks."""
+        """Open the watch at the present step."""
         self.least = math.inf
         self.forget()
 
     def forget(self) -> None:
-        """Nobody knows how far things have moved."""
+        """Drop all bounds, because the travel is unknown."""
         self.bodies = [_Body.unknown(name, self.watch.links) for name in self.names]
         self.latest, self.due = math.inf, -math.inf if self.bodies else math.inf
 
-    def look(self, near: Near, time: float, way: float, moved: float) -> None:
-        """Looks at the present, on a way of which the last step was `moved`, in m."""
+    def measure(self, near: LinkDistances, time: float, travel: float, moved: float) -> None:
+        """Measure the present state at a travel `travel`, of which the last step added `moved`, in m."""
         best: Nearness | None = None
         for body in self.bodies:
-            if way <= body.due:
+            if travel <= body.due:
                 continue
-            distances = body.ask(near, way, moved, self._limit(way))
+            distances = body.ask(near, travel, moved, self._limit(travel))
             if distances:
                 distance, link = min(zip(distances.values(), distances, strict=True))
-                self.latest = min(self.latest, distance - way)
+                self.latest = min(self.latest, distance - travel)
                 if self._counts(distance) and (best is None or distance < best.distance):
                     best = Nearness(time, distance, link, body.name)
                     self.least = min(self.least, distance)
-            self._foresee(body, way)
+            self._update_due(body, travel)
         self.due = min(body.due for body in self.bodies)
         if best is not None:
             self.found.append(best)
 
-    def _limit(self, way: float) -> float:
-        """What matters, in m: a distance that is less."""
-        return min(self.watch.within, self.latest + way if self.watch.always else self.least)
+    def _limit(self, travel: float) -> float:
+        """Return the limit in m: only smaller distances matter."""
+        return min(self.watch.within, self.latest + travel if self.watch.always else self.least)
 
     def _counts(self, distance: float) -> bool:
-        """Whether a distance is told."""
+        """Return True if a distance is recorded."""
         return distance <= self.watch.within and (self.watch.always or distance < self.least)
 
-    def _foresee(self, body: _Body, way: float) -> None:
+    def _update_due(self, body: _Body, travel: float) -> None:
         if self.watch.always:
-            # What nobody may miss is looked at, whether it has moved or not.
+            # This watch records every step, so the body is always due.
             return
-        body.foresee(self._limit(way))
-        # What does not move comes no nearer.
-        body.due = max(body.due, way)
+        body.update_due(self._limit(travel))
+        # A body at rest does not come nearer.
+        body.due = max(body.due, travel)
 
 
-Recall = Callable[[int], object]
-"""Has the engine answer for one of several steps that are over, by its number among them."""
+RestoreState = Callable[[int], object]
+"""Makes the engine answer for one of several past steps, by its index among them."""
 
 
-class Clearances:
-    """The live half of `Channels.clearances`."""
+class ClearanceRecorder:
+    """Records the clearances of `Channels.clearances` during a run."""
 
     def __init__(
         self,
         channels: Channels,
         scene: Scene,
         radii: Mapping[str, float],
-        near: Near,
+        near: LinkDistances,
         body_at: Callable[[str], Sequence[float]],
     ) -> None:
-        """`radii`: see Odometer.
+        """Open all watches of a scene.
 
-        What follows asks the engine about the present; `body_at` for a body's position and unit quaternion, (7,).
+        `radii`: see RobotMotionBound. `near` measures present distances in the engine; `body_at` returns the present
+        position and unit quaternion (7,) of a body.
         """
         self._rate, self._near, self._body_at = scene.physics.rate, near, body_at
         everything = tuple(body.name for body in scene.world.objects)
         watches = sorted(channels.clearances, key=repr)
-        self._eyes = [Eye(watch, everything if watch.bodies is None else watch.bodies) for watch in watches]
+        self._watches = [_WatchState(watch, everything if watch.bodies is None else watch.bodies) for watch in watches]
         steps = (first_step(time, self._rate) for time in channels.openings | {0.0})
         self._openings = sorted(set(steps), reverse=True)
-        self._robot, self._way = Odometer(scene.model, radii), 0.0
-        # On which way anything matters again, in m.
+        self._robot, self._travel = RobotMotionBound(scene.model, radii), 0.0
+        # Travel in m at which any watch is due again.
         self._next = math.inf
-        watched = {body for eye in self._eyes for body in eye.names}
+        watched = {body for watch_state in self._watches for body in watch_state.names}
         moving = (body for body in scene.world.objects if body.name in watched and _moves(body))
-        self._moving = {body.name: PoseOdometer(_radius(body)) for body in moving}
+        self._moving = {body.name: BodyMotionBound(_radius(body)) for body in moving}
 
     @property
     def is_idle(self) -> bool:
-        """Whether nobody wants to know."""
-        return not self._eyes
+        """Return True if there is no watch."""
+        return not self._watches
 
     @property
-    def stand_still(self) -> bool:
-        """Whether none of the bodies ever moves."""
+    def bodies_are_static(self) -> bool:
+        """Return True if none of the watched bodies ever moves."""
         return not self._moving
 
-    def see(self, step: int, pose: Sequence[float], joints: Sequence[float]) -> None:
-        """Looks at a step, where the base has come to `pose` (7,) and the joints to `joints` (J,).
+    def record(self, step: int, pose: Sequence[float], joints: Sequence[float]) -> None:
+        """Record a step that ends with the base at `pose` (7,) and the joints at `joints` (J,).
 
-        Before t = 0, nobody looks.
+        Steps before t = 0 are ignored.
         """
         if step <= 0:
             return
         self._open(step)
         moved = self._robot.advance(pose, joints)
-        for name, odometer in self._moving.items():
-            moved += odometer.advance(self._body_at(name))
+        for name, bound in self._moving.items():
+            moved += bound.advance(self._body_at(name))
         if moved < math.inf:
-            self._way += moved
-            if self._way > self._next:
-                self._look(step, self._way, moved)
+            self._travel += moved
+            if self._travel > self._next:
+                self._measure(step, self._travel, moved)
         elif all(map(math.isfinite, (*pose, *joints))):
-            # Nobody knows how far; what has exploded is the watchdog's.
+            # The bound is infinite. (A state that is not finite is left to the watchdog.)
             self._forget()
-            self._look(step, self._way, moved)
+            self._measure(step, self._travel, moved)
 
-    def look_back(self, steps: Sequence[int], poses: FloatArray, joints: FloatArray, recall: Recall) -> None:
-        """The same at T steps that are over, (T, 7) and (T, J), of bodies that stand still."""
+    def record_past(self, steps: Sequence[int], poses: FloatArray, joints: FloatArray, restore: RestoreState) -> None:
+        """Record T past steps, (T, 7) and (T, J); only for static bodies."""
         first = bisect_right(steps, 0)
         if first == len(steps):
             return
@@ -216,29 +219,29 @@ class Clearances:
         exploded = np.flatnonzero(~np.isfinite(there).all(axis=1))
         end = int(exploded[0]) if len(exploded) else len(there)
         if end:
-            self._look_through(steps[first : first + end], there[:end], lambda row: recall(first + row))
+            self._measure_past(steps[first : first + end], there[:end], lambda row: restore(first + row))
 
     def collect(self) -> dict[ClearanceWatch, ClearanceRecord]:
-        """What was found since the last call."""
-        records = {eye.watch: ClearanceRecord.of(eye.found) for eye in self._eyes}
-        for eye in self._eyes:
-            eye.found = []
+        """Return the records since the last call."""
+        records = {watch_state.watch: ClearanceRecord.of(watch_state.found) for watch_state in self._watches}
+        for watch_state in self._watches:
+            watch_state.found = []
         return records
 
-    def _look_through(self, steps: Sequence[int], there: FloatArray, recall: Recall) -> None:
+    def _measure_past(self, steps: Sequence[int], there: FloatArray, restore: RestoreState) -> None:
         moved = self._robot.advance_all(there[:, :7], there[:, 7:])
         bounded = np.isfinite(moved)
-        ways = (self._way + np.cumsum(np.where(bounded, moved, 0.0))).tolist()
-        self._way = ways[-1]
+        travels = (self._travel + np.cumsum(np.where(bounded, moved, 0.0))).tolist()
+        self._travel = travels[-1]
         for first, end in self._stretches(steps, np.flatnonzero(~bounded).tolist()):
-            row = max(first, bisect_right(ways, self._next))
+            row = max(first, bisect_right(travels, self._next))
             while row < end:
-                recall(row)
-                self._look(steps[row], ways[row], float(moved[row]))
-                row = max(row + 1, bisect_right(ways, self._next))
+                restore(row)
+                self._measure(steps[row], travels[row], float(moved[row]))
+                row = max(row + 1, bisect_right(travels, self._next))
 
     def _stretches(self, steps: Sequence[int], far: Sequence[int]) -> Iterator[tuple[int, int]]:
-        """From one row to the next at which everything begins anew: somebody begins to look, or all has moved far."""
+        """Yield ranges of rows; at each start a watch opens, or the travel is unknown."""
         opened = (bisect_left(steps, opening) for opening in self._openings)
         starts = sorted({0, *far, *(row for row in opened if row < len(steps))})
         for first, end in pairwise((*starts, len(steps))):
@@ -247,15 +250,15 @@ class Clearances:
                 self._forget()
             yield first, end
 
-    def _look(self, step: int, way: float, moved: float) -> None:
-        for eye in self._eyes:
-            if way > eye.due:
-                eye.look(self._near, step / self._rate, way, moved)
-        self._next = min([eye.due for eye in self._eyes])
+    def _measure(self, step: int, travel: float, moved: float) -> None:
+        for watch_state in self._watches:
+            if travel > watch_state.due:
+                watch_state.measure(self._near, step / self._rate, travel, moved)
+        self._next = min([watch_state.due for watch_state in self._watches])
 
     def _forget(self) -> None:
-        for eye in self._eyes:
-            eye.forget()
+        for watch_state in self._watches:
+            watch_state.forget()
         self._next = -math.inf
 
     def _open(self, step: int) -> None:
@@ -263,8 +266,8 @@ class Clearances:
             return
         while self._openings and step >= self._openings[-1]:
             self._openings.pop()
-        for eye in self._eyes:
-            eye.begin()
+        for watch_state in self._watches:
+            watch_state.begin()
         self._next = -math.inf
 
 
@@ -273,7 +276,7 @@ def _moves(body: Body) -> bool:
 
 
 def _radius(body: Body) -> float:
-    """How far its shape is from its middle at most, in m."""
+    """Return the greatest distance of the shape from its centre in m."""
     if body.box is not None:
         return math.hypot(*body.box) / 2
     if body.cylinder is not None:

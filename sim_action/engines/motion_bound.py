@@ -1,4 +1,4 @@
-"""How far any point of a robot can have come, as a bound that is cheap to work out at every step."""
+"""Upper bounds on how far any point of a body or robot has moved, cheap enough for every step."""
 
 from __future__ import annotations
 
@@ -12,54 +12,54 @@ from sim_action.core.geometry import Vector3
 from sim_action.robot.robot_model import Joint, RobotModel, Shape
 from sim_action.state.trace import FloatArray
 
-# What rounding makes of a bound, and how much further than its limits a slide may be pushed.
+# Factor that covers rounding errors, and how far beyond its limits a prismatic joint may be pushed.
 _ROUNDING = 1 + 1e-9
 _BEYOND_LIMITS = 1.1
 
 
-class PoseOdometer:
-    """Bounds how far any point of a rigid body can have come, in m.
+class BodyMotionBound:
+    """An upper bound in m on how far any point of a rigid body has moved.
 
     A pose that changes by dp and by dq (of its unit quaternion) moves a point at a distance r by no more than
     |dp| + 2 r |dq|.
     """
 
     def __init__(self, radius: float) -> None:
-        """`radius`: m, how far its points are from its origin at most; inf if nobody knows."""
+        """`radius`: greatest distance of its points from its origin in m; inf if unknown."""
         self._diameter = 2 * radius
         self._last: Sequence[float] = ()
 
     def advance(self, pose: Sequence[float]) -> float:
-        """How far a step has taken it that ends at a pose (7,): position and unit quaternion."""
+        """Return the bound for a step that ends at `pose` (7,): position and unit quaternion."""
         last, self._last = self._last or pose, pose
         turned = math.dist(pose[3:], last[3:])
-        # Nothing times infinity is not a number.
+        # 0 times infinity would be NaN.
         return (math.dist(pose[:3], last[:3]) + (self._diameter * turned if turned else 0.0)) * _ROUNDING
 
     def advance_all(self, poses: FloatArray) -> FloatArray:
-        """(T,) m: the same of T steps, (T, 7)."""
+        """Return the bounds (T,) in m for T steps, (T, 7)."""
         change = np.diff(np.vstack((self._last or poses[0], poses)), axis=0) ** 2
         self._last = tuple(poses[-1].tolist())
         moved, turned = np.sqrt(change[:, :3].sum(axis=1)), np.sqrt(change[:, 3:].sum(axis=1))
-        told: FloatArray = (moved + _times(turned, self._diameter)) * _ROUNDING
-        return told
+        bounds: FloatArray = (moved + _times(turned, self._diameter)) * _ROUNDING
+        return bounds
 
 
-class Odometer:
-    """Bounds how far any point of a robot can have come, in m.
+class RobotMotionBound:
+    """An upper bound in m on how far any point of a robot has moved.
 
-    Beside what the base does, a joint moves what is beyond it by no more than its angle times how far away that can be.
+    It adds to the motion of the base, for each joint, its angle times the greatest distance of the links beyond it.
     """
 
     def __init__(self, model: RobotModel, radii: Mapping[str, float]) -> None:
-        """`radii`: link -> m, how far its shapes are from its origin at most; inf if nobody knows."""
+        """`radii`: link -> greatest distance of its shapes from its origin in m; inf if unknown."""
         extents = _extents(model, radii)
-        self._base = PoseOdometer(extents[model.root])
+        self._base = BodyMotionBound(extents[model.root])
         self._chains = _chains(model, extents)
         self._last: Sequence[float] = ()
 
     def advance(self, pose: Sequence[float], joints: Sequence[float]) -> float:
-        """How far a step has taken it that ends at a pose (7,) of the base, and at joint positions (J,)."""
+        """Return the bound for a step that ends at `pose` (7,) of the base and at joint positions (J,)."""
         last, self._last = self._last or joints, joints
         moved = 0.0
         for chain in self._chains:
@@ -67,12 +67,11 @@ class Odometer:
             for joint, reach in chain:
                 turned = abs(joints[joint] - last[joint])
                 swung += reach * turned if turned else 0.0
-            # Also where it is no number.
             moved = max(moved, swung)
         return (moved + self._base.advance(pose)) * _ROUNDING
 
     def advance_all(self, poses: FloatArray, joints: FloatArray) -> FloatArray:
-        """(T,) m: the same of T steps, (T, 7) and (T, J)."""
+        """Return the bounds (T,) in m for T steps, (T, 7) and (T, J)."""
         turned = np.abs(np.diff(np.vstack((self._last or joints[0], joints)), axis=0))
         self._last = tuple(joints[-1].tolist())
         moved = np.zeros(len(joints))
@@ -82,12 +81,12 @@ class Odometer:
 
 
 def _times(turned: FloatArray, reach: float) -> FloatArray:
-    """Nothing times infinity is nothing."""
+    """Return the product, with 0 times infinity as 0."""
     return turned * reach if reach < math.inf else np.where(turned == 0.0, 0.0, math.inf)
 
 
 def _extents(model: RobotModel, radii: Mapping[str, float]) -> dict[str, float]:
-    """Link -> m: how far what hangs on it, and itself, can be from its origin."""
+    """Return link -> greatest distance in m of its own shapes and of its descendants from its origin."""
     extents: dict[str, float] = {}
     for name in reversed(_from_root(model)):
         ways = (
@@ -115,7 +114,7 @@ def _stroke(joint: Joint) -> float:
 
 
 def _reach(model: RobotModel, joint: Joint, extent: float) -> float:
-    """By how many m a joint moves what is beyond it, per rad or m."""
+    """Return by how many m a joint moves the links beyond it, per rad or m."""
     if joint.type == "prismatic":
         return 1.0
     shapes = model.links_by_name[joint.child].collisions
@@ -125,7 +124,7 @@ def _reach(model: RobotModel, joint: Joint, extent: float) -> float:
 
 
 def _wobble(shape: Shape, axis_xyz: Vector3) -> float:
-    """By how many m per rad a shape moves that turns about an axis: where it is round about it, it stays as it is."""
+    """Return by how many m per rad a shape's surface moves when it turns about an axis; 0 if it is round about it."""
     if shape.kind not in ("cylinder", "sphere"):
         return math.inf
     place, size = shape.pose.position_xyz, math.hypot(*shape.upper_xyz)
@@ -136,7 +135,7 @@ def _wobble(shape: Shape, axis_xyz: Vector3) -> float:
 
 
 def _chains(model: RobotModel, extents: Mapping[str, float]) -> list[list[tuple[int, float]]]:
-    """From the root to each leaf: which joints move it, and by how many m per rad or m."""
+    """Return for each leaf the joints that move it, each with the reach in m per rad or m."""
     numbers = {joint.name: number for number, joint in enumerate(model.moving_joints)}
     chains: dict[str, list[tuple[int, float]]] = {model.root: []}
     inner = set()

@@ -1,4 +1,4 @@
-"""Where bodies of the world are, 30 times a second, for those that a trace keeps."""
+"""Observers that engines share: body poses for the trace, and contacts that are read only when needed."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from sim_action.state.trace_records import BodyRecord, frame_stride
 
 _NUMBERS: Final = 7
 
-Look = Callable[[], Sequence[float] | NDArray[np.float64]]
-"""Asks the engine where these bodies are: position and unit quaternion x, y, z, w of each, one after the other."""
+ReadPoses = Callable[[], Sequence[float] | NDArray[np.float64]]
+"""Returns 7 numbers per body, one after the other: position and unit quaternion x, y, z, w."""
 
 
-class BodyTracks:
-    """The live half of `Channels.bodies`; looking changes nothing that the engine does."""
+class BodyRecorder:
+    """Records the poses of the bodies in `Channels.bodies`, 30 times per second, without changing the run."""
 
-    def __init__(self, names: Sequence[str], rate: float, look: Look) -> None:
-        self._names, self._rate, self._look = names, rate, look
+    def __init__(self, names: Sequence[str], rate: float, read_poses: ReadPoses) -> None:
+        self._names, self._rate, self._read_poses = names, rate, read_poses
         self._stride = frame_stride(rate)
         self._steps: list[int] = []
         self._rows: list[Sequence[float] | NDArray[np.float64]] = []
 
     @property
     def is_idle(self) -> bool:
-        """Whether there is none that anybody asks for."""
+        """Return True if no body is to be recorded."""
         return not self._names
 
-    def see(self, step: int) -> None:
-        """Writes down the present, as that of a step, if it is time; and where everything begins."""
+    def record(self, step: int) -> None:
+        """Record the present poses as those of a step if a sample is due; the first step is always recorded."""
         if step > 0 and (step % self._stride == 0 or step == 1):
             self._steps.append(step)
-            self._rows.append(self._look())
+            self._rows.append(self._read_poses())
 
     def collect(self) -> dict[str, BodyRecord]:
-        """What was seen since the last call, by the bodies' names."""
+        """Return the records since the last call, by body name."""
         if not self._steps:
             return {}
         time = np.array(self._steps, dtype=np.float64) / self._rate
@@ -50,21 +50,24 @@ class BodyTracks:
         }
 
 
-class Glance:
-    """Most controllers do not look at contacts, and most let go of an observation before the next one."""
+class LazyContacts:
+    """The contacts of the latest observation, which are read when somebody accesses them or before the next step.
+
+    Most controllers never access them and drop an observation before the next one: then they are never read.
+    """
 
     def __init__(self) -> None:
         self._last: ref[PresentContacts] | None = None
 
-    def at(self, read: Callable[[], Iterable[Contact]]) -> PresentContacts:
-        """Contacts of the present, which `read` would read now."""
+    def present(self, read: Callable[[], Iterable[Contact]]) -> PresentContacts:
+        """Return the present contacts; `read` is called only when they are accessed."""
         self.settle()
         present = PresentContacts(read)
         self._last = ref(present)
         return present
 
     def settle(self) -> None:
-        """Before the engine goes on: whoever still holds them, and has not looked, is to see what they are now."""
+        """Read the contacts before the engine steps, if an observation that holds them is still alive."""
         if self._last is not None:
             held = self._last()
             if held is not None:

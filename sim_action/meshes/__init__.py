@@ -16,7 +16,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Vector3
 from sim_action.meshes.collada import read_collada
 from sim_action.meshes.collision_hulls import MeshFacts, facts_of
-from sim_action.meshes.hull_file import CleanMesh, clean_name, known_mesh, written_mesh
+from sim_action.meshes.hull_file import CleanMesh, clean_mesh_name, read_clean_mesh, write_clean_mesh
 from sim_action.meshes.mesh import MAX_BYTES, MAX_TRIANGLES, Mesh, MeshError
 from sim_action.meshes.obj import read_obj
 from sim_action.meshes.stl import read_stl
@@ -64,12 +64,12 @@ def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margi
     Raises MeshError.
     """
     data = mesh_bytes(path)
-    cleaned = folder / clean_name(_format(path), data, scale, margin)
-    known = known_mesh(cleaned, scale)
+    cleaned = folder / clean_mesh_name(_format(path), data, scale, margin)
+    known = read_clean_mesh(cleaned, scale)
     if known is not None:
         return known
     mesh = _parsed(path, data)
-    return written_mesh(cleaned, mesh, facts_of(_format(path), mesh), scale, margin)
+    return write_clean_mesh(cleaned, mesh, facts_of(_format(path), mesh), scale, margin)
 
 
 def _format(path: Path) -> str:

@@ -23,7 +23,7 @@ MAX_HULL_POINTS: Final = 1000
 _AXES: Final[tuple[Vector3, ...]] = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 # What is thinner than the engine's margin cannot be drawn in by it: so much of it stays.
-_THINNEST: Final = 0.1
+_MIN_KEPT_SHARE: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def hulls_of(mesh: Mesh, scale: Vector3, margin: float) -> Iterator[NDArray[np.f
 
     for triangles in _hulls(mesh):
         points, _ = compacted(mesh.points_xyz, triangles)
-        yield _drawn_in(_outermost(points * np.array(scale)), margin)
+        yield _shrunk(_outermost(points * np.array(scale)), margin)
 
 
 def _hulls(mesh: Mesh) -> tuple[NDArray[np.int64], ...]:
@@ -102,7 +102,7 @@ def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return furthest(points, (*_AXES, *spread_directions(MAX_HULL_POINTS - len(_AXES))))
 
 
-def _drawn_in(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+def _shrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     """Points whose hull, with the margin around it, is as large as the hull was: exactly along the axes.
 
     So is a box, a sphere, and a wheel about an axis, but for rounded edges; anything else within the margin.
@@ -111,7 +111,7 @@ def _drawn_in(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]
 
     lower, upper = points.min(axis=0), points.max(axis=0)
     middle, half = (lower + upper) / 2, (upper - lower) / 2
-    kept = np.maximum(1 - margin / np.where(half > 0, half, np.inf), _THINNEST)
+    kept = np.maximum(1 - margin / np.where(half > 0, half, np.inf), _MIN_KEPT_SHARE)
     moved: NDArray[np.float64] = middle + (points - middle) * kept
     return moved
 

@@ -23,7 +23,7 @@ _VERSION: Final = 1
 
 _FACTS: Final = "# facts: "
 
-_LARGEST: Final = 1e6
+_MAX_COORDINATE_M: Final = 1e6
 """Of a coordinate, in m. Further away, the engine's floats know no millimetres, and then no ground."""
 
 
@@ -43,7 +43,7 @@ class CleanMesh:
         return (ax, ay, az), (bx, by, bz)
 
 
-def known_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
+def read_clean_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
     """The rewritten mesh, if it is there."""
     try:
         with path.open(encoding="ascii") as file:
@@ -54,14 +54,14 @@ def known_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
         return None
 
 
-def written_mesh(path: Path, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
+def write_clean_mesh(path: Path, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
     """Writes a mesh anew. Raises MeshError."""
     _check(facts, scale)
     _write(path, facts, hulls_of(mesh, scale, margin))
     return CleanMesh(path, facts, scale)
 
 
-def clean_name(format_name: str, data: bytes, scale: Vector3, margin: float) -> str:
+def clean_mesh_name(format_name: str, data: bytes, scale: Vector3, margin: float) -> str:
     """The name of the file in which the rewritten mesh is, wherever the mesh itself was."""
     digest = hashlib.sha256(json.dumps([_VERSION, format_name, scale, margin]).encode())
     digest.update(data)
@@ -72,8 +72,10 @@ def _check(facts: MeshFacts, scale: Vector3) -> None:
     reach = [max(abs(low), abs(high)) for low, high in zip(facts.lower_xyz, facts.upper_xyz, strict=True)]
     if not all(0 < abs(factor) < float("inf") for factor in scale):
         raise MeshError("bad-shape", f"is scaled by {scale}: a scale is three finite numbers other than 0")
-    if not all(abs(factor) * most <= _LARGEST for factor, most in zip(scale, reach, strict=True)):
-        raise MeshError("bad-shape", f"reaches further than {_LARGEST:g} m; URDF is in metres: is this in millimetres?")
+    if not all(abs(factor) * most <= _MAX_COORDINATE_M for factor, most in zip(scale, reach, strict=True)):
+        raise MeshError(
+            "bad-shape", f"reaches further than {_MAX_COORDINATE_M:g} m; URDF is in metres: is this in millimetres?"
+        )
 
 
 def _write(path: Path, facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -> None:

@@ -22,7 +22,7 @@ MAX_POINTS: Final = 3 * MAX_TRIANGLES
 MAX_PARTS: Final = 10_000
 """Of a file: objects, solids, instances."""
 
-_LONGEST: Final = 1e9
+_MAX_COORDINATE: Final = 1e9
 """Of a coordinate, in the file's units. The largest robot measures 100 m, which in micrometres is 1e8."""
 
 # Of a triangle's longest side, squared: the area below which it is a line.
@@ -55,7 +55,7 @@ def mesh_of(points_xyz: NDArray[np.float64], parts: Sequence[NDArray[np.int64]])
     import numpy as np
 
     if not is_length(points_xyz):
-        raise MeshError("broken-mesh", f"has a coordinate that is not finite, or beyond {_LONGEST:g}")
+        raise MeshError("broken-mesh", f"has a coordinate that is not finite, or beyond {_MAX_COORDINATE:g}")
     points, names = _welded(points_xyz)
     kept = [part for part in (_with_area(points, names[part]) for part in parts) if len(part)]
     if not kept:
@@ -81,7 +81,7 @@ def is_length(coordinates: NDArray[np.float64]) -> bool:
     """Whether all of them are finite, and no longer than anything is."""
     import numpy as np
 
-    return bool((np.abs(coordinates) <= _LONGEST).all())
+    return bool((np.abs(coordinates) <= _MAX_COORDINATE).all())
 
 
 def refuse_more_triangles(count: int) -> None:

@@ -24,7 +24,7 @@ _BEGINS_A_PART: Final = (b"o", b"g")
 
 _MAX_LINES: Final = 5_000_000
 
-_LONGEST_STATEMENT: Final = 1_000_000
+_MAX_STATEMENT_CHARACTERS: Final = 1_000_000
 """In characters; a face of as many corners as robots have would need fewer."""
 
 
@@ -44,8 +44,10 @@ def _statements(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
     """The words of each statement, and the line that it ends on; a backslash goes on in the next line."""
     waiting: list[bytes] = []
     for number, line in enumerate(io.BytesIO(data), start=1):
-        if len(line) > _LONGEST_STATEMENT or len(waiting) > _LONGEST_STATEMENT:
-            raise MeshError("too-large-mesh", f"a statement of more than {_LONGEST_STATEMENT:,} characters", number)
+        if len(line) > _MAX_STATEMENT_CHARACTERS or len(waiting) > _MAX_STATEMENT_CHARACTERS:
+            raise MeshError(
+                "too-large-mesh", f"a statement of more than {_MAX_STATEMENT_CHARACTERS:,} characters", number
+            )
         words = line.split()
         if words and words[-1].endswith(b"\\"):
             waiting += [word for word in (*words[:-1], words[-1][:-1]) if word]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from sim_action.core.errors import Fault, InvalidScenario, UsageError
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import KeyPath
-from sim_action.engines import INSTALLING, chosen, installed
+from sim_action.engines import INSTALL_HINTS, chosen, installed
 from sim_action.results.shards import Shard
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of
 from sim_action.scenario.model import LoadedScenario
@@ -56,7 +56,7 @@ def _on_its_own(loaded: LoadedScenario, backend: str | None) -> LoadedScenario:
 def _several() -> tuple[str, ...]:
     engines = installed()
     if len(engines) < 2:
-        missing = "; ".join(how for engine, how in INSTALLING.items() if engine not in engines)
+        missing = "; ".join(how for engine, how in INSTALL_HINTS.items() if engine not in engines)
         only = f"there is only {engines[0]}" if engines else "there is none"
         raise UsageError(f"a comparison needs two engines, but {only} ({missing})")
     return engines

@@ -52,10 +52,10 @@ class Odometry(Sensor):
     def open(self, mount: Mount) -> Measure:
         """See Sensor.open."""
         assert mount.wheels is not None, "the loader refuses odometry without a drive"
-        return _Odometer(self, mount, mount.wheels)
+        return _OdometryReader(self, mount, mount.wheels)
 
 
-class _Odometer:
+class _OdometryReader:
     """The live half: believes, and adds up."""
 
     def __init__(self, spec: Odometry, mount: Mount, wheels: WheelMotion) -> None:

@@ -1,7 +1,7 @@
 """The watchdog: whether the robot's state is still physics, at every step. What is not leaves a run without a verdict.
 
 Beside values that are no numbers, it watches what explodes, which in an engine often stays finite (see
-`world.FASTEST`), and what falls: a robot that nothing carries is upright for ever.
+`world.MAX_SPEED`), and what falls: a robot that nothing carries is upright for ever.
 
 The ground fills all that is below z = 0. A base link's origin is no farther from the nearest collision shape than the
 joints and offsets on the way there are long, however they are turned. So if it is deeper than that, the shape is in the
@@ -22,7 +22,7 @@ from sim_action.core.errors import SimulationUnstable
 from sim_action.robot.robot_model import Joint, RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import FloatArray, Trace
-from sim_action.world import FASTEST, Physics
+from sim_action.world import MAX_SPEED, Physics
 from sim_action.world.scene import Scene
 
 _SINKING: Final = 1.0
@@ -125,9 +125,9 @@ class Watchdog:
             where, (position, velocity, effort) = f"joint {joint.name}", (reading[:, index] for reading in readings)
             velocity = np.where(np.isfinite(position) & np.isfinite(effort), np.abs(velocity), np.nan)
             if joint.type != "prismatic":
-                yield _Watch(where, velocity, physics.max_turn_rate, "rad/s", "physics.max_turn_rate", FASTEST)
+                yield _Watch(where, velocity, physics.max_turn_rate, "rad/s", "physics.max_turn_rate", MAX_SPEED)
                 continue
-            yield _Watch(where, velocity, physics.max_speed, "m/s", "physics.max_speed", FASTEST)
+            yield _Watch(where, velocity, physics.max_speed, "m/s", "physics.max_speed", MAX_SPEED)
             yield _Watch(where, np.abs(position), physics.max_distance, "m", "physics.max_distance")
 
     def _base(self, trace: Trace) -> Iterator[_Watch]:
@@ -135,8 +135,8 @@ class Watchdog:
         finite = np.isfinite(trace.state[:, 1:14]).all(axis=1)
         turning, speed = (np.where(finite, values, np.nan) for values in (trace.turn_rate, trace.speed))
         x, y, z = self.centre[1:4].tolist()
-        yield _Watch(where, turning, physics.max_turn_rate, "rad/s", "physics.max_turn_rate", FASTEST)
-        yield _Watch(where, speed, physics.max_speed, "m/s", "physics.max_speed", FASTEST)
+        yield _Watch(where, turning, physics.max_turn_rate, "rad/s", "physics.max_turn_rate", MAX_SPEED)
+        yield _Watch(where, speed, physics.max_speed, "m/s", "physics.max_speed", MAX_SPEED)
         away, below = trace.distance_to((x, y, z)), -trace.base_position_xyz[:, 2]
         yield _Watch(where, away, physics.max_distance, "m from where it began", "physics.max_distance")
         yield _Watch(where, below, self.depth, "m below the ground", "physics.max_depth", causes=_SINKS)

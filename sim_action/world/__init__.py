@@ -16,14 +16,14 @@ from sim_action.world.body import Body, placed
 from sim_action.world.body_path import PathPoint
 from sim_action.world.disturbance import Disturbance
 from sim_action.world.ground import GROUND, Ground, Patch
-from sim_action.world.physics import FASTEST, FASTEST_PHYSICS, GRAVITY, Gravity, Physics
+from sim_action.world.physics import GRAVITY, MAX_PHYSICS_RATE_HZ, MAX_SPEED, Gravity, Physics
 from sim_action.world.shapes import Cylinder, Heightfield, MeshFile, OccupancyMap, Ramp, Sphere, Stairs
 
 __all__ = [
-    "FASTEST",
-    "FASTEST_PHYSICS",
     "GRAVITY",
     "GROUND",
+    "MAX_PHYSICS_RATE_HZ",
+    "MAX_SPEED",
     "Body",
     "Cylinder",
     "Disturbance",

@@ -23,7 +23,7 @@ SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightf
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh")
 
 # In m and rad: what is no farther apart is the same place.
-_SAME: Final = 1e-6
+_MAX_LOOP_GAP: Final = 1e-6
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -149,4 +149,4 @@ def _differ(places: Sequence[Placement]) -> bool:
         return True
     ways = [last.x - first.x, last.y - first.y, (last.z or 0.0) - (first.z or 0.0)]
     turns = [last.roll - first.roll, last.pitch - first.pitch, last.yaw - first.yaw]
-    return any(abs(way) > _SAME for way in (*ways, *(math.remainder(turn, 2 * math.pi) for turn in turns)))
+    return any(abs(way) > _MAX_LOOP_GAP for way in (*ways, *(math.remainder(turn, 2 * math.pi) for turn in turns)))

@@ -16,14 +16,14 @@ from sim_action.core.field_types import (
     PositiveSeconds,
     Quantity,
 )
-from sim_action.world.physics import FASTEST
+from sim_action.world.physics import MAX_SPEED
 
 # In N and N m: a thousand times what the heaviest body weighs; more is a mistake that no engine's numbers hold.
-_STRONGEST: Final = 1e10
+_MAX_FORCE: Final = 1e10
 
-Newtons = Annotated[float, Field(ge=-_STRONGEST, le=_STRONGEST), Quantity((units.FORCE,))]
-NewtonMetres = Annotated[float, Field(ge=-_STRONGEST, le=_STRONGEST), Quantity((units.TORQUE,))]
-PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-FASTEST, le=FASTEST)]
+Newtons = Annotated[float, Field(ge=-_MAX_FORCE, le=_MAX_FORCE), Quantity((units.FORCE,))]
+NewtonMetres = Annotated[float, Field(ge=-_MAX_FORCE, le=_MAX_FORCE), Quantity((units.TORQUE,))]
+PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
 
 
 class Disturbance(FrozenModel):

@@ -45,12 +45,12 @@ class Patch(FrozenModel):
         return (self.x - width / 2, self.x + width / 2), (self.y - depth / 2, self.y + depth / 2)
 
 
-REACH: Final = 10_000.0
+GROUND_REACH_M: Final = 10_000.0
 """m: how far the tiles go from the origin of the world, which is as far as a robot may go by default."""
 
-_DEEP: Final = 10.0
+_TILE_DEPTH_M: Final = 10.0
 # m: what is narrower between two patches is nothing.
-_SLIVER: Final = 1e-6
+_MIN_WIDTH_M: Final = 1e-6
 
 Span = tuple[float, float]
 
@@ -73,11 +73,11 @@ def ground_tiles(ground: Ground, patches: Sequence[Patch]) -> tuple[Tile, ...]:
 
 def _rest(patches: Sequence[Patch]) -> Iterator[tuple[Span, Span]]:
     """In strips from edge to edge along x, each cut where patches are; strips that are cut alike are one."""
-    cuts = sorted({-REACH, REACH, *(edge for patch in patches for edge in patch.bounds[0])})
+    cuts = sorted({-GROUND_REACH_M, GROUND_REACH_M, *(edge for patch in patches for edge in patch.bounds[0])})
     begun: dict[Span, float] = {}
-    end = -REACH
+    end = -GROUND_REACH_M
     for low, high in itertools.pairwise(cuts):
-        if high - low < _SLIVER:
+        if high - low < _MIN_WIDTH_M:
             continue
         gaps = set(_gaps([patch.bounds[1] for patch in patches if _covers(patch.bounds[0], low, high)]))
         for gap in [gap for gap in begun if gap not in gaps]:
@@ -90,20 +90,22 @@ def _rest(patches: Sequence[Patch]) -> Iterator[tuple[Span, Span]]:
 
 
 def _covers(span: Span, low: float, high: float) -> bool:
-    return span[0] <= low + _SLIVER and span[1] >= high - _SLIVER
+    return span[0] <= low + _MIN_WIDTH_M and span[1] >= high - _MIN_WIDTH_M
 
 
 def _gaps(spans: Sequence[Span]) -> Iterator[Span]:
     """What spans that do not overlap leave of the whole reach."""
-    at = -REACH
+    at = -GROUND_REACH_M
     for start, end in sorted(spans):
-        if start - at > _SLIVER:
+        if start - at > _MIN_WIDTH_M:
             yield at, start
         at = end
-    if REACH - at > _SLIVER:
-        yield at, REACH
+    if GROUND_REACH_M - at > _MIN_WIDTH_M:
+        yield at, GROUND_REACH_M
 
 
 def _box(across: Span, along: Span) -> BoxPart:
     (left, right), (low, high) = across, along
-    return BoxPart((right - left, high - low, _DEEP), Pose(((left + right) / 2, (low + high) / 2, -_DEEP / 2)))
+    return BoxPart(
+        (right - left, high - low, _TILE_DEPTH_M), Pose(((left + right) / 2, (low + high) / 2, -_TILE_DEPTH_M / 2))
+    )

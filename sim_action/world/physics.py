@@ -18,27 +18,29 @@ from sim_action.core.field_types import (
 )
 from sim_action.core.geometry import Vector3
 
-FASTEST_PHYSICS: Final = 100_000.0
+MAX_PHYSICS_RATE_HZ: Final = 100_000.0
 """Hz, of physics steps and thereby of all ticks."""
 
-FASTEST: Final = 10_000.0
+MAX_SPEED: Final = 10_000.0
 """m/s and rad/s at which engines are told to stop the base and every joint: bounds of speed go no further."""
 
 
 class Physics(FrozenModel):
     """How the engine steps."""
 
-    rate: Annotated[PositiveHertz, Field(ge=1, le=FASTEST_PHYSICS, description="steps in a second of sim time")] = 240.0
+    rate: Annotated[PositiveHertz, Field(ge=1, le=MAX_PHYSICS_RATE_HZ, description="steps in a second of sim time")] = (
+        240.0
+    )
     settle: Annotated[
         NonNegativeSeconds, Field(le=60, description="longest time to come to rest before t = 0; 0: do not wait")
     ] = 2.0
     max_speed: Annotated[
         MetresPerSecond,
-        Field(gt=0, le=FASTEST, description="of the base and of joints that slide; from there on, it is unstable"),
+        Field(gt=0, le=MAX_SPEED, description="of the base and of joints that slide; from there on, it is unstable"),
     ] = 100.0
     max_turn_rate: Annotated[
         RadiansPerSecond,
-        Field(gt=0, le=FASTEST, description="of the base and of joints that turn; from there on, it is unstable"),
+        Field(gt=0, le=MAX_SPEED, description="of the base and of joints that turn; from there on, it is unstable"),
     ] = 1000.0
     max_distance: Annotated[
         PositiveMetres, Field(description="of the base from where it began; from there on, it is unstable")
@@ -52,7 +54,7 @@ class Physics(FrozenModel):
 GRAVITY: Final = 9.80665
 """m/s^2, standard gravity (CGPM 1901)."""
 
-STRONGEST: Final = 1000.0
+MAX_GRAVITY: Final = 1000.0
 """m/s^2: forty times that of Jupiter."""
 
 
@@ -74,8 +76,8 @@ def _acceleration(value: object) -> float:
         found = units.parse(value, units.ACCELERATION)
     except units.UnitError as error:
         raise ValueError(str(error)) from None
-    if abs(found) > STRONGEST:
-        raise ValueError(f"must be at most {STRONGEST:g} m/s^2, found {found:g}")
+    if abs(found) > MAX_GRAVITY:
+        raise ValueError(f"must be at most {MAX_GRAVITY:g} m/s^2, found {found:g}")
     return found
 
 

@@ -14,19 +14,19 @@ if TYPE_CHECKING:
     from sim_action.world.parts import BoxPart, HullPart
 
 
-SMALLEST: Final = 1e-4
+MIN_LENGTH_M: Final = 1e-4
 """m: what is smaller than a hair is wide, no engine can tell from nothing."""
 
-LARGEST: Final = 10_000.0
+MAX_LENGTH_M: Final = 10_000.0
 """m: beyond, the engines' numbers know no millimetres."""
 
-Size = Annotated[Metres, Field(ge=SMALLEST, le=LARGEST)]
+Size = Annotated[Metres, Field(ge=MIN_LENGTH_M, le=MAX_LENGTH_M)]
 """A length of a body in m."""
 
 MAX_STEPS: Final = 500
 """Of one flight of stairs: more than up the highest tower in the world between two landings."""
 
-_STEEPEST: Final = math.radians(85)
+_MAX_SLOPE_RAD: Final = math.radians(85)
 
 
 class Cylinder(FrozenModel):
@@ -53,9 +53,9 @@ class Ramp(FrozenModel):
     length: Size
     width: Size
     height: Annotated[Size | None, Field(description="where it ends; or give its 'angle'")] = None
-    angle: Annotated[PositiveRadians | None, Field(le=_STEEPEST, description="of its slope; or give its 'height'")] = (
-        None
-    )
+    angle: Annotated[
+        PositiveRadians | None, Field(le=_MAX_SLOPE_RAD, description="of its slope; or give its 'height'")
+    ] = None
 
     @model_validator(mode="after")
     def _rises(self) -> Self:
@@ -103,8 +103,8 @@ class Stairs(FrozenModel):
 
 
 Factor = Annotated[PositiveRatio, Field(le=1e6)]
-Height = Annotated[Metres, Field(ge=-LARGEST, le=LARGEST)]
-_LEAST_SAMPLES: Final = 2
+Height = Annotated[Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
+_MIN_SAMPLES: Final = 2
 
 File = Annotated[str, NamesFile(), Field(min_length=1)]
 
@@ -149,7 +149,7 @@ class Heightfield(FrozenModel):
         if (self.image is None) != (self.height is None):
             raise ValueError("'height' says how high the white of an 'image' is; 'heights' are in m already")
         lengths = [len(row) for row in self.heights or ()]
-        if self.heights is not None and min([len(lengths), *lengths]) < _LEAST_SAMPLES:
+        if self.heights is not None and min([len(lengths), *lengths]) < _MIN_SAMPLES:
             raise ValueError("'heights' has at least two rows, and each of them at least two samples")
         odd = next((row for row, length in enumerate(lengths) if length != lengths[0]), None)
         if odd is not None:

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.engines.body_control import Pushed, wrench
+from sim_action.engines.body_control import RobotInertia, base_wrench
 from sim_action.state.command import BasePush
 
-ROBOT = Pushed(mass=4.0, inertia=0.5)
+ROBOT = RobotInertia(mass=4.0, inertia=0.5)
 speeds = st.floats(-3, 3)
 
 
@@ -24,7 +24,7 @@ def push(ahead: float, left: float, turn: float, most: float = 1e9) -> BasePush:
 def test_unlimited_it_makes_up_for_all_that_is_missing(
     wanted: tuple[float, float, float], now: tuple[float, float, float]
 ) -> None:
-    found = wrench(push(*wanted), ROBOT, Pose(), Twist((*now[:2], 1.0), (1.0, 1.0, now[2])), 0.1)
+    found = base_wrench(push(*wanted), ROBOT, Pose(), Twist((*now[:2], 1.0), (1.0, 1.0, now[2])), 0.1)
     missing = [goal - has for goal, has in zip(wanted, now, strict=True)]
     assert found.force_xyz == pytest.approx((40 * missing[0], 40 * missing[1], 0.0), abs=1e-9)
     assert found.torque_xyz == pytest.approx((0.0, 0.0, 5 * missing[2]), abs=1e-9)
@@ -34,8 +34,8 @@ def test_unlimited_it_makes_up_for_all_that_is_missing(
 def test_it_is_never_stronger_than_allowed_and_keeps_its_direction(
     ahead: float, left: float, turn: float, most: float
 ) -> None:
-    whole = wrench(push(ahead, left, turn), ROBOT, Pose(), Twist(), 0.1)
-    found = wrench(push(ahead, left, turn, most), ROBOT, Pose(), Twist(), 0.1)
+    whole = base_wrench(push(ahead, left, turn), ROBOT, Pose(), Twist(), 0.1)
+    found = base_wrench(push(ahead, left, turn, most), ROBOT, Pose(), Twist(), 0.1)
     assert math.hypot(*found.force_xyz) <= most * (1 + 1e-9)
     assert abs(found.torque_xyz[2]) <= most
     (x, y, _), (wanted_x, wanted_y, _) = found.force_xyz, whole.force_xyz
@@ -45,11 +45,11 @@ def test_it_is_never_stronger_than_allowed_and_keeps_its_direction(
 
 def test_ahead_and_the_point_are_those_of_the_base() -> None:
     pose = Pose((1.0, 2.0, 0.5), quaternion_from_rpy(0.0, 0.0, math.pi / 2))
-    found = wrench(push(1.0, 0.0, 0.0), ROBOT, pose, Twist(), 0.1)
+    found = base_wrench(push(1.0, 0.0, 0.0), ROBOT, pose, Twist(), 0.1)
     assert found.force_xyz == pytest.approx((0.0, 40.0, 0.0))
     assert found.point_xyz == pytest.approx((1.0, 2.1, 0.3))
 
 
 def test_a_base_that_is_tilted_is_pushed_level() -> None:
     pose = Pose(orientation_xyzw=quaternion_from_rpy(0.0, 0.3, 0.0))
-    assert wrench(push(1.0, 0.0, 0.0), ROBOT, pose, Twist(), 0.1).force_xyz == pytest.approx((40.0, 0.0, 0.0))
+    assert base_wrench(push(1.0, 0.0, 0.0), ROBOT, pose, Twist(), 0.1).force_xyz == pytest.approx((40.0, 0.0, 0.0))

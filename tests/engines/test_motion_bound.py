@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.engines.motion_bound import Odometer, PoseOdometer, _wobble
+from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound, _wobble
 from sim_action.robot.robot_model import Joint, Shape
 from tests.traces import WHEELS, burger
 
@@ -39,22 +39,22 @@ def at_distance(direction: Vector3, radius: float) -> Vector3:
 
 @given(st.lists(poses, min_size=2, max_size=5), directions, st.floats(0, 3))
 def test_no_point_of_a_body_comes_farther(way: list[Pose], direction: Vector3, radius: float) -> None:
-    odometer, point = PoseOdometer(radius), at_distance(direction, radius)
-    added = [odometer.advance(numbers(pose)) for pose in way]
+    bound, point = BodyMotionBound(radius), at_distance(direction, radius)
+    added = [bound.advance(numbers(pose)) for pose in way]
     places = [geometry.compose(pose, Pose(point)).position_xyz for pose in way]
     for (before, after), moved in zip(pairwise(places), added[1:], strict=True):
         assert math.dist(before, after) <= moved + 1e-9
     assert added[0] == 0.0
-    assert PoseOdometer(radius).advance_all(np.array([numbers(pose) for pose in way])) == pytest.approx(added)
+    assert BodyMotionBound(radius).advance_all(np.array([numbers(pose) for pose in way])) == pytest.approx(added)
 
 
 def test_what_stays_where_it_is_goes_nowhere_however_large_it_may_be() -> None:
-    odometer = PoseOdometer(math.inf)
+    bound = BodyMotionBound(math.inf)
     there = numbers(Pose((1.0, 2.0, 3.0)))
-    assert [odometer.advance(there), odometer.advance(there)] == [0.0, 0.0]
+    assert [bound.advance(there), bound.advance(there)] == [0.0, 0.0]
     turned = numbers(Pose((1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0)))
-    assert odometer.advance(turned) == math.inf
-    assert PoseOdometer(math.inf).advance_all(np.array([there, there, turned])).tolist() == [0.0, 0.0, math.inf]
+    assert bound.advance(turned) == math.inf
+    assert BodyMotionBound(math.inf).advance_all(np.array([there, there, turned])).tolist() == [0.0, 0.0, math.inf]
 
 
 def turned_wheels(shape: Shape | None) -> float:
@@ -63,11 +63,11 @@ def turned_wheels(shape: Shape | None) -> float:
     wheels = [joint.child for joint in model.joints if joint.name in WHEELS]
     shapes = (shape,) if shape else ()
     links = (replace(link, collisions=shapes) if link.name in wheels else link for link in model.links)
-    odometer = Odometer(replace(model, links=tuple(links)), dict.fromkeys(wheels, 0.033))
+    bound = RobotMotionBound(replace(model, links=tuple(links)), dict.fromkeys(wheels, 0.033))
     still = numbers(Pose())
-    odometer.advance(still, (0.0, 0.0))
-    moved = odometer.advance(still, (2.0, -3.0))
-    assert odometer.advance_all(np.array([still]), np.array([(0.0, 0.0)])) == pytest.approx([moved])
+    bound.advance(still, (0.0, 0.0))
+    moved = bound.advance(still, (2.0, -3.0))
+    assert bound.advance_all(np.array([still]), np.array([(0.0, 0.0)])) == pytest.approx([moved])
     return moved
 
 
@@ -112,9 +112,9 @@ def test_what_slides_is_as_far_away_as_its_limits_let_it(
     slide = Joint("slide", "prismatic", model.root, "hand", Pose(), (1.0, 0.0, 0.0), *limits)
     hand = replace(model.links_by_name[model.root], name="hand")
     sliding = replace(model, joints=(slide,), links=(model.links_by_name[model.root], hand))
-    odometer = Odometer(sliding, {})
-    odometer.advance(numbers(Pose()), (0.0,))
-    assert math.isclose(odometer.advance(numbers(Pose()), (0.2,)), 0.2, rel_tol=1e-6)
+    bound = RobotMotionBound(sliding, {})
+    bound.advance(numbers(Pose()), (0.0,))
+    assert math.isclose(bound.advance(numbers(Pose()), (0.2,)), 0.2, rel_tol=1e-6)
     half_a_turn = Pose(orientation_xyzw=(0.0, 0.0, 1.0, 0.0))
     # Of a bound that is twice as far as need be, where a turn is half of one.
-    assert math.isclose(odometer.advance(numbers(half_a_turn), (0.2,)), turned, rel_tol=1e-6)
+    assert math.isclose(bound.advance(numbers(half_a_turn), (0.2,)), turned, rel_tol=1e-6)

@@ -1,4 +1,4 @@
-"""What happens when, seen by a stage that writes down what it is told; tests/integration has the physics of it."""
+"""What happens when, seen by a control that writes down what it is told; tests/integration has the physics of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.workspace import Workspace
 from sim_action.engines.body_control import Target
-from sim_action.engines.world_events import Timetable
+from sim_action.engines.world_events import WorldEvents
 from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.world import Physics, World
@@ -28,7 +28,7 @@ MODEL = load_model(ROBOT, HERE)
 
 @dataclass
 class WrittenDown:
-    """A stage on which bodies stand 0.5 m high."""
+    """A control on which bodies stand 0.5 m high."""
 
     puts: list[tuple[str, Pose, Twist]] = field(default_factory=list)
     forces: list[tuple[Target, Vector3, Vector3, Vector3 | None]] = field(default_factory=list)
@@ -38,86 +38,89 @@ class WrittenDown:
     def pose(self, body: str) -> Pose:
         return Pose((1.0, 2.0, 0.5))
 
-    def put(self, body: str, pose: Pose, twist: Twist) -> None:
+    def set_pose(self, body: str, pose: Pose, twist: Twist) -> None:
         self.puts.append((body, pose, twist))
 
-    def press(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
+    def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
         self.forces.append((target, force_xyz, torque_xyz, point_xyz))
 
-    def release(self) -> None:
+    def clear_forces(self) -> None:
         self.releases += 1
 
-    def push(self, target: Target, velocity_xyz: Vector3) -> None:
+    def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         self.pushes.append((target, velocity_xyz))
 
 
-def opened(rate: float = RATE, **world: Any) -> tuple[WrittenDown, Timetable]:
-    stage = WrittenDown()
+def opened(rate: float = RATE, **world: Any) -> tuple[WrittenDown, WorldEvents]:
+    control = WrittenDown()
     scene = Scene(ROBOT, MODEL, World.model_validate(world), Physics(rate=rate), HERE)
-    timetable = Timetable.of(scene, stage)
-    assert timetable is not None
-    return stage, timetable
+    events = WorldEvents.of(scene, control)
+    assert events is not None
+    return control, events
 
 
-def go(timetable: Timetable, first: int, last: int) -> None:
+def go(events: WorldEvents, first: int, last: int) -> None:
     for step in range(first, last):
-        timetable.before(step)
-        timetable.after(step + 1)
+        events.before_step(step)
+        events.after_step(step + 1)
 
 
 def test_where_nothing_happens_there_is_no_timetable() -> None:
     world = World.model_validate({"objects": ({"name": "wall", "box": (1, 1, 1)},)})
-    assert Timetable.of(Scene(ROBOT, MODEL, world, Physics(), HERE), WrittenDown()) is None
+    assert WorldEvents.of(Scene(ROBOT, MODEL, world, Physics(), HERE), WrittenDown()) is None
 
 
 @given(st.floats(0, 0.5), st.floats(1e-4, 0.3), st.floats(30, 1000))
 def test_forces_act_for_as_long_as_is_said_at_any_rate(at: float, seconds: float, rate: float) -> None:
-    stage, timetable = opened(rate, disturbances=({"at": at, "for": seconds, "force": (3, 0, 0)},))
-    go(timetable, -5, math.ceil(rate))
-    assert sum(force[0] for _, force, _, _ in stage.forces) / rate == pytest.approx(3 * seconds, rel=1e-3)
-    assert all(0 <= force[0] <= 3 * (1 + 1e-9) for _, force, _, _ in stage.forces)
+    control, events = opened(rate, disturbances=({"at": at, "for": seconds, "force": (3, 0, 0)},))
+    go(events, -5, math.ceil(rate))
+    assert sum(force[0] for _, force, _, _ in control.forces) / rate == pytest.approx(3 * seconds, rel=1e-3)
+    assert all(0 <= force[0] <= 3 * (1 + 1e-9) for _, force, _, _ in control.forces)
 
 
 @given(st.floats(0, 0.9), st.floats(30, 1000))
 def test_a_push_comes_once_at_the_first_step_of_its_time(at: float, rate: float) -> None:
-    stage, timetable = opened(rate, disturbances=({"at": at, "velocity": (0, 1, 0)},))
+    control, events = opened(rate, disturbances=({"at": at, "velocity": (0, 1, 0)},))
     first = math.ceil(at * rate - 1e-6)
-    go(timetable, -5, first)
-    assert stage.pushes == []
-    go(timetable, first, first + 20)
-    assert stage.pushes == [(Target("base_footprint", is_link=True), (0.0, 1.0, 0.0))]
+    go(events, -5, first)
+    assert control.pushes == []
+    go(events, first, first + 20)
+    assert control.pushes == [(Target("base_footprint", is_link=True), (0.0, 1.0, 0.0))]
 
 
 def test_a_disturbance_is_of_what_it_names() -> None:
     force = {"at": 0, "for": 1, "force": (1, 0, 0), "point": (0, 0, 1)}
-    stage, timetable = opened(disturbances=({**force, "link": "base_scan"}, {**force, "body": "ball"}))
-    go(timetable, 0, 1)
-    assert [target for target, *_ in stage.forces] == [Target("base_scan", is_link=True), Target("ball", is_link=False)]
-    assert stage.forces[0][3] == (0.0, 0.0, 1.0)
+    control, events = opened(disturbances=({**force, "link": "base_scan"}, {**force, "body": "ball"}))
+    go(events, 0, 1)
+    assert [target for target, *_ in control.forces] == [
+        Target("base_scan", is_link=True),
+        Target("ball", is_link=False),
+    ]
+    assert control.forces[0][3] == (0.0, 0.0, 1.0)
 
 
 def test_a_body_on_a_path_moves_with_what_brings_it_to_its_next_place() -> None:
     path = ({"at": 0.1, "x": 0}, {"at": 0.2, "x": 1, "yaw": 0.5})
-    stage, timetable = opened(objects=({"name": "gate", "box": (1, 1, 1), "pose": {"y": 2}, "path": path},))
-    assert stage.puts == [("gate", Pose((0.0, 2.0, 0.5)), Twist())]
-    go(timetable, -20, 10)
+    control, events = opened(objects=({"name": "gate", "box": (1, 1, 1), "pose": {"y": 2}, "path": path},))
+    assert control.puts == [("gate", Pose((0.0, 2.0, 0.5)), Twist())]
+    go(events, -20, 10)
     # It rests until then, which costs nothing; from step 10 on it moves.
-    (_, pose, twist) = stage.puts[-1]
-    assert len(stage.puts) == 2
+    (_, pose, twist) = control.puts[-1]
+    assert len(control.puts) == 2
     assert pose == Pose((0.0, 2.0, 0.5))
     assert twist.linear_xyz == pytest.approx((10.0, 0.0, 0.0))
     assert twist.angular_xyz == pytest.approx((0.0, 0.0, 5.0))
-    go(timetable, 10, 60)
-    (_, pose, twist) = stage.puts[-1]
+    go(events, 10, 60)
+    (_, pose, twist) = control.puts[-1]
     assert pose.position_xyz == pytest.approx((1.0, 2.0, 0.5))
     assert twist == Twist()
-    assert len(stage.puts) == 12
+    assert len(control.puts) == 12
 
 
 def test_a_body_that_is_not_there_yet_is_held_far_away_and_let_go_once() -> None:
-    stage, timetable = opened(objects=({"name": "ball", "sphere": {"radius": 1}, "mass": 1, "appears": 0.05},))
-    go(timetable, 0, 4)
-    assert {pose.position_xyz[2] for _, pose, _ in stage.puts} == {1e6}
-    go(timetable, 4, 20)
-    assert stage.puts[-1] == ("ball", Pose((1.0, 2.0, 0.5)), Twist())
-    assert [pose.position_xyz[2] for _, pose, _ in stage.puts].count(0.5) == 1
+    control, events = opened(objects=({"name": "ball", "sphere": {"radius": 1}, "mass": 1, "appears": 0.05},))
+    go(events, 0, 4)
+    assert {pose.position_xyz[2] for _, pose, _ in control.puts} == {1e6}
+    go(events, 4, 20)
+    assert control.puts[-1] == ("ball", Pose((1.0, 2.0, 0.5)), Twist())
+    assert [pose.position_xyz[2] for _, pose, _ in control.puts].count(0.5) == 1

@@ -12,7 +12,7 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.engines import ENGINES
-from sim_action.engines.clearances import Clearances
+from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.robot.spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray, Trace
@@ -224,7 +224,7 @@ def test_to_look_back_at_many_steps_is_to_look_at_each(
         ClearanceWatch(bodies=("wall",), links=("base_footprint",)),
     ]
     back = driven("mujoco", watches, openings)
-    monkeypatch.setattr(Clearances, "stand_still", False)
+    monkeypatch.setattr(ClearanceRecorder, "stand_still", False)
     each = driven("mujoco", watches, openings)
     for watch in watches:
         assert told(back, watch)
@@ -283,7 +283,7 @@ def test_the_ground_is_watched_where_it_is_named(engine: str, tmp_path: Path) ->
 @on_every_engine
 def test_the_engine_is_asked_seldom(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    original: Any = Clearances.__init__
+    original: Any = ClearanceRecorder.__init__
 
     def counting(self: Any, *asks_for: Any, near: Any, body_at: Any) -> None:
         def ask(body: str, links: Any, within: float) -> Any:
@@ -292,7 +292,7 @@ def test_the_engine_is_asked_seldom(engine: str, monkeypatch: pytest.MonkeyPatch
 
         original(self, *asks_for, near=ask, body_at=body_at)
 
-    monkeypatch.setattr(Clearances, "__init__", counting)
+    monkeypatch.setattr(ClearanceRecorder, "__init__", counting)
     steps = len(driven(engine, [LEAST]))
     assert asked.count("far") == 1
     assert asked.count("post") < steps / 3

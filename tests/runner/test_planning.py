@@ -82,7 +82,7 @@ def test_on_several_each_run_has_the_name_of_its_engine(more: str, backend: str 
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ("backend: mujoco", "4:1: backend: the engine mujoco is not installed here; there is pybullet"),
+        ("backend: mujoco", "4:1: backend: the engine mujoco is not installed; installed: pybullet"),
         ("agreement: {yaw: 1}", "4:1: agreement: a comparison needs two engines, but there is only pybullet"),
     ],
 )

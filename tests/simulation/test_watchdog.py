@@ -23,7 +23,7 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
-from sim_action.world import FASTEST, Physics
+from sim_action.world import MAX_SPEED, Physics
 from tests.robot.bad_models import GOOD
 from tests.traces import BURGER, START, WHEELS, piece, scene, trace
 
@@ -108,8 +108,8 @@ def test_of_several_in_one_step_a_joint_is_named_before_the_base_and_the_worst_j
 
 
 def test_the_highest_bound_is_where_engines_stop() -> None:
-    highest = watchdog(Physics(max_turn_rate=FASTEST))
-    assert "no engine allows more" in fault(trace([1.0], velocity=[FASTEST]), highest)
+    highest = watchdog(Physics(max_turn_rate=MAX_SPEED))
+    assert "no engine allows more" in fault(trace([1.0], velocity=[MAX_SPEED]), highest)
 
 
 def test_bounds_are_those_of_the_scenario() -> None:

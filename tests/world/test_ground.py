@@ -7,7 +7,7 @@ from itertools import combinations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.world.ground import REACH, Ground, Patch, Tile, ground_tiles
+from sim_action.world.ground import GROUND_REACH_M, Ground, Patch, Tile, ground_tiles
 
 
 def bounds(tile: Tile) -> tuple[float, float, float, float]:
@@ -39,7 +39,7 @@ def patches(draw: st.DrawFn) -> list[Patch]:
 def test_tiles_cover_the_ground_once(found: list[Patch]) -> None:
     tiles = [bounds(tile) for tile in ground_tiles(Ground(), found)]
     area = sum((right - left) * (high - low) for left, right, low, high in tiles)
-    assert abs(area - 4 * REACH**2) < 1e-2
+    assert abs(area - 4 * GROUND_REACH_M**2) < 1e-2
     for one, other in combinations(tiles, 2):
         apart = one[1] <= other[0] + 1e-6 or other[1] <= one[0] + 1e-6
         assert apart or one[3] <= other[2] + 1e-6 or other[3] <= one[2] + 1e-6

@@ -1,7 +1,7 @@
-"""How bodies touch: which can, with how much friction, and how hard.
+"""Contact pairs in MuJoCo: which geoms may touch, with which friction and stiffness.
 
-MuJoCo's contacts are softer than Bullet's by design. What is set here was measured with the burger (a line, a circle
-and a spin at 60 to 1000 Hz): contacts that converge faster let go for single steps, and wheels lose their grip.
+MuJoCo's contacts are softer than Bullet's by design. The parameters here were measured with the burger (a line, a
+circle and a spin at 60 to 1000 Hz): contacts that converge faster separate for single steps, and wheels lose grip.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from typing import Any, Final, NamedTuple
 from sim_action.robot.robot_model import Surface
 
 FRICTION_RATIO: Final = 100.0
-"""How much less friction gives way than what presses bodies together, lest robots creep down slopes."""
+"""Ratio of friction to normal impedance, so high that robots do not creep down slopes."""
 
-# Of a contact: the share of a force that it takes up without giving way, and its time constant in s and in steps.
+# Impedance of a contact (the share of a force that it resists), and its time constant in s and in steps.
 _IMPEDANCE: Final = 0.9
-_CONVERGES_IN: Final = 0.01
-_CONVERGES_IN_STEPS: Final = 2.5
-# On so many contacts a body rests, when its weight is to press none of them in.
+_TIME_CONSTANT_S: Final = 0.01
+_TIME_CONSTANT_STEPS: Final = 2.5
+# Number of contacts that carry a body at rest; its weight then presses none of them in.
 _CONTACTS: Final = 4
-# What the engine allows.
-_LEAST_IMPEDANCE: Final = 1e-4
-_MOST_IMPEDANCE: Final = 0.9999
+# Limits of MuJoCo.
+_MIN_IMPEDANCE: Final = 1e-4
+_MAX_IMPEDANCE: Final = 0.9999
 
 
-class Skin(NamedTuple):
-    """A geom as what others touch: `part` is the name of a link or of a body of the world."""
+class Collider(NamedTuple):
+    """A geom that can touch others; `part`: name of its link or of its body of the world."""
 
     geom: str
     part: str
@@ -36,21 +36,24 @@ class Skin(NamedTuple):
 
 
 def add_pairs(
-    spec: Any, rate: float, gravity: float, robot: Sequence[Skin], world: Sequence[Skin]
+    spec: Any, rate: float, gravity: float, robot: Sequence[Collider], world: Sequence[Collider]
 ) -> dict[str, Surface]:
-    """Lets everything touch, but for the robot's links each other; returns pairs that are soft, for `soften`.
+    """Add a contact pair for all geoms except two of the robot or two static ones; return the soft pairs.
 
-    `gravity`: m/s^2, that gives things a weight.
+    `gravity`: m/s^2, which determines the weight on a contact. The soft pairs are the input of `soften`.
     """
-    # A map has thousands of fixed parts, which touch none of each other.
-    moving, fixed = [skin for skin in world if skin.moves], [skin for skin in world if not skin.moves]
+    # A map has thousands of static parts, which need no pairs among themselves.
+    moving, fixed = (
+        [collider for collider in world if collider.moves],
+        [collider for collider in world if not collider.moves],
+    )
     among_others = (*itertools.combinations(moving, 2), *itertools.product(moving, fixed))
     pairs = [*itertools.product(robot, world), *among_others]
     soft: dict[str, Surface] = {}
     hard = _hard(rate, gravity)
     for number, (one, other) in enumerate(pairs):
         surface, name = _combined(one.surface, other.surface), str(number)
-        # The engine takes no coefficient of 0.
+        # MuJoCo rejects a coefficient of 0.
         dimensions = 3 if surface.friction > 0 else 1
         slides = [surface.friction, surface.friction, 0, 0, 0]
         names = {"name": name, "geomname1": one.geom, "geomname2": other.geom}
@@ -61,15 +64,14 @@ def add_pairs(
 
 
 def soften(model: Any, rate: float, soft: Mapping[str, Surface]) -> None:
-    """Makes springs of the contacts that have a stiffness, by the equations of Bullet (ODE's manual, on ERP and CFM).
+    """Turn the contacts that state a stiffness into springs, by Bullet's equations (ODE's manual, on ERP and CFM).
 
-    With a stiffness k, a damping c and the step h, a contact that is as deep as x takes a force f in a step so that
-    v + f / (h k + c) = k x / (h k + c) is its speed after it. MuJoCo's constraint has the same form, but that its
-    compliance is told as a share of what the bodies themselves give way to a force. A spring that would push them
-    apart faster than a hard contact stays one.
+    For a stiffness k, a damping c and a time step h, a contact of depth x takes a force f in a step so that its speed
+    afterwards is v + f / (h k + c) = k x / (h k + c). MuJoCo's constraint has the same form, with its compliance as a
+    share of the bodies' own inverse inertia. A spring that would separate bodies faster than a hard contact stays hard.
     """
     for name, surface in soft.items():
-        # The engine has sorted them.
+        # MuJoCo sorts the pairs.
         number = model.pair(name).id
         bodies = [model.geom_bodyid[geoms[number]] for geoms in (model.pair_geom1, model.pair_geom2)]
         gives_way = sum(float(model.body_invweight0[body, 0]) for body in bodies)
@@ -78,28 +80,28 @@ def soften(model: Any, rate: float, soft: Mapping[str, Surface]) -> None:
             continue
         held = surface.stiffness / rate + surface.damping
         share = gives_way / (gives_way + rate / held)
-        share = min(max(share, _LEAST_IMPEDANCE), _MOST_IMPEDANCE)
+        share = min(max(share, _MIN_IMPEDANCE), _MAX_IMPEDANCE)
         model.pair_margin[number] = 0.0
         model.pair_solimp[number, :2] = share
         model.pair_solref[number] = -share * rate * surface.stiffness / held, -share * rate
 
 
 def _combined(one: Surface, other: Surface) -> Surface:
-    """What PyBullet makes of two surfaces: a product of frictions, springs in a row."""
+    """Combine two surfaces as PyBullet does: frictions multiply, springs are in series."""
     stated = [surface for surface in (one, other) if surface.stiffness]
     stiffness = 1 / sum(1 / (surface.stiffness or 1.0) for surface in stated) if stated else None
     damping = sum(surface.damping for surface in stated)
-    # Left to itself, the engine takes the greater of two coefficients.
+    # MuJoCo's default is the greater of the two coefficients.
     return Surface(one.friction * other.friction, stiffness, damping)
 
 
 def _time(rate: float) -> float:
-    """The time constant of a hard contact in s."""
-    return max(_CONVERGES_IN, _CONVERGES_IN_STEPS / rate)
+    """Return the time constant of a hard contact in s."""
+    return max(_TIME_CONSTANT_S, _TIME_CONSTANT_STEPS / rate)
 
 
 def _hard(rate: float, gravity: float) -> dict[str, Any]:
-    """As hard as a contact can be without letting go, and so much larger that a weight does not press it in."""
+    """Return the parameters of the hardest contact that does not separate, with a margin that carries the weight."""
     time = _time(rate)
     depth = gravity * time**2 * (1 - _IMPEDANCE) / _IMPEDANCE**2
     return {

@@ -1,4 +1,4 @@
-"""What the robot touches, in names."""
+"""Contacts and overlaps in MuJoCo, with the names of links and bodies."""
 
 from __future__ import annotations
 
@@ -7,47 +7,47 @@ from typing import Final
 
 import mujoco
 
-from sim_action.engines.mujoco.scene import Compiled
+from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.state.observation import Clash, Contact, Overlap
 from sim_action.world import GROUND
 
-_REMEMBERED: Final = 256
+_MAX_REMEMBERED_PAIRS: Final = 256
 
 
 class Contacts:
     """Reads the contacts of the last step."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._links, self._bodies = compiled.links, compiled.bodies
         objects = {geom for geom, body in self._bodies.items() if body != GROUND}
         self._matters = objects.union(self._links)
-        # Geoms that touched at once, of which none mattered to the other.
+        # Sets of touching geoms in which no pair matters.
         self._harmless: set[bytes] = set()
-        # By the number of contacts: a live view of their geoms. The engine always has contacts at the same place, and
-        # to look up where takes five times as long as to read them.
+        # Number of contacts -> live view of their geoms. MuJoCo keeps contacts at a fixed address, and looking that up
+        # takes five times as long as reading them.
         self._geoms: dict[int, memoryview] = {}
 
     def may_matter(self) -> bool:
-        """Whether anything may touch now beside the ground, which is asked at every step."""
+        """Return True if something other than the ground may be touched now; called at every step."""
         count = self._data.ncon
         if not count:
             return False
         if count not in self._geoms:
             self._geoms[count] = memoryview(self._data.contact.geom)
-        # Wheels stand on the ground at most steps: which geoms touch is seldom new.
+        # At most steps only wheels touch the ground, so the set of geoms is seldom new.
         seen = self._geoms[count].tobytes()
         if seen in self._harmless:
             return False
         matters = any(self._matters.issuperset(pair) for pair in self._data.contact.geom.tolist())
         if not matters:
-            if len(self._harmless) == _REMEMBERED:
+            if len(self._harmless) == _MAX_REMEMBERED_PAIRS:
                 self._harmless.clear()
             self._harmless.add(seen)
         return matters
 
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
-        """What touches now, with or without the ground."""
+        """Yield the present contacts of the robot, with or without the ground."""
         contacts, forces = self._data.contact, self._data.efc_force
         pairs = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), contacts.pos.tolist(), strict=True)
         for (one, other), row, (x, y, z) in pairs:
@@ -80,8 +80,8 @@ class Contacts:
         return bool(self._model.body_dofnum[self._model.geom_bodyid[geom]])
 
     def _present(self) -> Iterator[tuple[int, int, float]]:
-        """Geoms that touch now, and how deep they are in each other in m."""
-        # Contacts are those of the last step, and have a part in the next: present ones are looked for on a copy.
+        """Yield the pairs of geoms that touch now, with their depth in m."""
+        # The contacts in the data are those of the last step and influence the next, so a copy is used.
         present = mujoco.MjData(self._model)
         present.qpos[:] = self._data.qpos
         mujoco.mj_fwdPosition(self._model, present)

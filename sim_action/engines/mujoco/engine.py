@@ -1,8 +1,8 @@
-"""MuJoCo behind the Engine protocol.
+"""The MuJoCo engine: implements the Engine protocol and steps the simulation.
 
-What it has to straighten out (MuJoCo's documentation, and measurements in the tests): quaternions are w, x, y, z, the
-angular velocity of a free body is that in its own frame, the greater of two friction coefficients counts, links touch
-each other, constraints are soft, and a simulation that explodes begins anew.
+It corrects these properties of MuJoCo (its documentation, and measurements in the tests): quaternions are w, x, y, z,
+the angular velocity of a free body is in its own frame, the greater of two friction coefficients counts, links touch
+each other, constraints are soft, and an unstable simulation resets itself.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines import NO_CHANNELS
-from sim_action.engines.clearances import Clearances
-from sim_action.engines.mujoco.body_control import MuJoCoStage, Pusher
+from sim_action.engines.clearances import ClearanceRecorder
+from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
 from sim_action.engines.mujoco.contacts import Contacts
 from sim_action.engines.mujoco.motors import Motors
-from sim_action.engines.mujoco.names import in_users_words
+from sim_action.engines.mujoco.names import with_user_names
 from sim_action.engines.mujoco.queries import Distances, Links, Objects, Rays
-from sim_action.engines.mujoco.scene import Compiled
-from sim_action.engines.mujoco.state_recorder import States
-from sim_action.engines.observers import BodyTracks, Glance
-from sim_action.engines.world_events import Timetable
+from sim_action.engines.mujoco.scene import CompiledScene
+from sim_action.engines.mujoco.state_recorder import StateRecorder
+from sim_action.engines.observers import BodyRecorder, LazyContacts
+from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
 from sim_action.state.trace import Trace
@@ -37,84 +37,84 @@ from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
 WARNING: Final = "mujoco warning: "
-"""What a line begins with in which the engine warns."""
+"""Prefix of the lines on stderr that hold warnings of the engine."""
 
 _REFUSALS: Final = (ValueError, OSError, mujoco.FatalError, mujoco.UnexpectedError)
 _BAD_VELOCITY: Final = int(mujoco.mjtWarning.mjWARN_BADQVEL)
 _BAD_ACCELERATION: Final = int(mujoco.mjtWarning.mjWARN_BADQACC)
 
 
-def _tell(message: str) -> None:
+def _print_warning(message: str) -> None:
     sys.stderr.write(f"{WARNING}{message}\n")
     sys.stderr.flush()
 
 
-# Left to itself, the engine writes a file into the working directory.
-mujoco.set_mju_user_warning(_tell)
+# By default MuJoCo writes warnings to a file in the working directory.
+mujoco.set_mju_user_warning(_print_warning)
 
 
 class MuJoCoEngine:
-    """One model and its state."""
+    """A MuJoCo model and its state."""
 
     version = f"mujoco {version('mujoco-core')}"
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         try:
-            compiled = Compiled.of(scene)
+            compiled = CompiledScene.of(scene)
         except _REFUSALS as error:
-            raise EngineError(f"the engine refused the world: {in_users_words(str(error), scene)}") from None
+            raise EngineError(f"the engine refused the world: {with_user_names(str(error), scene)}") from None
         self._scene, self._rate = scene, scene.physics.rate
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene.model, compiled, self._rate)
-        self._pusher, self._pushes = Pusher(compiled, self._rate), False
-        self._states = States(compiled, self._joint_names, self._rate, self._motors.efforts)
+        self._pusher, self._pushes = BasePusher(compiled, self._rate), False
+        self._states = StateRecorder(compiled, self._joint_names, self._rate, self._motors.efforts)
         self._links = Links(compiled)
         self._objects = Objects(compiled)
         self._rays = Rays(compiled)
         self._contacts = Contacts(compiled)
-        self._stage = MuJoCoStage(compiled, self._objects)
-        self._timetable = Timetable.of(scene, self._stage)
+        self._control = MuJoCoBodyControl(compiled, self._objects)
+        self._events = WorldEvents.of(scene, self._control)
         self._distances = distances = Distances(compiled)
-        # In MuJoCo's own format, axes may be beside the frames of their links: nobody knows how far.
+        # In MJCF, joint axes may lie away from the frames of their links, at an unknown distance.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
-        self._clearances = Clearances(channels, scene, radii, near=distances.near, body_at=self._objects.at)
+        self._clearances = ClearanceRecorder(channels, scene, radii, near=distances.near, body_at=self._objects.at)
         tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
-        self._tracks = BodyTracks(tracked, self._rate, self._objects.looking_at(tracked))
-        # What stands still may be looked at afterwards, when all that moves has been put down.
-        self._looks_back = not self._clearances.is_idle and self._clearances.stand_still
+        self._body_recorder = BodyRecorder(tracked, self._rate, self._objects.pose_reader(tracked))
+        # Clearances to static bodies are measured afterwards, from the recorded states.
+        self._looks_back = not self._clearances.is_idle and self._clearances.bodies_are_static
         self._watchers = list(self._watching(channels))
-        # A live view of how often the engine has warned of what.
+        # A live view of the number of warnings by kind.
         self._warned = memoryview(compiled.data.warning.number)
         self._touches: list[Contact] = []
-        self._glance = Glance()
+        self._lazy_contacts = LazyContacts()
 
     @staticmethod
     def warm_up() -> None:
-        """See EngineFactory.warm_up; there is nothing that would be the same for all."""
+        """See EngineFactory.warm_up; MuJoCo needs no preparation."""
 
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """See Engine.advance."""
-        self._glance.settle()
+        self._lazy_contacts.settle()
         try:
             self._advance(first_step, targets)
         except mujoco.FatalError as error:
-            raise EngineError(f"the engine gave up: {in_users_words(str(error), self._scene)}") from None
+            raise EngineError(f"the engine gave up: {with_user_names(str(error), self._scene)}") from None
 
     def collect(self) -> Trace:
         """See Engine.collect."""
         rows, states = self._states.take(), self._states
         if self._looks_back:
             steps, qpos, recall = rows[:, 0].astype(int).tolist(), states.robot_qpos(rows), self._distances.recall
-            self._clearances.look_back(steps, *states.places(rows), lambda row: recall(qpos[row]))
+            self._clearances.record_past(steps, *states.places(rows), lambda row: recall(qpos[row]))
         touches, self._touches = tuple(self._touches), []
-        clearances, bodies = self._clearances.collect(), self._tracks.collect()
-        return Trace(self._joint_names, states.in_our_terms(rows), touches, clearances=clearances, bodies=bodies)
+        clearances, bodies = self._clearances.collect(), self._body_recorder.collect()
+        return Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, bodies=bodies)
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Engine.observe."""
         if not contacts:
             return self._states.now(step, ())
-        touching = self._glance.at(lambda: self._contacts.of_step(step / self._rate, ground=True))
+        touching = self._lazy_contacts.present(lambda: self._contacts.of_step(step / self._rate, ground=True))
         return self._states.now(step, touching)
 
     def link_pose(self, link: str) -> Pose:
@@ -142,25 +142,25 @@ class MuJoCoEngine:
         return self._contacts.clashes()
 
     def close(self) -> None:
-        """See Engine.close; the engine's memory goes with what holds it."""
-        self._glance.settle()
+        """See Engine.close; MuJoCo's memory is freed with its Python objects."""
+        self._lazy_contacts.settle()
 
     def _watching(self, channels: Channels) -> Iterator[Callable[[int], None]]:
-        """What has to look at the present after each step, of which it is told the number."""
+        """Yield the functions that observe the state after each step, given its number."""
         if channels.contacts and self._scene.world.objects:
-            yield self._see_contacts
-        if not self._tracks.is_idle:
-            yield self._tracks.see
+            yield self._record_contacts
+        if not self._body_recorder.is_idle:
+            yield self._body_recorder.record
         if not self._clearances.is_idle and not self._looks_back:
-            yield self._see_clearances
+            yield self._record_clearances
 
-    def _see_contacts(self, step: int) -> None:
+    def _record_contacts(self, step: int) -> None:
         if self._contacts.may_matter():
             self._touches += self._contacts.of_step(step / self._rate, ground=False)
 
-    def _see_clearances(self, step: int) -> None:
+    def _record_clearances(self, step: int) -> None:
         self._distances.look_at_present()
-        self._clearances.see(step, *self._states.place(self._states.last()))
+        self._clearances.record(step, *self._states.place(self._states.last()))
 
     def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         warned, states, watchers, last = self._warned, self._states, self._watchers, first_step + len(targets)
@@ -168,8 +168,8 @@ class MuJoCoEngine:
             if wanted is not None:
                 self._apply(wanted)
             if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
-                # There is nothing left to simulate, and what is left of the trace are no numbers.
-                states.lose(range(step, last + 1))
+                # The simulation has diverged: the rest of the trace is NaN.
+                states.keep_nan(range(step, last + 1))
                 return
             if self._pushes:
                 here = self.observe(step - 1, contacts=False)
@@ -186,10 +186,10 @@ class MuJoCoEngine:
             self._pusher.apply(wanted.base)
 
     def _step(self, step: int) -> None:
-        """From the state before to that of a number."""
-        if self._timetable is None:
+        """Step to the state with this number."""
+        if self._events is None:
             self._motors.step()
             return
-        self._timetable.before(step - 1)
-        self._motors.step(self._stage.carry)
-        self._timetable.after(step)
+        self._events.before_step(step - 1)
+        self._motors.step(self._control.carry)
+        self._events.after_step(step)

@@ -1,4 +1,12 @@
-"""Collision shapes of a robot as geoms, and how low they reach."""
+"""Collision shapes as MuJoCo geoms: shapes of a robot, the ground, and bodies of the world.
+
+MuJoCo collides only with convex pieces and heightfields, and would take the hull of a mesh. A surface that is hollow or
+open therefore becomes one thin convex piece behind each triangle. "Behind" follows from the order of the corners, which
+is counter-clockwise seen from outside.
+
+The hull files of `sim_action.meshes` hold hulls that are shrunk by PyBullet's collision margin. MuJoCo has no such
+margin, so they are scaled back to the size of the mesh.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +19,7 @@ import mujoco
 import numpy as np
 
 from sim_action.core.geometry import Pose, Quaternion
-from sim_action.engines.mujoco.contact_pairs import Skin
+from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.names import object_name
 from sim_action.meshes.hull_file import read_hull_points
 from sim_action.robot.robot_model import Surface
@@ -24,13 +32,13 @@ GEOM: Final = mujoco.mjtGeom
 
 
 def wxyz(orientation: Quaternion) -> list[float]:
-    """MuJoCo's order of a quaternion."""
+    """Return a quaternion in MuJoCo's order."""
     x, y, z, w = orientation
     return [w, x, y, z]
 
 
 def add_collision(spec: Any, body: Any, name: str, shape: Element, pose: Pose) -> Iterator[str]:
-    """Adds a shape of URDF to a body; yields the names of its geoms, several if it is a mesh of several hulls."""
+    """Add a URDF shape to a body; yield the names of its geoms, one per hull of a mesh."""
     if shape.tag != "mesh":
         yield add_geom(body, name, pose, **_primitive(shape))
         return
@@ -39,7 +47,7 @@ def add_collision(spec: Any, body: Any, name: str, shape: Element, pose: Pose) -
 
 
 def add_geom(body: Any, name: str, pose: Pose, **properties: Any) -> str:
-    """Adds a geom that weighs nothing and touches what it is paired with alone."""
+    """Add a geom without a mass that collides only in contact pairs; return its name."""
     passive = {"contype": 0, "conaffinity": 0, "mass": 0.0}
     place = {"pos": list(pose.position_xyz), "quat": wxyz(pose.orientation_xyzw)}
     body.add_geom(name=name, **passive | place | properties)
@@ -47,7 +55,7 @@ def add_geom(body: Any, name: str, pose: Pose, **properties: Any) -> str:
 
 
 def lowest_geom(model: Any, data: Any, geoms: Sequence[int]) -> float | None:
-    """The z in m of the lowest point of geoms, world frame; None if there are none."""
+    """Return the z in m of the lowest point of geoms, world frame; None without geoms."""
     return min((_lowest(model, data, geom) for geom in geoms), default=None)
 
 
@@ -65,14 +73,14 @@ def _primitive(shape: Element) -> dict[str, Any]:
 
 
 def _meshes(spec: Any, filename: str) -> list[str]:
-    """The names of a file's hulls, which are added once."""
+    """Return the mesh names of a file's hulls, which are added only once."""
     known = [mesh.name for mesh in spec.meshes if mesh.name.rpartition("#")[0] == filename]
     if known:
         return known
     names = []
-    for number, points in enumerate(read_hulls(Path(filename))):
+    for number, points in enumerate(read_unshrunk_hulls(Path(filename))):
         names.append(f"{filename}#{number}")
-        # What links weigh is stated; "shell" spares the compiler the volume of what is thin.
+        # Links state their masses; "shell" avoids computing the volume of thin hulls.
         shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         spec.add_mesh(name=names[-1], uservert=points.ravel().tolist(), inertia=shell)
     return names
@@ -90,7 +98,7 @@ def _lowest(model: Any, data: Any, geom: int) -> float:
         return z - float(np.sqrt(((down * (a, b, c)) ** 2).sum()))
     if kind == GEOM.mjGEOM_CYLINDER:
         return z - float(down[2] * b + a * np.hypot(down[0], down[1]))
-    # A capsule is a ball that was drawn along its axis; a sphere was not.
+    # Capsule: the half length adds along its axis; sphere: the radius alone.
     return z - float(a + (down[2] * b if kind == GEOM.mjGEOM_CAPSULE else 0.0))
 
 
@@ -101,76 +109,76 @@ def _points(model: Any, geom: int) -> FloatArray:
     return points
 
 
-# In m, as models.references draws them in, and the share of its thickness that models.meshes.hulls leaves of a hull.
-_DRAWN_IN: Final = 0.001
-_LEAST_SHARE: Final = 0.1
-# Below this share of its extent, a hull has no volume that Qhull could find.
+# The margin of robot.mesh_references, and the least share of its extent that meshes.collision_hulls keeps.
+_MARGIN_M: Final = 0.001
+_MIN_SHARE: Final = 0.1
+# Relative extent below which Qhull finds no volume.
 _FLAT: Final = 1e-6
 
 
-def read_hulls(path: Path) -> list[FloatArray]:
-    """The points (P, 3) in m of each hull of a mesh that was written here. Raises OSError."""
-    return [solid(grown(points)) for points in read_hull_points(path)]
+def read_unshrunk_hulls(path: Path) -> list[FloatArray]:
+    """Return the points (P, 3) in m of each hull in a hull file, at the size of the mesh. Raises OSError."""
+    return [thickened(undo_margin(points)) for points in read_hull_points(path)]
 
 
-def grown(points: FloatArray) -> FloatArray:
-    """The points before they were drawn in."""
+def undo_margin(points: FloatArray) -> FloatArray:
+    """Return the points before they were shrunk by the margin."""
     lower, upper = points.min(axis=0), points.max(axis=0)
     middle, half = (lower + upper) / 2, (upper - lower) / 2
-    thin = half <= _DRAWN_IN * _LEAST_SHARE / (1 - _LEAST_SHARE)
-    share = np.where(thin, _LEAST_SHARE, half / (half + _DRAWN_IN))
+    thin = half <= _MARGIN_M * _MIN_SHARE / (1 - _MIN_SHARE)
+    share = np.where(thin, _MIN_SHARE, half / (half + _MARGIN_M))
     larger: FloatArray = middle + (points - middle) / share
     return larger
 
 
-def solid(points: FloatArray) -> FloatArray:
-    """The points; of a hull without a volume, those of one that is as thick as PyBullet's margin makes it."""
+def thickened(points: FloatArray) -> FloatArray:
+    """Return the points; a hull without a volume gets the thickness of PyBullet's margin."""
     centred = points - points.mean(axis=0)
     squares, axes = np.linalg.eigh(centred.T @ centred)
     for square, axis in zip(squares, axes.T, strict=True):
-        if square <= (_FLAT * max(np.abs(centred).max(), _DRAWN_IN)) ** 2:
-            points = np.concatenate((points - _DRAWN_IN * axis, points + _DRAWN_IN * axis))
+        if square <= (_FLAT * max(np.abs(centred).max(), _MARGIN_M)) ** 2:
+            points = np.concatenate((points - _MARGIN_M * axis, points + _MARGIN_M * axis))
     return points
 
 
 MAX_TRIANGLES: Final = 4_000
-"""Of all surfaces of a body: each is looked at for each shape of the robot, at every step."""
+"""Limit for all surfaces of a body: each triangle is tested with each shape of the robot at every step."""
 
-# m: how thick a heightfield is below its lowest sample, and how far apart its heights are at the least.
+# Thickness in m of a heightfield below its lowest sample, and the least range of its heights.
 _BASE: Final = 0.1
-_LEAST_RANGE: Final = 1e-9
+_MIN_RANGE: Final = 1e-9
 
 
-def add_ground(spec: Any, world: World) -> Iterator[Skin]:
-    """Adds the plane z = 0, or the tiles that take its place; returns what can touch the robot."""
+def add_ground(spec: Any, world: World) -> Iterator[Collider]:
+    """Add the plane z = 0, or the tiles that replace it; yield their colliders."""
     tiles = ground_tiles(world.ground, world.patches)
     if not tiles:
         name = add_geom(spec.worldbody, GROUND, Pose(), type=GEOM.mjGEOM_PLANE, size=[0, 0, 1])
-        yield Skin(name, GROUND, Surface(world.ground.friction), moves=False)
+        yield Collider(name, GROUND, Surface(world.ground.friction), moves=False)
     for number, tile in enumerate(tiles):
         for name in _add_part(spec, spec.worldbody, f"{GROUND}/{number}", tile.part, 0.0):
-            yield Skin(name, GROUND, Surface(tile.friction), moves=False)
+            yield Collider(name, GROUND, Surface(tile.friction), moves=False)
 
 
-def add_object(spec: Any, body: Body, parts: Sequence[Part]) -> Iterator[Skin]:
-    """Adds a body at the origin; returns what can touch something. Raises ValueError for what the engine lacks."""
+def add_object(spec: Any, body: Body, parts: Sequence[Part]) -> Iterator[Collider]:
+    """Add a body at the origin; yield its colliders. Raises ValueError if MuJoCo cannot simulate the shape."""
     added = spec.worldbody.add_body(name=object_name(body.name))
     if body.mass is not None:
         added.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
     triangles = sum(len(part.triangles) for part in parts if isinstance(part, SurfacePart))
     if triangles > MAX_TRIANGLES:
         raise ValueError(
-            f"'{body.name}' is not convex and has {triangles:,} triangles; MuJoCo knows convex pieces alone, "
-            f"so each is one, and at most {MAX_TRIANGLES:,} are simulated: simplify it, or say backend: pybullet"
+            f"'{body.name}' is not convex and has {triangles:,} triangles; MuJoCo needs a convex piece for each, "
+            f"and at most {MAX_TRIANGLES:,} are simulated: simplify the mesh, or use backend: pybullet"
         )
     for number, part in enumerate(parts):
         for name in _add_part(spec, added, f"{object_name(body.name)}/{number}", part, body.mass or 0.0):
-            yield Skin(name, body.name, Surface(body.friction), moves=body.mass is not None)
+            yield Collider(name, body.name, Surface(body.friction), moves=body.mass is not None)
 
 
 def _add_part(spec: Any, body: Any, name: str, part: Part, mass: float) -> Iterator[str]:
     if isinstance(part, SurfacePart):
-        for number, points in enumerate(behind(part.points_xyz, part.triangles)):
+        for number, points in enumerate(triangle_prisms(part.points_xyz, part.triangles)):
             yield _add_hull(spec, body, f"{name}.{number}", points, 0.0)
     elif isinstance(part, HullPart):
         yield _add_hull(spec, body, name, np.array(part.points_xyz), mass)
@@ -191,9 +199,9 @@ def _properties(part: BoxPart | CylinderPart | SpherePart) -> dict[str, Any]:
 
 def _add_hull(spec: Any, body: Any, name: str, points: Any, mass: float) -> str:
     inertia = mujoco.mjtMeshInertia
-    # "shell" spares the compiler the volume of what weighs nothing.
+    # "shell" avoids computing the volume of a hull without a mass.
     kind = inertia.mjMESH_INERTIA_CONVEX if mass else inertia.mjMESH_INERTIA_SHELL
-    # The engine keeps points as 32-bit floats: about their middle, not about an origin that may be 50 m away.
+    # MuJoCo stores points as 32-bit floats, so they are given about their centre; the origin may be 50 m away.
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     spec.add_mesh(name=name, uservert=(points - middle).ravel().tolist(), inertia=kind)
     x, y, z = middle.tolist()
@@ -202,7 +210,7 @@ def _add_hull(spec: Any, body: Any, name: str, points: Any, mass: float) -> str:
 
 def _add_grid(spec: Any, body: Any, name: str, part: GridPart) -> str:
     low = float(part.heights.min())
-    range_ = max(float(part.heights.max()) - low, _LEAST_RANGE)
+    range_ = max(float(part.heights.max()) - low, _MIN_RANGE)
     rows, columns = part.heights.shape
     width, depth = part.size_xy
     heights = ((part.heights - low) / range_).ravel().tolist()
@@ -211,12 +219,15 @@ def _add_grid(spec: Any, body: Any, name: str, part: GridPart) -> str:
     return add_geom(body, name, Pose((0.0, 0.0, low)), type=GEOM.mjGEOM_HFIELD, hfieldname=name)
 
 
-THICKNESS: Final = 0.005
-"""m, of a piece, where the triangle is large enough: as far as a body gets in a step that is as fast as 1.2 m/s."""
+MAX_THICKNESS_M: Final = 0.005
+"""Thickness in m of a piece, less for small triangles: the distance per step of a body at 1.2 m/s."""
 
 
-def behind(points_xyz: FloatArray, triangles: np.ndarray) -> Iterator[FloatArray]:
-    """(6, 3) the corners of the piece behind each triangle: those of the triangle, and as many behind them."""
+def triangle_prisms(points_xyz: FloatArray, triangles: np.ndarray) -> Iterator[FloatArray]:
+    """Yield the corners (6, 3) of the piece behind each triangle: the triangle, and a smaller one behind it.
+
+    The piece tapers, so that it does not stick out of a neighbour unless their edge is sharper than 45 degrees.
+    """
     corners = points_xyz[triangles]
     a, b, c = (corners[:, corner] for corner in range(3))
     normals = np.cross(b - a, c - a)
@@ -224,9 +235,9 @@ def behind(points_xyz: FloatArray, triangles: np.ndarray) -> Iterator[FloatArray
     normals /= doubled_area[:, None]
     sides = np.stack([np.linalg.norm(q - p, axis=1) for p, q in ((b, c), (c, a), (a, b))], axis=1)
     around = sides.sum(axis=1)
-    # The circle that fits in: it shrinks evenly as all sides move in.
+    # The inscribed circle shrinks evenly as all sides move inwards.
     radii = doubled_area / around
     middles = (corners * sides[:, :, None]).sum(axis=1) / around[:, None]
-    depths = np.minimum(THICKNESS, radii / 2)
+    depths = np.minimum(MAX_THICKNESS_M, radii / 2)
     shrunk = middles[:, None] + (corners - middles[:, None]) * (1 - depths / radii)[:, None, None]
     return iter(np.concatenate((corners, shrunk - (depths[:, None] * normals)[:, None]), axis=1))

@@ -1,8 +1,8 @@
-"""Motors of joints: their dry friction, moved along with a target velocity.
+"""Motors of joints, implemented as dry friction that is shifted by a target velocity.
 
-MuJoCo's own velocity actuators are springs to the solver: they lag behind while something accelerates. The row of a
-joint's dry friction is what a motor is: a constraint that brings a velocity to zero with a force up to a limit. Its
-reference acceleration is -b v; with b v_target added between the two halves of a step, it brings it to v_target.
+MuJoCo's own velocity actuators act like springs in the solver and lag behind under acceleration. The constraint row of
+a joint's dry friction behaves like a motor: it brings the velocity to zero with a force up to a limit. Its reference
+acceleration is -b v; adding b v_target between the two halves of a step brings the velocity to v_target.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.engines import UNLIMITED_EFFORT
-from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, Compiled
+from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray
 
-# Of what a position servo is off, it takes back this share in a step: what PyBullet does by default.
+# Share of its error that a position servo corrects in one step: PyBullet's default.
 _SERVO_SHARE: Final = 0.1
 
 _Numbers = slice | NDArray[np.intp]
@@ -29,9 +29,9 @@ _FREE, _VELOCITY, _POSITION = range(3)
 
 
 class Motors:
-    """What each joint's motor does until it is told otherwise."""
+    """The motor of each joint, which keeps its last command."""
 
-    def __init__(self, model: RobotModel, compiled: Compiled, rate: float) -> None:
+    def __init__(self, model: RobotModel, compiled: CompiledScene, rate: float) -> None:
         joints = model.moving_joints
         self._model, self._data, self._dofs = compiled.model, compiled.data, compiled.velocities
         self._qpos = compiled.positions
@@ -45,7 +45,7 @@ class Motors:
         self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
         self._mode = np.full(len(joints), _FREE)
         self._rows_are_others = True
-        # What `qfrc_applied` has of the joints, which costs more to read.
+        # A copy of `qfrc_applied` of the joints, because reading it costs more.
         self._applied = np.zeros(len(joints))
         self._target, self._ahead = np.zeros(len(joints)), np.zeros(len(joints))
         for number, joint in enumerate(joints):
@@ -53,11 +53,11 @@ class Motors:
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
         self._all_rows: _Numbers | None = None
         self._arrange()
-        # Nothing has moved so far.
+        # No step has been taken yet.
         self._exerted: tuple[_Numbers, _Numbers] = slice(0), slice(0)
 
     def apply(self, targets: JointTargets) -> None:
-        """From now on, until told otherwise."""
+        """Use these targets until the next ones."""
         for mode, group in ((_VELOCITY, targets.velocity), (_POSITION, targets.position)):
             for name, target in group.items():
                 number = self._index[name]
@@ -75,7 +75,7 @@ class Motors:
             self._aim()
 
     def step(self, between: Callable[[], None] | None = None) -> None:
-        """One step of the engine; `between` its halves, when contacts are known and forces are not, others come in."""
+        """Step the engine; `between` is called between its halves, when contacts are known and forces are not."""
         self._exerted = self._exerting
         if self._still and between is None:
             mujoco.mj_step(self._model, self._data)
@@ -89,11 +89,11 @@ class Motors:
         mujoco.mj_step2(self._model, self._data)
 
     def efforts(self) -> FloatArray:
-        """What the motors exerted in the last step, (J,) in N m or N; it lives until the next."""
+        """Return the efforts (J,) of the last step in N m or N; the array is valid until the next step."""
         motors, rows = self._exerted
         if rows is self._all_rows:
-            told: FloatArray = self._data.efc_force[rows]
-            return told
+            in_order: FloatArray = self._data.efc_force[rows]
+            return in_order
         efforts = self._applied.copy()
         efforts[motors] = self._data.efc_force[rows]
         return efforts
@@ -106,14 +106,14 @@ class Motors:
         self._data.qfrc_applied[dof] = self._applied[number] = 0.0
 
     def _arrange(self) -> None:
-        """Finds the rows of the motors: after those of equalities, one for each joint that has any friction."""
+        """Find the constraint rows of the motors: after the equalities, one for each joint with friction."""
         self._rows_are_others = False
         has_row = self._model.dof_frictionloss > 0
         rows = np.cumsum(has_row) - 1 + int(self._data.ne)
         moving = (self._mode != _FREE) & has_row[self._dofs]
         self._motors = np.flatnonzero(moving)
         self._exerting = _in_a_row(self._motors), _in_a_row(rows[self._dofs[self._motors]])
-        # Where every joint has one, in their order, nothing has to be put together.
+        # If every joint has a row, in order, `efforts` needs no copy.
         self._all_rows = self._exerting[1] if len(self._motors) == len(self._mode) else None
         self._servos = np.flatnonzero(self._mode[self._motors] == _POSITION)
         servo_joints = self._motors[self._servos]
@@ -127,7 +127,7 @@ class Motors:
         if not len(self._servos):
             return
         servos = self._motors[self._servos]
-        # At a limit, a servo has nothing to push against: the engine's own is soft.
+        # Targets are clipped to the joint limits, because MuJoCo's limits are soft.
         self._goals = np.clip(self._target[servos], self._lower[servos], self._upper[servos])
         self._goal_speeds = self._ahead[servos]
 
@@ -137,6 +137,6 @@ class Motors:
 
 
 def _in_a_row(numbers: NDArray[np.intp]) -> _Numbers:
-    """The same as a slice if they follow one another, which makes every step cheaper."""
+    """Return consecutive numbers as a slice, which makes every step cheaper."""
     first, count = (int(numbers[0]), len(numbers)) if len(numbers) else (0, 0)
     return slice(first, first + count) if (np.diff(numbers) == 1).all() else numbers

@@ -1,4 +1,4 @@
-"""What the engine says, in the words of the scenario: in the engine, everything has a name of ours."""
+"""Names in MuJoCo: prefixes that keep robot and world apart, and messages with the user's names again."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from sim_action.world.scene import Scene
 
 
 def object_name(name: str) -> str:
-    """What a body of the world is called in the engine."""
+    """Return the name of a body of the world in MuJoCo."""
     return f"object/{name}"
 
 
 def engine_name(name: str) -> str:
-    """What a link or a joint is called in the engine, where the world has names too."""
+    """Return the name of a link or a joint of the robot in MuJoCo."""
     return f"robot/{name}"
 
 
-def in_users_words(message: str, scene: Scene) -> str:
-    """One line, in which bodies, links and joints have the names that the user has given them."""
+def with_user_names(message: str, scene: Scene) -> str:
+    """Return a message of MuJoCo as one line, with the user's names of bodies, links and joints."""
     bodies = [(object_name(body.name), body.name) for body in scene.world.objects]
     own = [*scene.model.links_by_name, *scene.model.joints_by_name]
     return _renamed(" ".join(message.split()), [*bodies, *((engine_name(name), name) for name in own)])
 
 
 def _renamed(message: str, names: Iterable[tuple[str, str]]) -> str:
-    """What names a piece of something, such as "object/wall/0.3", names that."""
+    """Replace MuJoCo's names, also of pieces such as "object/wall/0.3", by the user's."""
     known = dict(names)
     if not known:
         return message
-    # A name may begin with another one.
+    # A name may be the prefix of another one.
     either = "|".join(map(re.escape, sorted(known, key=len, reverse=True)))
     return re.sub(rf"'?({either})(?:/\d+(?:\.\d+)?)?'?(?![\w/])", lambda found: f"'{known[found[1]]}'", message)

@@ -1,4 +1,7 @@
-"""Where the links of a robot are in MuJoCo, and how they move."""
+"""Queries to MuJoCo about the present state: link poses, body poses, distances and rays.
+
+After a step MuJoCo's data hold the poses before it, so the queries recompute the kinematics first.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +18,19 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.mujoco.geoms import wxyz
 from sim_action.engines.mujoco.names import engine_name
-from sim_action.engines.mujoco.scene import Compiled
-from sim_action.engines.observers import Look
+from sim_action.engines.mujoco.scene import CompiledScene
+from sim_action.engines.observers import ReadPoses
 from sim_action.state.trace import FloatArray
 
 
 class Links:
-    """The robot's links at present, which is worked out: after a step, the engine has but where they were before it."""
+    """Present poses and twists of the robot's links."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
 
     def pose(self, link: str) -> Pose:
-        """Of its frame, world frame."""
+        """Return the pose of a link's frame, world frame."""
         mujoco.mj_kinematics(self._model, self._data)
         body = self._number(link)
         px, py, pz = self._data.xpos[body].tolist()
@@ -35,7 +38,7 @@ class Links:
         return Pose((px, py, pz), (qx, qy, qz, qw))
 
     def twist(self, link: str) -> Twist:
-        """Of the origin of its frame, world frame."""
+        """Return the twist of the origin of a link's frame, world frame."""
         for work_out in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel):
             work_out(self._model, self._data)
         body, found = self._number(link), np.empty(6)
@@ -45,7 +48,7 @@ class Links:
         return Twist((vx, vy, vz), (wx, wy, wz))
 
     def _number(self, link: str) -> int:
-        """Of its body."""
+        """Return the number of a link's body."""
         return int(self._model.body(engine_name(link)).id)
 
 
@@ -53,18 +56,18 @@ _IN_OUR_ORDER: Final = np.array([0, 1, 2, 4, 5, 6, 3])
 
 
 class Objects:
-    """The bodies of the world at present, as the joint positions have it: those of a step are up to date after it."""
+    """Present poses of the bodies of the world, read from the joint positions, which are up to date after a step."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._numbers = {name: int(self._model.geom_bodyid[geom]) for geom, name in compiled.bodies.items()}
 
     def number(self, name: str) -> int:
-        """The engine's, of a body."""
+        """Return MuJoCo's number of a body."""
         return self._numbers[name]
 
     def at(self, name: str) -> list[float]:
-        """Its position and its unit quaternion, (7,), as the engine orders it."""
+        """Return position and unit quaternion (7,) of a body, the quaternion as w, x, y, z."""
         body = self._numbers[name]
         if self._model.body_dofnum[body]:
             start = self._model.jnt_qposadr[self._model.body_jntadr[body]]
@@ -73,17 +76,17 @@ class Objects:
         return [*self._model.body_pos[body].tolist(), *self._model.body_quat[body].tolist()]
 
     def pose(self, name: str) -> Pose:
-        """Of its middle, world frame."""
+        """Return the pose of a body's centre, world frame."""
         px, py, pz, qw, qx, qy, qz = self.at(name)
         return Pose((px, py, pz), (qx, qy, qz, qw))
 
-    def looking_at(self, names: Sequence[str]) -> Look:
-        """See Look."""
+    def pose_reader(self, names: Sequence[str]) -> ReadPoses:
+        """Return a function that reads the poses of these bodies."""
         model, numbers = self._model, [self._numbers[name] for name in names]
         free = [place for place, body in enumerate(numbers) if model.body_dofnum[body]]
         fixed = [place for place, body in enumerate(numbers) if not model.body_dofnum[body]]
         starts = [model.jnt_qposadr[model.body_jntadr[numbers[place]]] for place in free]
-        # The engine has quaternions as w, x, y, z.
+        # MuJoCo orders quaternions as w, x, y, z.
         taken = np.add.outer(np.array(starts, dtype=np.intp), _IN_OUR_ORDER)
         held = np.array([numbers[place] for place in fixed], dtype=np.intp)
 
@@ -96,8 +99,8 @@ class Objects:
 
         return look
 
-    def put(self, name: str, pose: Pose, twist: Twist) -> bool:
-        """Sets where a body is, world frame; whether it can have a velocity, which is set as well."""
+    def set_pose(self, name: str, pose: Pose, twist: Twist) -> bool:
+        """Set the pose of a body, and its twist if it can have one; return True if it can."""
         body = self._numbers[name]
         moves = bool(self._model.body_dofnum[body])
         if moves:
@@ -111,44 +114,43 @@ class Objects:
         return moves
 
 
-# Up to so many geoms, to sort out what is too far away would take longer than to ask.
-_FEW: Final = 8
+# Up to this many geoms, measuring all is faster than sorting out distant ones.
+_MAX_SINGLE_QUERIES: Final = 8
 
 
 class Distances:
-    """Of the robot's links to bodies of the world, at present or at a step that is over."""
+    """Measures distances between links and bodies of the world, at present or in a past state."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._present, self._data = compiled.model, compiled.data, compiled.data
         self._robot_qpos = compiled.robot_qpos
         self._links, self._bodies = _by_name(compiled.links), _by_name(compiled.bodies)
-        # A plane has no end.
+        # MuJoCo gives a plane the radius 0; it is infinite.
         self._radii = [radius or math.inf for radius in self._model.geom_rbound.tolist()]
         self._body_radii = {
             name: np.array([self._radii[geom] for geom in geoms]) for name, geoms in self._bodies.items()
         }
 
     def look_at_present(self) -> None:
-        """From here on, until the next step, `near` tells of the present."""
+        """Let `near` measure the present state, until the next step."""
         self._data = self._present
-        # After a step, the engine has but where everything was before it.
         mujoco.mj_kinematics(self._model, self._data)
 
     def recall(self, robot_qpos: FloatArray) -> None:
-        """From here on, `near` tells of when the robot was there, (P,), and all else where it is when first asked."""
+        """Let `near` measure a past state of the robot (P,), with all bodies where they were at the first call."""
         self._data, qpos = self._past
         qpos[:] = robot_qpos
         mujoco.mj_kinematics(self._model, self._data)
 
     @cached_property
     def _past(self) -> tuple[Any, FloatArray]:
-        """The data of steps that are over, and a live view of where the robot is in them."""
+        """Return data for past states, and a live view of the robot's positions in them."""
         past = mujoco.MjData(self._model)
         past.qpos[:] = self._present.qpos
         return past, past.qpos[: self._robot_qpos]
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
-        """See foresight.Near."""
+        """See LinkDistances."""
         found = {}
         for link in self._links if links is None else links:
             distance = self._distance(link, body, within)
@@ -157,12 +159,12 @@ class Distances:
         return found
 
     def radii(self) -> dict[str, float]:
-        """Link -> m: how far its shapes are from its frame at most."""
+        """Return link -> greatest distance in m of its shapes from its frame."""
         return {link: max(map(self._reach, geoms)) for link, geoms in self._links.items()}
 
     def _distance(self, link: str, body: str, within: float) -> float:
         least, model, data, others = within, self._model, self._data, self._bodies[body]
-        few = len(others) <= _FEW
+        few = len(others) <= _MAX_SINGLE_QUERIES
         for geom in self._links.get(link, ()):
             for other in others if few else self._near_enough(geom, body, least):
                 distance = mujoco.mj_geomDistance(model, data, geom, other, least, None)
@@ -170,7 +172,7 @@ class Distances:
         return least
 
     def _near_enough(self, geom: int, body: str, within: float) -> Iterable[int]:
-        """The geoms of a body that are not plainly too far away: by the balls around them."""
+        """Return the geoms of a body whose bounding spheres are within the limit."""
         others, places = self._bodies[body], self._data.geom_xpos
         apart = np.sqrt(((places[others] - places[geom]) ** 2).sum(axis=1)) - self._body_radii[body]
         return [others[index] for index in np.flatnonzero(apart < within + self._radii[geom])]
@@ -180,7 +182,7 @@ class Distances:
 
 
 def _by_name(names: Mapping[int, str]) -> dict[str, list[int]]:
-    """Name -> its geoms."""
+    """Return name -> geoms."""
     geoms: dict[str, list[int]] = {}
     for geom, name in names.items():
         geoms.setdefault(name, []).append(geom)
@@ -189,16 +191,16 @@ def _by_name(names: Mapping[int, str]) -> dict[str, list[int]]:
 
 _Floats = NDArray[np.float64]
 
-# Groups of geoms: rays look for the first one alone.
+# Groups of geoms; rays hit only the first one.
 _SEEN: Final = 0
 _UNSEEN: Final = 1
 _LOOK_FOR: Final = np.array([group == _SEEN for group in range(mujoco.mjNGROUP)], dtype=np.uint8)
 
 
 class Rays:
-    """What rays meet at present; costs nothing until it is asked."""
+    """Casts rays in the present state; costs nothing unless used."""
 
-    def __init__(self, compiled: Compiled) -> None:
+    def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._own_data: Any = None
         groups = self._model.geom_group
@@ -220,7 +222,7 @@ class Rays:
         return shares
 
     def _present(self) -> Any:
-        """After a step, the engine has but where bodies were before it; where they are is worked out beside the run."""
+        """Return data with the present poses, computed on a copy so that the run does not change."""
         if self._own_data is None:
             self._own_data = mujoco.MjData(self._model)
         self._own_data.qpos[:] = self._data.qpos
@@ -229,16 +231,16 @@ class Rays:
 
 
 def _cast(model: Any, data: Any, start: _Floats, ways: _Floats) -> tuple[_Floats, set[int]]:
-    """The share of its way that each ray has free; and what it begins inside of, where it meets the far side."""
+    """Return the free share of each ray, and the geoms that contain its start, which it hits from inside."""
     count = len(ways)
     shares, normals, geoms = np.empty(count), np.zeros(3 * count), np.empty(count, np.int32)
     fixed_too, no_body, anywhere = True, -1, mujoco.mjMAXVAL
     mujoco.mj_multiRay(
         model, data, start, ways.ravel(), _LOOK_FOR, fixed_too, no_body, geoms, shares, normals, count, anywhere
     )
-    # Only what a ray meets has a normal, which points out of it.
+    # Only hits have a normal, which points outwards.
     outward = np.einsum("ij,ij->i", normals.reshape(-1, 3), ways)
     around = set(geoms[outward > 0].tolist()) if outward.max() > 0 else set()
-    # The engine looks further than rays reach, and says -1 where they meet nothing.
+    # MuJoCo searches beyond the end of a ray, and returns -1 without a hit.
     shares[(shares < 0) | (shares > 1)] = np.inf
     return shares, around

@@ -1,4 +1,4 @@
-"""The clean URDF as bodies and joints of a MuJoCo model."""
+"""The robot as bodies and joints of a MuJoCo model, from the cleaned URDF or from MJCF."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.engines.mujoco.contact_pairs import Skin
+from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.geoms import add_collision, wxyz
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.robot.robot_model import WORLD, Joint, Mimic, RobotModel, Surface
@@ -22,33 +22,33 @@ _JOINT_TYPES: Final = {
     "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
 }
 
-# In rad, or m: no joint gets there. The engine takes no range that is open at one end.
+# rad or m, beyond any joint. MuJoCo accepts no range that is open at one end.
 _FAR: Final = 1e16
 
 _AXES: Final[tuple[geometry.Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Skin]:
-    """Adds the robot's tree to the world, its base at the origin; returns what can touch something."""
-    # The text was written by `models.urdf`.
+def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
+    """Add the links and joints of a URDF with the base at the origin; return the colliders."""
+    # `sim_action.robot` wrote this text.
     root = ET.fromstring(model.urdf)  # noqa: S314 - see above
     links = {link.attrib["name"]: link for link in root.iterfind("link")}
     joints = {joint.attrib["name"]: joint for joint in root.iterfind("joint")}
     base = spec.worldbody.add_body(name=engine_name(model.root))
     if not fixed:
         base.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
-    skins = _fill(spec, base, links[model.root], model)
+    colliders = _fill(spec, base, links[model.root], model)
     waiting = [(model.root, base)]
     while waiting:
         parent, above = waiting.pop()
         for joint in (joint for joint in model.joints if joint.parent == parent):
             body = _hang(above, joint, joints[joint.name])
-            skins += _fill(spec, body, links[joint.child], model)
+            colliders += _fill(spec, body, links[joint.child], model)
             waiting.append((joint.child, body))
     for joint in model.joints:
         if joint.mimic is not None:
             _follow(spec, joint, joint.mimic)
-    return skins
+    return colliders
 
 
 def _hang(parent: Any, joint: Joint, element: Element) -> Any:
@@ -78,35 +78,35 @@ def _follow(spec: Any, joint: Joint, mimic: Mimic) -> None:
 
 
 def _limits(joint: Joint) -> dict[str, Any]:
-    """A joint that states no limits turns freely, and one whose limits are reversed, as in Bullet."""
+    """Return the limits of a joint; without limits, or with reversed ones, it is unlimited as in Bullet."""
     lower = -_FAR if joint.lower is None else joint.lower
     upper = _FAR if joint.upper is None else joint.upper
     if joint.type == "continuous" or (joint.lower is None and joint.upper is None) or lower > upper:
         return {"limited": mujoco.mjtLimited.mjLIMITED_FALSE}
-    # The engine takes no range of length 0.
+    # MuJoCo rejects a range of length 0.
     narrow = 1e-9 * (lower == upper)
     return {"limited": mujoco.mjtLimited.mjLIMITED_TRUE, "range": [lower - narrow, upper + narrow]}
 
 
-def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Skin]:
+def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collider]:
     inertial = link.find("inertial")
     if inertial is not None and _number(inertial.find("mass"), "value") > 0:
         _weigh(body, inertial)
     name = link.attrib["name"]
     surface = model.links_by_name[name].surface
-    skins = []
+    colliders = []
     for number, collision in enumerate(link.iterfind("collision")):
         shape = collision.find("geometry/*")
         assert shape is not None
         added = add_collision(spec, body, f"robot/{name}/{number}", shape, _origin(collision))
-        skins += [Skin(geom, name, surface) for geom in added]
-    return skins
+        colliders += [Collider(geom, name, surface) for geom in added]
+    return colliders
 
 
 def _weigh(body: Any, inertial: Element) -> None:
     pose, inertia = _origin(inertial), inertial.find("inertia")
     xx, xy, xz, yy, yz, zz = (_number(inertia, name) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    # The engine takes a full tensor in the axes of the link alone.
+    # MuJoCo accepts a full tensor only in the axes of the link.
     turned = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES]).T
     tensor = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
     body.explicitinertial = True
@@ -133,22 +133,22 @@ def _number(element: Element | None, name: str) -> float:
     return 0.0 if element is None else float(element.get(name, 0.0))
 
 
-def add_native_robot(spec: Any, model: RobotModel, constraint: dict[str, Any], *, fixed: bool) -> list[Skin]:
-    """Adds the robot's tree to the world; returns what can touch something. `constraint`: how hard its motors are."""
+def add_native_robot(spec: Any, model: RobotModel, constraint: dict[str, Any], *, fixed: bool) -> list[Collider]:
+    """Add the links and joints of an MJCF model; return the colliders. `constraint`: parameters of its motors."""
     robot = mujoco.MjSpec.from_string(model.mjcf)
     for joint in list(robot.joints):
         joint.solref_friction, joint.solimp_friction = constraint["solref"], constraint["solimp"]
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             robot.delete(joint)
-    skins = [_skin(geom) for geom in robot.geoms if geom.contype or geom.conaffinity]
+    colliders = [_skin(geom) for geom in robot.geoms if geom.contype or geom.conaffinity]
     for geom in robot.geoms:
         geom.contype = geom.conaffinity = 0
     base = spec.worldbody.add_body(name=engine_name(WORLD)) if model.root == WORLD else spec.worldbody
     spec.attach(robot, prefix=engine_name(""), frame=base.add_frame())
     if not fixed:
         spec.body(engine_name(model.root)).add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
-    return skins
+    return colliders
 
 
-def _skin(geom: Any) -> Skin:
-    return Skin(engine_name(geom.name), geom.parent.name, Surface(float(geom.friction[0])))
+def _skin(geom: Any) -> Collider:
+    return Collider(engine_name(geom.name), geom.parent.name, Surface(float(geom.friction[0])))

@@ -1,4 +1,4 @@
-"""A scene as a compiled MuJoCo model, with everything in its place, and what the names in it stand for."""
+"""Build a scene in MuJoCo: the compiled model, the initial state, and the names of its geoms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Skin, add_pairs, soften
+from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Collider, add_pairs, soften
 from sim_action.engines.mujoco.geoms import add_ground, add_object, lowest_geom, wxyz
 from sim_action.engines.mujoco.names import engine_name, object_name
 from sim_action.engines.mujoco.robot import add_native_robot, add_robot
@@ -19,25 +19,25 @@ from sim_action.world import placed
 from sim_action.world.scene import Scene
 
 IMPEDANCE: Final = 0.9999
-"""Of motors, limits and gears: as hard as the engine takes them. They yield by 1e-4 of what would move them."""
+"""Impedance of motors, limits and gears: MuJoCo's maximum. They yield by 1e-4 of the force on them."""
 
 STEPS_TO_CONVERGE: Final = 2.0
-"""Time constant of the same, in steps: the shortest that the engine takes. A velocity is reached within one step."""
+"""Time constant of the same in steps: MuJoCo's minimum. A target velocity is reached within one step."""
 
-_LEAST_INERTIA: Final = 1e-12
+_MIN_INERTIA: Final = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Compiled:
-    """The engine's model and state of a scene.
+class CompiledScene:
+    """MuJoCo's model and data of a scene.
 
     Attributes:
-        fixed: whether the robot is bolted to the world.
+        fixed: True if the base of the robot cannot move.
         base: number of the base link's body.
-        robot_qpos, robot_qvel: how many of qpos and qvel are the robot's: the first ones.
-        positions, velocities: (J,) where the moving joints are in qpos and qvel, in the order of the robot model.
-        links: geom -> name of the robot's link that it belongs to.
-        bodies: geom -> name of the body of the world that it belongs to, the ground included.
+        robot_qpos, robot_qvel: number of leading entries of qpos and qvel that belong to the robot.
+        positions, velocities: (J,) indices of the moving joints in qpos and qvel, in the order of the robot model.
+        links: geom -> name of its link.
+        bodies: geom -> name of its body of the world, or of the ground.
     """
 
     model: Any
@@ -53,9 +53,9 @@ class Compiled:
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
-        """Compiles a scene; raises ValueError if the engine refuses it."""
+        """Compile a scene and set its initial state. Raises ValueError if MuJoCo rejects it."""
         root, rate = scene.model.root, scene.physics.rate
-        # A base of no mass is held still, as Bullet does.
+        # A base without a mass is fixed, as in Bullet.
         fixed = scene.bolted or scene.model.links_by_name[root].mass == 0
         spec = _empty(rate, scene.world.gravity_xyz)
         robot = _add_robot(spec, scene, fixed=fixed)
@@ -78,8 +78,8 @@ class Compiled:
             robot_qvel=model.nv - 6 * others,
             positions=model.jnt_qposadr[joints].astype(np.intp),
             velocities=model.jnt_dofadr[joints].astype(np.intp),
-            links={model.geom(skin.geom).id: skin.part for skin in robot},
-            bodies={model.geom(skin.geom).id: skin.part for skin in world},
+            links={model.geom(collider.geom).id: collider.part for collider in robot},
+            bodies={model.geom(collider.geom).id: collider.part for collider in world},
         )
         compiled._place(scene)
         return compiled
@@ -97,7 +97,7 @@ class Compiled:
         mujoco.mj_forward(self.model, self.data)
 
     def _put(self, body: int, pose: Pose, *, free: bool) -> Any:
-        """Puts a body somewhere; returns its position, to be changed."""
+        """Set the pose of a body; return a live view of its position."""
         start = self.model.jnt_qposadr[self.model.body_jntadr[body]] if free else 0
         position = self.data.qpos[start : start + 3] if free else self.model.body_pos[body]
         turned = self.data.qpos[start + 3 : start + 7] if free else self.model.body_quat[body]
@@ -112,16 +112,16 @@ def _empty(rate: float, gravity_xyz: Vector3) -> Any:
     spec.compiler.degree = False
     spec.compiler.fusestatic = False
     spec.compiler.usethread = False
-    # What the audit let go, or let through for its rounding.
+    # Inertias that the audit allowed, or that are off only by rounding.
     spec.compiler.balanceinertia = True
-    spec.compiler.boundinertia = _LEAST_INERTIA
+    spec.compiler.boundinertia = _MIN_INERTIA
     option = spec.option
     option.timestep = 1 / rate
     option.gravity = list(gravity_xyz)
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = FRICTION_RATIO
-    # It would begin anew where the watchdog has to see what happened.
+    # A reset would hide the divergence from the watchdog.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     joint, equality = spec.default.joint, spec.default.equality
     for constraint in ("limit", "friction"):
@@ -136,7 +136,7 @@ def _hard(rate: float) -> dict[str, list[float]]:
     return {"solref": [STEPS_TO_CONVERGE / rate, 1.0], "solimp": [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]}
 
 
-def _add_robot(spec: Any, scene: Scene, *, fixed: bool) -> list[Skin]:
+def _add_robot(spec: Any, scene: Scene, *, fixed: bool) -> list[Collider]:
     if scene.model.mjcf:
         return add_native_robot(spec, scene.model, _hard(scene.physics.rate), fixed=fixed)
     return add_robot(spec, scene.model, fixed=fixed)

@@ -1,4 +1,4 @@
-"""The robot's part of the engine's state, step by step, as rows of a trace."""
+"""Record the robot's state after each step, and convert it to rows of a trace."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
-from sim_action.engines.mujoco.scene import Compiled
+from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.state.observation import ByName, Contact, JointState, Observation
 from sim_action.state.trace import FloatArray
 
 
-class States:
-    """Keeps what the state is after each step, as cheaply as it can; what it is in our terms is worked out at the end.
+class StateRecorder:
+    """Keeps MuJoCo's raw state after each step; the conversion to a trace happens at the end.
 
-    A row is (1 + P + V + J,): step, qpos, qvel, efforts of the motors. It is kept as bytes, of which a copy takes a
-    third of the time that arrays take.
+    A row is (1 + P + V + J,): step, qpos, qvel, efforts of the motors. It is kept as bytes, because copying bytes takes
+    a third of the time of copying arrays.
     """
 
     def __init__(
-        self, compiled: Compiled, joint_names: Sequence[str], rate: float, efforts: Callable[[], FloatArray]
+        self, compiled: CompiledScene, joint_names: Sequence[str], rate: float, efforts: Callable[[], FloatArray]
     ) -> None:
-        """`efforts`: (J,) what the motors exerted in the last step."""
+        """`efforts` returns the efforts (J,) of the last step."""
         self._compiled, self._rate, self._efforts_now = compiled, rate, efforts
-        # Live views of the robot's part: it was added to the world first.
+        # Live views of the robot's part, which comes first.
         self._qpos = compiled.data.qpos[: compiled.robot_qpos]
         self._qvel = compiled.data.qvel[: compiled.robot_qvel]
         self._speeds = 1 + len(self._qpos)
@@ -35,44 +35,44 @@ class States:
         self._width = self._efforts + len(compiled.positions)
         self._steps: list[int] = []
         self._kept: list[bytes] = []
-        # Of each joint: its name, and where in a row its position, velocity and effort are.
+        # Per joint: its name, and the columns of its position, velocity and effort.
         positions, velocities = 1 + compiled.positions, self._speeds + compiled.velocities
         efforts_at = range(self._efforts, self._width)
         self._places = list(zip(joint_names, positions.tolist(), velocities.tolist(), efforts_at, strict=True))
         self._fixed_pose = self._pose_of_fixed() if compiled.fixed else None
 
     def keep(self, step: int) -> None:
-        """Writes down the present, as that of a step."""
+        """Record the present state as that of a step."""
         self._steps.append(step)
         self._kept += self._qpos.tobytes(), self._qvel.tobytes(), self._efforts_now().tobytes()
 
-    def lose(self, steps: Sequence[int]) -> None:
-        """Writes down that there is nothing left to keep: no numbers."""
+    def keep_nan(self, steps: Sequence[int]) -> None:
+        """Record NaN for steps after the simulation has diverged."""
         nothing = np.full(self._width - 1, np.nan).tobytes()
         self._steps += steps
         self._kept += [nothing, b"", b""] * len(steps)
 
     def last(self) -> list[float]:
-        """(1 + P + V + J,): the row that was kept last."""
-        # A list of few numbers takes a fifth of the time of an array.
+        """Return the last row (1 + P + V + J,)."""
+        # For few numbers a list takes a fifth of the time of an array.
         return [self._steps[-1], *array("d", b"".join(self._kept[-3:]))]
 
     def place(self, row: Sequence[float]) -> tuple[Sequence[float], list[float]]:
-        """The pose (7,) of the base, whatever its quaternion's order, and the joint positions (J,) of a row."""
+        """Return the pose (7,) of the base, in MuJoCo's order, and the joint positions (J,) of a row."""
         base = [0.0] * 7 if self._fixed_pose is not None else row[1:8]
         return base, [row[position] for _, position, _, _ in self._places]
 
     def places(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same of many rows: (T, 7) and (T, J)."""
+        """Return the same for T rows: (T, 7) and (T, J)."""
         base = np.zeros((len(rows), 7)) if self._fixed_pose is not None else rows[:, 1:8]
         return base, rows[:, 1 + self._compiled.positions]
 
     def robot_qpos(self, rows: FloatArray) -> FloatArray:
-        """(T, P): what the engine has of the robot's place."""
+        """Return the robot's part of qpos, (T, P)."""
         return rows[:, 1 : self._speeds]
 
     def take(self) -> FloatArray:
-        """(T, 1 + P + V + J): the rows since the last call."""
+        """Return the rows (T, 1 + P + V + J) since the last call."""
         rows = np.empty((len(self._steps), self._width))
         rows[:, 0] = self._steps
         rows[:, 1:] = np.frombuffer(b"".join(self._kept)).reshape(len(rows), self._width - 1)
@@ -80,9 +80,9 @@ class States:
         return rows
 
     def now(self, step: int, contacts: Sequence[Contact]) -> Observation:
-        """The present, as that of a step: bit by bit what `in_our_terms` makes of it.
+        """Return the present state as that of a step, bit by bit equal to `trace_rows`.
 
-        Number by number, since arrays of one row would take five times as long.
+        It computes with single numbers, because arrays of one row would take five times as long.
         """
         row = self._row(step)
         joints = ByName([(name, JointState(row[p], row[v], row[e])) for name, p, v, e in self._places])
@@ -90,7 +90,7 @@ class States:
         return Observation(step / self._rate, pose, twist, joints, contacts)
 
     def _row(self, step: int) -> list[float]:
-        """(1 + P + V + J,): after a step, its row is the present; else it is read anew."""
+        """Return the row (1 + P + V + J,) of the present state: the last one if it is of this step, else a new one."""
         if self._steps and step == self._steps[-1]:
             return self.last()
         return [step, *self._qpos.tolist(), *self._qvel.tolist(), *self._efforts_now().tolist()]
@@ -101,11 +101,11 @@ class States:
         _, x, y, z, qw, qx, qy, qz = row[:8]
         vx, vy, vz, wx, wy, wz = row[self._speeds : self._speeds + 6]
         orientation = (qx, qy, qz, qw)
-        # The engine has the angular velocity in the body's own frame, the linear one in the world's.
+        # MuJoCo has the angular velocity in the body frame and the linear one in the world frame.
         return Pose((x, y, z), orientation), Twist((vx, vy, vz), geometry.rotate(orientation, (wx, wy, wz)))
 
-    def in_our_terms(self, rows: FloatArray) -> FloatArray:
-        """(T, 14 + 3 J): rows of `Trace.state`."""
+    def trace_rows(self, rows: FloatArray) -> FloatArray:
+        """Return the rows as those of `Trace.state`, (T, 14 + 3 J)."""
         positions, velocities = 1 + self._compiled.positions, self._speeds + self._compiled.velocities
         joints = (rows[:, positions], rows[:, velocities], rows[:, self._efforts :])
         return np.concatenate((rows[:, :1] / self._rate, self._base(rows), *joints), axis=1)
@@ -115,7 +115,7 @@ class States:
         return Pose((x, y, z), (qx, qy, qz, qw))
 
     def _base(self, rows: FloatArray) -> FloatArray:
-        """(T, 13): where the base link is, x, y, z, w, and its twist in the world frame."""
+        """Return pose (quaternion x, y, z, w) and twist of the base link, (T, 13), world frame."""
         base: FloatArray = np.zeros((len(rows), 13))
         if self._compiled.fixed:
             model, body = self._compiled.model, self._compiled.base
@@ -123,7 +123,7 @@ class States:
             return base
         base[:, :3], base[:, 3:7] = rows[:, 1:4], rows[:, [5, 6, 7, 4]]
         base[:, 7:10] = rows[:, self._speeds : self._speeds + 3]
-        # The engine has the angular velocity in the body's own frame, the linear one in the world's.
+        # MuJoCo has the angular velocity in the body frame and the linear one in the world frame.
         orientation: Any = tuple(base[:, 3:7].T)
         turning: Any = tuple(rows[:, self._speeds + 3 : self._speeds + 6].T)
         base[:, 10:13] = np.column_stack(geometry.rotate(orientation, turning))

@@ -1,4 +1,4 @@
-"""Moving bodies and pushing a robot in PyBullet."""
+"""Move bodies and apply forces in PyBullet."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ import pybullet
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.body_control import Pushed, Target, Wrench
+from sim_action.engines.body_control import RobotInertia, Target, Wrench
 from sim_action.engines.pybullet.queries import link_pose
 from sim_action.engines.pybullet.scene import BASE
 
 
-class PyBulletStage:
-    """See Stage. What has no mass is not moved by what it meets, but its velocity counts where they touch."""
+class PyBulletBodyControl:
+    """See BodyControl. Contacts do not move a body without a mass, but its velocity acts on what touches it."""
 
     def __init__(
         self, client: int, robot: int, links: Mapping[str, int], objects: Mapping[str, Sequence[tuple[int, Pose]]]
     ) -> None:
-        """`objects`: the engine's numbers for the pieces of each body, and the pose of each piece in the body."""
+        """`objects`: body -> PyBullet number and pose in the body of each of its pieces."""
         self._client, self._robot, self._links, self._objects = client, robot, links, objects
 
     def pose(self, body: str) -> Pose:
-        """See Stage.pose."""
+        """See BodyControl.pose."""
         number, piece = self._objects[body][0]
         found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
         return geometry.compose(found, geometry.inverse(piece))
 
-    def put(self, body: str, pose: Pose, twist: Twist) -> None:
-        """See Stage.put."""
+    def set_pose(self, body: str, pose: Pose, twist: Twist) -> None:
+        """See BodyControl.set_pose."""
         for number, piece in self._objects[body]:
             at = geometry.compose(pose, piece)
             arm = geometry.rotate(pose.orientation_xyzw, piece.position_xyz)
             around = geometry.cross(twist.angular_xyz, arm)
             velocity = [speed + more for speed, more in zip(twist.linear_xyz, around, strict=True)]
-            # A pose that is set takes the velocity away.
+            # Setting a pose clears the velocity.
             pybullet.resetBasePositionAndOrientation(number, at.position_xyz, at.orientation_xyzw, self._client)
             pybullet.resetBaseVelocity(number, velocity, twist.angular_xyz, self._client)
 
-    def press(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
-        """See Stage.press."""
+    def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
+        """See BodyControl.apply_force."""
         body, link = self._number(target)
         at = self._middle(body, link)
         if point_xyz is not None:
@@ -51,11 +51,11 @@ class PyBulletStage:
         pybullet.applyExternalForce(body, link, force_xyz, at.position_xyz, world, self._client)
         pybullet.applyExternalTorque(body, link, torque_xyz, world, self._client)
 
-    def release(self) -> None:
-        """See Stage.release; the engine does so after each step."""
+    def clear_forces(self) -> None:
+        """See BodyControl.clear_forces; PyBullet clears them itself after each step."""
 
-    def push(self, target: Target, velocity_xyz: Vector3) -> None:
-        """See Stage.push."""
+    def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
+        """See BodyControl.add_velocity."""
         body, _ = self._number(target)
         (vx, vy, vz), turning = pybullet.getBaseVelocity(body, self._client)
         dx, dy, dz = velocity_xyz
@@ -65,18 +65,18 @@ class PyBulletStage:
         return (self._robot, self._links[target.name]) if target.is_link else (self._objects[target.name][0][0], BASE)
 
     def _middle(self, body: int, link: int) -> Pose:
-        """Of the inertia of a link or body, in the world."""
+        """Return the pose of the inertial frame of a link or body, world frame."""
         if link == BASE:
             return Pose(*pybullet.getBasePositionAndOrientation(body, self._client))
         return geometry.compose(link_pose(self._client, body, link), self._inertial(body, link))
 
     def _inertial(self, body: int, link: int) -> Pose:
-        """Of the inertia of a link, in its frame."""
+        """Return the pose of the inertial frame of a link, in the link's frame."""
         return Pose(*pybullet.getDynamicsInfo(body, link, self._client)[3:5])
 
 
-def pushed_robot(client: int, robot: int) -> Pushed:
-    """What is pushed; joints are where they are now."""
+def robot_inertia(client: int, robot: int) -> RobotInertia:
+    """Return the inertia of the whole robot with its joints at their present positions."""
     middle, _ = pybullet.getBasePositionAndOrientation(robot, client)
     mass = inertia = 0.0
     for link in range(-1, pybullet.getNumJoints(robot, client)):
@@ -84,11 +84,11 @@ def pushed_robot(client: int, robot: int) -> Pushed:
         place = middle if link < 0 else pybullet.getLinkState(robot, link, physicsClientId=client)[0]
         mass += own_mass
         inertia += own_mass * math.dist(place[:2], middle[:2]) ** 2 + min(own_inertia)
-    return Pushed(mass, inertia)
+    return RobotInertia(mass, inertia)
 
 
 def apply_wrench(client: int, robot: int, found: Wrench) -> None:
-    """For the next step."""
+    """Apply a wrench to the base for the next step."""
     world = pybullet.WORLD_FRAME
     pybullet.applyExternalForce(robot, -1, found.force_xyz, found.point_xyz, world, client)
     pybullet.applyExternalTorque(robot, -1, found.torque_xyz, world, client)

@@ -1,8 +1,8 @@
-"""PyBullet behind the Engine protocol.
+"""The PyBullet engine: implements the Engine protocol and steps the simulation.
 
-What it has to straighten out (Bullet's quickstart guide, and measurements in the tests): base poses are those of the
-centre of mass, joints come with a motor switched on, torques last for one step, and contact points are reported before
-anything touches.
+It corrects these properties of PyBullet (quickstart guide, and measurements in the tests): base poses are those of the
+centre of mass, joints start with a motor switched on, torques last for one step, and contact points are reported before
+surfaces touch.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from sim_action.core import geometry
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT
-from sim_action.engines.body_control import wrench
-from sim_action.engines.clearances import Clearances
-from sim_action.engines.observers import BodyTracks, Glance
-from sim_action.engines.pybullet.body_control import PyBulletStage, apply_wrench, pushed_robot
+from sim_action.engines.body_control import base_wrench
+from sim_action.engines.clearances import ClearanceRecorder
+from sim_action.engines.observers import BodyRecorder, LazyContacts
+from sim_action.engines.pybullet.body_control import PyBulletBodyControl, apply_wrench, robot_inertia
 from sim_action.engines.pybullet.queries import (
     Distances,
     cast_rays,
@@ -30,8 +30,8 @@ from sim_action.engines.pybullet.queries import (
     in_link_frame,
     link_pose,
     link_twist,
-    looking_at,
     overlaps,
+    pose_reader,
 )
 from sim_action.engines.pybullet.scene import (
     BASE,
@@ -46,7 +46,7 @@ from sim_action.engines.pybullet.scene import (
     place,
     set_surfaces,
 )
-from sim_action.engines.world_events import Timetable
+from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import BasePush, JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
 from sim_action.state.trace import Trace
@@ -56,14 +56,14 @@ from sim_action.world.scene import Scene
 
 
 class PyBulletEngine:
-    """One DIRECT connection with the scene in it."""
+    """A DIRECT connection to PyBullet that holds one scene."""
 
     version = f"pybullet {version('pybullet')}"
     warm_up = staticmethod(connect_ahead)
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         self._client, self._ground = connected()
-        self._glance = Glance()
+        self._lazy_contacts = LazyContacts()
         try:
             configure(self._client, scene.physics.rate, scene.world.gravity_xyz)
             tiles = pave(self._client, self._ground, scene.world)
@@ -83,12 +83,14 @@ class PyBulletEngine:
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)
         self._place_robot(scene)
-        self._timetable = Timetable.of(scene, PyBulletStage(self._client, self._robot, self._links, self._objects))
+        self._events = WorldEvents.of(scene, PyBulletBodyControl(self._client, self._robot, self._links, self._objects))
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
-        self._clearances = Clearances(channels, scene, distances.radii(), near=distances.near, body_at=self._body_at)
+        self._clearances = ClearanceRecorder(
+            channels, scene, distances.radii(), near=distances.near, body_at=self._body_at
+        )
         tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
-        look = looking_at(self._client, [self._objects[name][0] for name in tracked])
-        self._tracks = BodyTracks(tracked, self._rate, look)
+        look = pose_reader(self._client, [self._objects[name][0] for name in tracked])
+        self._body_recorder = BodyRecorder(tracked, self._rate, look)
         self._held_efforts: dict[int, float] = {}
         self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -96,7 +98,7 @@ class PyBulletEngine:
 
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """See Engine.advance."""
-        self._glance.settle()
+        self._lazy_contacts.settle()
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self._apply(wanted)
@@ -104,21 +106,21 @@ class PyBulletEngine:
                 self._push(self._held_efforts)
             if self._base_push is not None:
                 here = self.observe(step, contacts=False)
-                found = wrench(self._base_push, self._pushed, here.pose, here.twist, 1 / self._rate)
+                found = base_wrench(self._base_push, self._robot_inertia, here.pose, here.twist, 1 / self._rate)
                 apply_wrench(self._client, self._robot, found)
-            if self._timetable is not None:
-                self._timetable.before(step - 1)
+            if self._events is not None:
+                self._events.before_step(step - 1)
             pybullet.stepSimulation(self._client)
-            if self._timetable is not None:
-                self._timetable.after(step)
+            if self._events is not None:
+                self._events.after_step(step)
             self._rows.append(self._row(step))
             if self._watches_contacts:
                 self._touches += self._contacts(step, ground=False)
-            if not self._tracks.is_idle:
-                self._tracks.see(step)
+            if not self._body_recorder.is_idle:
+                self._body_recorder.record(step)
             if not self._clearances.is_idle:
                 row = self._rows[-1]
-                self._clearances.see(step, row[1:8], row[14 : 14 + len(self._indices)])
+                self._clearances.record(step, row[1:8], row[14 : 14 + len(self._indices)])
 
     def collect(self) -> Trace:
         """See Engine.collect."""
@@ -126,14 +128,14 @@ class PyBulletEngine:
         state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
         for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
             state[:, column] = values
-        clearances, bodies = self._clearances.collect(), self._tracks.collect()
+        clearances, bodies = self._clearances.collect(), self._body_recorder.collect()
         trace = Trace(self._joint_names, state, tuple(self._touches), clearances=clearances, bodies=bodies)
         self._rows, self._touches = [], []
         return trace
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Engine.observe."""
-        # After a step, its row is the present.
+        # The row of the last step is the present state.
         last = self._rows[-1] if self._rows and self._rows[-1][0] == step / self._rate else self._row(step)
         time, *row = last
         pose, twist = self._base_of(row[:13])
@@ -144,7 +146,7 @@ class PyBulletEngine:
             pose=pose,
             twist=twist,
             joints=ByName(zip(self._joint_names, states, strict=True)),
-            contacts=self._glance.at(lambda: self._contacts(step, ground=True)) if contacts else (),
+            contacts=self._lazy_contacts.present(lambda: self._contacts(step, ground=True)) if contacts else (),
         )
 
     def link_pose(self, link: str) -> Pose:
@@ -168,13 +170,13 @@ class PyBulletEngine:
         return cast_rays(self._client, start_xyz, ends_xyz)
 
     def _base_now(self) -> tuple[Pose, Twist]:
-        """Of the base link, at whatever step the present is."""
+        """Return pose and twist of the base link at present."""
         position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
         linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
         return self._base_of((*position, *orientation, *linear, *angular))
 
     def _base_of(self, com: Sequence[float]) -> tuple[Pose, Twist]:
-        """Of the base link, from the 13 numbers of its centre of mass."""
+        """Return pose and twist of the base link from the 13 numbers of its centre of mass."""
         px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = in_link_frame(com, self._com_in_link)
         return Pose((px, py, pz), (qx, qy, qz, qw)), Twist((vx, vy, vz), (wx, wy, wz))
 
@@ -192,7 +194,7 @@ class PyBulletEngine:
 
     def close(self) -> None:
         """See Engine.close."""
-        self._glance.settle()
+        self._lazy_contacts.settle()
         pybullet.disconnect(self._client)
 
     def _read_joints(self, scene: Scene) -> None:
@@ -216,7 +218,7 @@ class PyBulletEngine:
             add_rotor(self._client, self._robot, self._index[name], axis, inertia)
         _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
         self._com_in_link = Pose(com_position, com_orientation)
-        self._pushed = pushed_robot(self._client, self._robot)
+        self._robot_inertia = robot_inertia(self._client, self._robot)
 
     def _place_robot(self, scene: Scene) -> None:
         positions = scene.joint_positions
@@ -224,7 +226,7 @@ class PyBulletEngine:
             position = positions[joint.name]
             pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
             if joint.type == "continuous" or joint.mimic is not None:
-                # Switches the default motor off; what remains is the joint's own friction.
+                # Switches the default motor off; only the joint's own friction remains.
                 self._motor(joint.name, pybullet.VELOCITY_CONTROL, force=self._friction[joint.name])
             else:
                 self._servo(joint.name, position, self._max_effort[joint.name])
@@ -278,12 +280,12 @@ class PyBulletEngine:
     def _contacts(self, step: int, *, ground: bool) -> Iterator[Contact]:
         for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
             body, distance, force = self._body_names.get(point[2]), point[8], point[9]
-            # A point is reported from 2 cm on; it is a contact once it carries a force or the shapes overlap.
+            # Points are reported from a gap of 2 cm on; a contact carries a force or overlaps.
             if body is not None and (ground or body != GROUND) and (force > 0 or distance <= 0):
                 yield Contact(step / self._rate, self._link_names[point[3]], body, point[5], force)
 
     def _row(self, step: int) -> tuple[float, ...]:
-        """A row of `Trace.state`, but for its frame: it is taken at every step, so it stays as cheap as it can be."""
+        """Return a row of `Trace.state` in the frame of the centre of mass; it is called at every step."""
         position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
         linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
         if not self._indices:
@@ -291,8 +293,8 @@ class PyBulletEngine:
         states = pybullet.getJointStates(self._robot, self._indices, self._client)
         positions, velocities, _, efforts = zip(*states, strict=True)
         if self._held_efforts:
-            # The engine tells what its own motors do; these are but the friction that the effort works against.
-            told = zip(self._indices, efforts, strict=True)
-            efforts = tuple(self._held_efforts.get(index, effort) for index, effort in told)
+            # The engine reports its own motors, which are only the friction that the effort works against.
+            reported = zip(self._indices, efforts, strict=True)
+            efforts = tuple(self._held_efforts.get(index, effort) for index, effort in reported)
         time = step / self._rate
         return (time, *position, *orientation, *linear, *angular, *positions, *velocities, *efforts)

@@ -1,4 +1,8 @@
-"""Where the links of a robot are in PyBullet, and how they move."""
+"""Queries to PyBullet about the present state: link poses, body poses, distances, overlaps and rays.
+
+Rays hit flat surfaces exactly; on round ones PyBullet stops within 1 mm of the surface. They hit only what is in the
+collision groups that they ask for, and the robot has a group of its own.
+"""
 
 from __future__ import annotations
 
@@ -13,30 +17,30 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.observers import Look
+from sim_action.engines.observers import ReadPoses
 from sim_action.engines.pybullet.scene import BASE
 from sim_action.state.observation import Clash, Overlap
 
 
 def link_pose(client: int, robot: int, link: int) -> Pose:
-    """Of a link's frame in the world; not for the base."""
+    """Return the pose of a link's frame, world frame; not for the base."""
     return _frame(_state(client, robot, link))
 
 
 def link_twist(client: int, robot: int, link: int) -> Twist:
-    """Of the origin of a link's frame, world frame; not for the base."""
+    """Return the twist of the origin of a link's frame, world frame; not for the base."""
     state = _state(client, robot, link)
     (cx, cy, cz), (px, py, pz), (vx, vy, vz), angular = state[0], _frame(state).position_xyz, state[6], state[7]
-    # The engine has the velocity of the centre of mass.
+    # PyBullet reports the velocity of the centre of mass.
     ux, uy, uz = geometry.cross(angular, (px - cx, py - cy, pz - cz))
     return Twist((vx + ux, vy + uy, vz + uz), angular)
 
 
 def in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
-    """Base pose and twist of the link frame from those of the centre of mass: 13 numbers, or as many columns.
+    """Return pose and twist of the base link's frame from those of its centre of mass: 13 numbers or 13 columns.
 
-    Only element by element: what is computed for a moment must not depend on how many moments are computed with it,
-    which products of matrices do not promise.
+    It computes element by element, so that the result for one moment does not depend on how many moments are computed
+    together. Matrix products do not guarantee that.
     """
     px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = com
     orientation = (qx, qy, qz, qw)
@@ -48,17 +52,17 @@ def in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
 
 
 def _frame(state: Any) -> Pose:
-    """The engine tells it, too, but in single precision; the centre of mass, and where that is in it, in double."""
+    """Return a link's frame, from its centre of mass: PyBullet's own value has only single precision."""
     return geometry.compose(Pose(*state[:2]), geometry.inverse(Pose(*state[2:4])))
 
 
 def _state(client: int, robot: int, link: int) -> Any:
-    # Without being worked out anew, it would be that of before the last step.
+    # Without computeForwardKinematics the state would be that before the last step.
     return pybullet.getLinkState(robot, link, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=client)
 
 
-def looking_at(client: int, bodies: Sequence[tuple[int, Pose]]) -> Look:
-    """`bodies`: the engine's number for a piece of each, and the pose of that piece in the body."""
+def pose_reader(client: int, bodies: Sequence[tuple[int, Pose]]) -> ReadPoses:
+    """Return a function that reads the poses of bodies; each is given by the number and the pose of one piece."""
     numbers = [number for number, _ in bodies]
     aside = {place: geometry.inverse(piece) for place, (_, piece) in enumerate(bodies) if piece != Pose()}
 
@@ -72,15 +76,15 @@ def looking_at(client: int, bodies: Sequence[tuple[int, Pose]]) -> Look:
     return look
 
 
-# Up to so many links are asked for one by one: a robot's others cost as much as those that matter.
-_FEW: Final = 3
+# Up to this many links are queried one by one; beyond, one query for the whole robot is cheaper.
+_MAX_SINGLE_QUERIES: Final = 3
 
 
 class Distances:
-    """Of the robot's links to bodies of the world, at present."""
+    """Measures present distances between the robot's links and bodies of the world."""
 
     def __init__(self, client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> None:
-        """`links`, `bodies`: names by the engine's numbers, of which a body may have several."""
+        """`links`, `bodies`: PyBullet number -> name; a body may have several numbers."""
         self._client, self._robot, self._names = client, robot, links
         self._bodies: dict[str, list[int]] = {}
         for number, name in bodies.items():
@@ -88,7 +92,7 @@ class Distances:
         self._links = {name: index for index, name in links.items()}
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
-        """See foresight.Near."""
+        """See LinkDistances."""
         found: dict[str, float] = {}
         points = (point for number in self._bodies[body] for point in self._points(number, links, within))
         for point in points:
@@ -98,9 +102,9 @@ class Distances:
         return found
 
     def _points(self, body: int, links: Collection[str] | None, within: float) -> Sequence[Any]:
-        """The nearest points, at least those of these links."""
+        """Return the nearest points, at least those of these links."""
         robot, client = self._robot, self._client
-        if links is None or len(links) > _FEW:
+        if links is None or len(links) > _MAX_SINGLE_QUERIES:
             found: Sequence[Any] = pybullet.getClosestPoints(robot, body, within, physicsClientId=client)
             return found
         points: list[Any] = []
@@ -109,7 +113,7 @@ class Distances:
         return points
 
     def radii(self) -> dict[str, float]:
-        """Link -> m: how far its shapes are from its frame, or from the centre of mass of the base, at most."""
+        """Return link -> greatest distance in m of its shapes from its frame (base: from its centre of mass)."""
         return {name: self._radius(index) for name, index in self._links.items()}
 
     def _radius(self, link: int) -> float:
@@ -125,10 +129,10 @@ class Distances:
 
 
 def overlaps(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> tuple[Overlap, ...]:
-    """Which links of a robot are inside which bodies, by the engine's numbers for both; each pair of them once."""
+    """Return the links of the robot that overlap bodies; each pair once."""
     deepest: dict[tuple[str, str], float] = {}
     for body, name in bodies.items():
-        # Contact points are those of the last step, and there may have been none.
+        # Contact points would be those of the last step, which may not exist yet.
         for point in pybullet.getClosestPoints(robot, body, 0.0, physicsClientId=client):
             pair = links[point[3]], name
             deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
@@ -136,7 +140,7 @@ def overlaps(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[
 
 
 def clashes(client: int, moving: Collection[int], bodies: Mapping[int, str]) -> tuple[Clash, ...]:
-    """Which of the bodies that move are inside which others; each pair once."""
+    """Return the moving bodies that overlap other bodies; each pair once."""
     deepest: dict[tuple[str, str], float] = {}
     for number in moving:
         for other in bodies:
@@ -148,21 +152,21 @@ def clashes(client: int, moving: Collection[int], bodies: Mapping[int, str]) -> 
     return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
 
 
-# Bullet's own groups (btBroadphaseProxy.h) go up to 32; all bodies are in one of its first two.
+# Collision groups. Bullet's own (btBroadphaseProxy.h) go up to 32; every body is in one of the first two.
 _MOVING: Final = 1
 _FIXED: Final = 2
 _ROBOT: Final = 64
 _ALL: Final = -1
-# Of the batch that it calls its greatest, the engine loses the last ray.
-_BATCH: Final = pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE - 1
+# PyBullet loses the last ray of a batch of its maximum size.
+_MAX_RAYS_PER_CALL: Final = pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE - 1
 
 _HIT_FRACTION: Final = itemgetter(2)
 
 
 def hide_from_rays(client: int, robot: int, *, fixed: bool) -> None:
-    """Puts the robot into a group of its own, which touches what it touched before; `fixed`: its base is.
+    """Put the robot into a collision group of its own that still touches the same bodies.
 
-    What is fixed looks for all but what is fixed: the same that the engine gave it.
+    `fixed`: the base is fixed; like all fixed bodies it then does not collide with fixed bodies.
     """
     _join(client, robot, BASE, _ALL ^ _FIXED if fixed else _ALL)
     for link in range(pybullet.getNumJoints(robot, client)):
@@ -172,17 +176,17 @@ def hide_from_rays(client: int, robot: int, *, fixed: bool) -> None:
 def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
     """See EngineQueries.cast_rays."""
     shares: NDArray[np.float64] = np.empty(len(ends_xyz))
-    for first in range(0, len(ends_xyz), _BATCH):
-        # Lists are what the engine's Python reads fastest.
-        ends = ends_xyz[first : first + _BATCH].tolist()
+    for first in range(0, len(ends_xyz), _MAX_RAYS_PER_CALL):
+        # PyBullet reads lists faster than arrays.
+        ends = ends_xyz[first : first + _MAX_RAYS_PER_CALL].tolist()
         hits = pybullet.rayTestBatch(
             [start_xyz] * len(ends), ends, numThreads=1, collisionFilterMask=_MOVING | _FIXED, physicsClientId=client
         )
         shares[first : first + len(ends)] = list(map(_HIT_FRACTION, hits))
-    # So the engine says that a ray meets nothing.
+    # PyBullet reports a fraction of 1 for a ray that hits nothing.
     shares[shares >= 1] = np.inf
     return shares
 
 
-def _join(client: int, robot: int, link: int, looks_for: int) -> None:
-    pybullet.setCollisionFilterGroupMask(robot, link, _ROBOT, looks_for, client)
+def _join(client: int, robot: int, link: int, mask: int) -> None:
+    pybullet.setCollisionFilterGroupMask(robot, link, _ROBOT, mask, client)

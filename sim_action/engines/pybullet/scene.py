@@ -1,4 +1,9 @@
-"""A scene in PyBullet: what is made once, before the first step."""
+"""Build a scene in PyBullet, once before the first step: connection, ground, bodies of the world, robot.
+
+It corrects these properties of PyBullet, as measured: a compound takes 16 shapes and silently drops the rest; each
+static body costs time at every step unless it is a plain rigid one; a hull is 1 mm larger than its points; a
+heightfield is centred between its lowest and highest sample and folds its cells along the other diagonal than MuJoCo.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +22,7 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.meshes.convex_hull import mass_properties
 from sim_action.robot.robot_model import Mimic, Surface
-from sim_action.world import FASTEST, Body, World, placed
+from sim_action.world import MAX_SPEED, Body, World, placed
 from sim_action.world.ground import ground_tiles
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 from sim_action.world.scene import Scene
@@ -25,25 +30,25 @@ from sim_action.world.scene import Scene
 BASE: Final = -1
 """The number of a body's base link."""
 
-# From where things are let down to the ground, in m; no robot reaches further below its base.
-_ABOVE_GROUND: Final = 100.0
-# Bullet's own default. It outlives a connection, so it is set for every one.
+# Height in m from which a robot is lowered to the ground; no robot reaches further below its base.
+_DROP_HEIGHT_M: Final = 100.0
+# Bullet's default. The setting outlives a connection, so it is set for each one.
 _CONTACT_BREAKING_THRESHOLD: Final = 0.02
-# Hull cylinders ride 1 mm high and cost twice as much. Inertia would be that of the collision shapes, filled evenly.
+# Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
-# A gear gives way to nothing that a motor could do, and makes up within a step for most of what it was off.
+# A gear is stronger than any motor, and corrects most of its error within one step.
 _GEAR_FORCE: Final = 1e5
 _GEAR_CORRECTION: Final = 0.8
 
 
 def configure(client: int, rate: float, gravity_xyz: Vector3) -> None:
-    """Sets what holds for everything."""
+    """Set gravity, time step and the other parameters of the whole simulation."""
     pybullet.setGravity(*gravity_xyz, client)
     pybullet.setPhysicsEngineParameter(
         fixedTimeStep=1 / rate,
         contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
         deterministicOverlappingPairs=1,
-        # Bodies touch if each is in a group that the other one looks for: both, which is not the default.
+        # Two bodies collide if each one's mask has the other's group; by default one direction is enough.
         collisionFilterMode=0,
         enableFileCaching=0,
         physicsClientId=client,
@@ -51,7 +56,7 @@ def configure(client: int, rate: float, gravity_xyz: Vector3) -> None:
 
 
 def pave(client: int, plane: int, world: World) -> list[int]:
-    """Makes the plane z = 0 the ground of a world; returns the engine's numbers for tiles that take its place."""
+    """Make the plane z = 0 the ground of a world; return the numbers of the tiles that replace it."""
     _set_dynamics(client, plane, BASE, lateralFriction=world.ground.friction)
     tiles = [
         number
@@ -59,13 +64,13 @@ def pave(client: int, plane: int, world: World) -> list[int]:
         for number, _ in add_pieces(client, [tile.part], Pose(), tile.friction)
     ]
     if tiles:
-        # What is asked for how far it is from the ground asks the plane, which nothing touches.
+        # Distances to the ground are still measured to the plane, which collides with nothing.
         pybullet.setCollisionFilterGroupMask(plane, BASE, 0, 0, physicsClientId=client)
     return tiles
 
 
 def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int, Pose]]:
-    """Adds a body where it begins; returns the engine's number for each of its pieces, and its pose in the body."""
+    """Add a body at its initial pose; return the number of each of its pieces, with its pose in the body."""
     pose, moves = placed(body, parts), bool(body.path)
     return add_pieces(client, parts, pose, body.friction, body.mass or 0.0, moves=moves)
 
@@ -73,11 +78,11 @@ def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int
 def add_pieces(
     client: int, parts: Sequence[Part], pose: Pose, friction: float, mass: float = 0.0, *, moves: bool = False
 ) -> list[tuple[int, Pose]]:
-    """Adds what a body is made of; its pose is that of the body."""
+    """Add the pieces of a body; `pose`: of the body."""
     added = []
     for piece in pieces(client, parts, mass):
-        # One that is more than a shape at a place costs time at every step, which adds up. But the velocity of a mere
-        # shape is not felt by what it touches.
+        # A full multibody costs time at every step. A plain rigid body does not, but its velocity does not act on
+        # what touches it.
         plain = int(len(parts) > 1 and not moves)
         number = int(pybullet.createMultiBody(mass, piece.shape, useMaximalCoordinates=plain, physicsClientId=client))
         _set_dynamics(client, number, BASE, lateralFriction=friction)
@@ -90,8 +95,8 @@ def add_pieces(
 
 
 def load_robot(client: int, scene: Scene) -> int:
-    """Adds the robot at the origin; returns the engine's number for it."""
-    # The engine reads models from files only.
+    """Add the robot at the origin; return its number."""
+    # PyBullet reads models only from files.
     with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
         path = Path(folder, "robot.urdf")
         path.write_text(scene.model.urdf, encoding="utf-8")
@@ -99,7 +104,7 @@ def load_robot(client: int, scene: Scene) -> int:
 
 
 def set_surfaces(client: int, robot: int, surfaces: Mapping[int, Surface]) -> None:
-    """Sets how the links of a robot touch, by the engine's number of each."""
+    """Set the contact surface of each link, by its number."""
     for link, surface in surfaces.items():
         soft: dict[str, float] = {}
         if surface.stiffness is not None:
@@ -108,7 +113,7 @@ def set_surfaces(client: int, robot: int, surfaces: Mapping[int, Surface]) -> No
 
 
 def add_rotor(client: int, robot: int, link: int, axis_xyz: Vector3, inertia: float) -> None:
-    """Gives a joint the inertia of its motor, in kg m^2, about its axis, which is given in the frame of its link."""
+    """Add the inertia of a motor in kg m^2 to a joint; `axis_xyz`: the joint axis in the frame of its link."""
     dynamics = pybullet.getDynamicsInfo(robot, link, client)
     principal_inertia, principal_axes = dynamics[2], dynamics[4]
     along = geometry.rotate(geometry.conjugate(principal_axes), axis_xyz)
@@ -117,12 +122,12 @@ def add_rotor(client: int, robot: int, link: int, axis_xyz: Vector3, inertia: fl
 
 
 def add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
-    """Keeps a joint where another one wants it, as a gear without play would."""
+    """Couple a joint to its leader like a gear without play."""
     frames = ((0, 0, 1), (0, 0, 0), (0, 0, 0))
     gear = pybullet.createConstraint(
         robot, follower, robot, leader, pybullet.JOINT_GEAR, *frames, physicsClientId=client
     )
-    # The engine holds follower + gearRatio x leader at the target.
+    # PyBullet holds follower + gearRatio x leader at the target.
     pybullet.changeConstraint(
         gear,
         gearRatio=-mimic.multiplier,
@@ -134,46 +139,46 @@ def add_gear(client: int, robot: int, follower: int, leader: int, mimic: Mimic) 
 
 
 def place(client: int, body: int, ground: int, placement: Placement, com_in_link: Pose | None = None) -> None:
-    """Puts a body's link frame where the scenario wants it; without a z, onto the ground."""
+    """Move a body's link frame to its placement; without a z, onto the ground."""
 
     def put(z: float) -> None:
         pose = Pose((placement.x, placement.y, z), placement.orientation_xyzw)
         com = geometry.compose(pose, com_in_link) if com_in_link else pose
         pybullet.resetBasePositionAndOrientation(body, com.position_xyz, com.orientation_xyzw, client)
 
-    put(_ABOVE_GROUND if placement.z is None else placement.z)
+    put(_DROP_HEIGHT_M if placement.z is None else placement.z)
     if placement.z is None:
-        put(_ABOVE_GROUND - _height_above(client, ground, body))
+        put(_DROP_HEIGHT_M - _height_above(client, ground, body))
 
 
 def _height_above(client: int, ground: int, body: int) -> float:
-    # Bounding boxes are loose where an inertial frame is turned; distances are exact.
-    points = pybullet.getClosestPoints(body, ground, 2 * _ABOVE_GROUND, physicsClientId=client)
-    return min((float(point[8]) for point in points), default=_ABOVE_GROUND)
+    # Bounding boxes are loose for rotated inertial frames; distances are exact.
+    points = pybullet.getClosestPoints(body, ground, 2 * _DROP_HEIGHT_M, physicsClientId=client)
+    return min((float(point[8]) for point in points), default=_DROP_HEIGHT_M)
 
 
 def _set_dynamics(client: int, body: int, link: int, **dynamics: float) -> None:
-    # Links come with a damping of 0.04, and everything stops at 100 m/s or rad/s. What is set in the same call for a
-    # link other than the base is lost, silently.
+    # By default links have a damping of 0.04 and speeds stop at 100 m/s or rad/s. Other values set in the same call for
+    # a link other than the base are silently lost.
     none = {"linearDamping": 0, "angularDamping": 0}
-    pybullet.changeDynamics(body, link, **none, maxJointVelocity=FASTEST, physicsClientId=client)
+    pybullet.changeDynamics(body, link, **none, maxJointVelocity=MAX_SPEED, physicsClientId=client)
     pybullet.changeDynamics(body, link, physicsClientId=client, **dynamics)
 
 
-_MOST_SHAPES: Final = 16
-# m, around a hull: without any, a third of all rays would go through it.
-_MARGIN: Final = 1e-5
+_MAX_COMPOUND_SHAPES: Final = 16
+# Margin in m around a hull: without it a third of all rays would pass through.
+_MARGIN_M: Final = 1e-5
 _ROUND: Final = geometry.quaternion_from_rpy(0.0, 0.0, math.pi / 2)
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One of the engine's bodies, of which a body of the world may be several.
+    """A PyBullet body; a body of the world may consist of several.
 
     Attributes:
-        shape: the engine's number of its shape.
-        pose: of what the engine takes for its middle, in the frame of the body of the world.
-        dynamics: what is to be set for it.
+        shape: number of its collision shape.
+        pose: of its centre, in the frame of the body of the world.
+        dynamics: parameters of `changeDynamics` to set.
     """
 
     shape: int
@@ -182,10 +187,10 @@ class Piece:
 
 
 def pieces(client: int, parts: Sequence[Part], mass: float = 0.0) -> Iterator[Piece]:
-    """Makes the shapes of a body; with a mass, it is of one part."""
+    """Create the shapes of a body; a body with a mass has one part."""
     boxes = [part for part in parts if isinstance(part, BoxPart)]
-    for first in range(0, len(boxes), _MOST_SHAPES) if len(boxes) > 1 else ():
-        yield Piece(_compound(client, boxes[first : first + _MOST_SHAPES]))
+    for first in range(0, len(boxes), _MAX_COMPOUND_SHAPES) if len(boxes) > 1 else ():
+        yield Piece(_compound(client, boxes[first : first + _MAX_COMPOUND_SHAPES]))
     for part in parts:
         if not isinstance(part, BoxPart) or len(boxes) == 1:
             yield _piece(client, part, mass)
@@ -233,10 +238,10 @@ def _properties(part: BoxPart | CylinderPart | SpherePart | SurfacePart) -> dict
 
 def _hull(client: int, part: HullPart, mass: float) -> Piece:
     points = np.array(part.points_xyz)
-    no_margin = {"collisionMargin": _MARGIN}
+    no_margin = {"collisionMargin": _MARGIN_M}
     if not mass:
         return Piece(_shape(client, shapeType=pybullet.GEOM_MESH, vertices=points.tolist()), Pose(), no_margin)
-    # The engine would have its mass in the middle, and spread as that of the box around it.
+    # PyBullet would put the mass at the centre and use the inertia of the bounding box.
     weighs = mass_properties(points)
     moments, axes = np.linalg.eigh(weighs.inertia)
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
@@ -248,14 +253,14 @@ def _hull(client: int, part: HullPart, mass: float) -> Piece:
 
 
 def _turned(axes: Any) -> geometry.Quaternion:
-    """The rotation whose columns these are."""
+    """Return the quaternion of the rotation matrix with these columns."""
     found = np.linalg.eigh(_quaternion_matrix(axes))[1][:, -1]
     x, y, z, w = found.tolist()
     return (x, y, z, w)
 
 
 def _quaternion_matrix(m: Any) -> Any:
-    """Whose greatest eigenvector is the quaternion of a rotation matrix (Bar-Itzhack, 2000)."""
+    """Return the matrix whose greatest eigenvector is the quaternion of a rotation matrix (Bar-Itzhack, 2000)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = m
     rows = [
         [xx - yy - zz, 0, 0, 0],
@@ -267,7 +272,7 @@ def _quaternion_matrix(m: Any) -> Any:
 
 
 def _grid(client: int, part: GridPart) -> Piece:
-    # A quarter turn makes the other diagonal of each cell the one that it is folded along.
+    # A quarter turn makes PyBullet fold each cell along the other diagonal.
     heights = np.rot90(part.heights, 1)
     rows, columns = heights.shape
     width, depth = part.size_xy
@@ -284,7 +289,7 @@ def _grid(client: int, part: GridPart) -> Piece:
 
 
 class Connection(NamedTuple):
-    """The engine's numbers for a DIRECT connection, and for the plane z = 0, which is alone in it."""
+    """The numbers of a DIRECT connection and of the plane z = 0, the only body in it."""
 
     client: int
     plane: int
@@ -294,13 +299,17 @@ _AHEAD: Final[list[Connection]] = []
 
 
 def connect_ahead() -> None:
-    """Makes the connection that this process, and each that is forked from it, is going to use next."""
+    """Open a connection ahead, for the next use in this process or in processes forked from it.
+
+    Opening one takes as long as simulating a small robot for two seconds, mostly for memory that is hardly written to;
+    forked processes share that memory.
+    """
     if not _AHEAD:
         _AHEAD.append(_made())
 
 
 def connected() -> Connection:
-    """A connection that nobody else uses."""
+    """Return a connection of its own: the one that was opened ahead, or a new one."""
     return _AHEAD.pop() if _AHEAD else _made()
 
 

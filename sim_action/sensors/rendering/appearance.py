@@ -19,8 +19,8 @@ from sim_action.sensors.rendering.solids import (
     Polyhedron,
     Solid,
     Triangle,
-    hull_about_its_middle,
-    read_hulls,
+    centred_hull,
+    read_hull_polyhedra,
 )
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, SpherePart, grid_surface
 from sim_action.world.parts import Part as BodyPart
@@ -68,12 +68,12 @@ def _of_part(part: BodyPart) -> Iterator[tuple[Solid, Pose]]:
     elif isinstance(part, SpherePart):
         yield Ellipsoid((part.radius,) * 3), Pose()
     elif isinstance(part, HullPart):
-        hull, at_xyz = hull_about_its_middle(np.array(part.points_xyz))
+        hull, at_xyz = centred_hull(np.array(part.points_xyz))
         yield hull, Pose(at_xyz)
     else:
         surface = grid_surface(part) if isinstance(part, GridPart) else part
         for corners in surface.points_xyz[surface.triangles]:
-            triangle, at_xyz = Triangle.about_its_middle(corners)
+            triangle, at_xyz = Triangle.centred(corners)
             yield triangle, Pose(at_xyz)
 
 
@@ -83,7 +83,7 @@ def _solids(shape: Shape) -> Iterator[tuple[Solid, Pose]]:
     middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))
     half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
     if shape.hulls:
-        for hull, at_xyz in read_hulls(Path(shape.hulls)):
+        for hull, at_xyz in read_hull_polyhedra(Path(shape.hulls)):
             yield hull, geometry.compose(shape.pose, Pose(at_xyz))
     elif shape.kind in {"sphere", "ellipsoid"}:
         yield Ellipsoid(half), middle

@@ -15,14 +15,14 @@ from sim_action.sensors.rendering import GROUND, SKY, Colour
 from sim_action.sensors.rendering.pinhole import Components, FloatArray, Patch, Pinhole
 from sim_action.sensors.rendering.solids import Solid
 
-SQUARE: Final = 0.5
+SQUARE_M: Final = 0.5
 """m, a side of these squares."""
 
 # Where the light comes from, a unit vector in the world frame; it reaches everything, as nothing has a shadow.
 _LIGHT: Final[Vector3] = (-0.36, 0.48, 0.8)
 # Brightness where a surface faces the light, and where it faces away.
-_BRIGHTEST: Final = 1.0
-_DIMMEST: Final = 0.4
+_MAX_BRIGHTNESS: Final = 1.0
+_MIN_BRIGHTNESS: Final = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class _Canvas:
         # From below, it is not there.
         depth = np.where((way < 0) & (start > 0), -start / way, np.inf)
         x, y, _ = rays.points(depth)
-        odd = (np.floor(x / SQUARE) + np.floor(y / SQUARE)) % 2 == 1
+        odd = (np.floor(x / SQUARE_M) + np.floor(y / SQUARE_M)) % 2 == 1
         colours = np.where(odd[..., None], GROUND[1], GROUND[0]) * _brightness((0.0, 0.0, 1.0), Pose())
         self._put(everything, depth, colours)
 
@@ -97,5 +97,5 @@ def _brightness(normals: Components | Vector3, pose: Pose) -> FloatArray:
     lx, ly, lz = geometry.rotate(geometry.conjugate(pose.orientation_xyzw), _LIGHT)
     x, y, z = normals
     towards = np.asarray(lx * x + ly * y + lz * z)
-    brightness: FloatArray = (_BRIGHTEST + _DIMMEST) / 2 + (_BRIGHTEST - _DIMMEST) / 2 * towards
+    brightness: FloatArray = (_MAX_BRIGHTNESS + _MIN_BRIGHTNESS) / 2 + (_MAX_BRIGHTNESS - _MIN_BRIGHTNESS) / 2 * towards
     return brightness

@@ -199,7 +199,7 @@ class Triangle(Solid):
     edges: FloatArray
 
     @classmethod
-    def about_its_middle(cls, corners: FloatArray) -> tuple[Self, Vector3]:
+    def centred(cls, corners: FloatArray) -> tuple[Self, Vector3]:
         """The triangle of corners (3, 3), and where its middle is."""
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         own = corners - middle
@@ -231,24 +231,24 @@ class Triangle(Solid):
 
 
 # In m: as much was taken off every hull when it was written (models.references), for engines to put around it.
-_MARGIN: Final = 0.001
+_MARGIN_M: Final = 0.001
 # Of a hull, those that reach furthest in as many directions: a ball of them is 4 % of its radius off at the most.
-_MOST_POINTS: Final = 64
+MAX_HULL_POINTS: Final = 64
 
 
-def read_hulls(path: Path) -> Iterator[tuple[Polyhedron, Vector3]]:
+def read_hull_polyhedra(path: Path) -> Iterator[tuple[Polyhedron, Vector3]]:
     """The hulls of a mesh that was written here, each about its middle, and where that is. Raises OSError."""
-    return (hull_about_its_middle(points, _MARGIN) for points in read_hull_points(path))
+    return (centred_hull(points, _MARGIN_M) for points in read_hull_points(path))
 
 
-def hull_about_its_middle(points: FloatArray, margin: float = 0.0) -> tuple[Polyhedron, Vector3]:
+def centred_hull(points: FloatArray, margin: float = 0.0) -> tuple[Polyhedron, Vector3]:
     """The hull of points (N, 3), and where its middle is: no ball around that is larger than need be."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     x, y, z = middle.tolist()
-    return hull_of(points - middle, margin), (x, y, z)
+    return hull_polyhedron(points - middle, margin), (x, y, z)
 
 
-def hull_of(points: FloatArray, margin: float = 0.0) -> Polyhedron:
+def hull_polyhedron(points: FloatArray, margin: float = 0.0) -> Polyhedron:
     """The hull of points (N, 3), with a margin around it; it holds all of them, however flat they lie.
 
     Of the planes only the directions are those of faces that were found: where a plane is, all of the points say.
@@ -262,7 +262,7 @@ def hull_of(points: FloatArray, margin: float = 0.0) -> Polyhedron:
     return Polyhedron(normals, offsets, reach)
 
 
-def outermost(points: FloatArray, most: int = _MOST_POINTS) -> FloatArray:
+def outermost(points: FloatArray, most: int = MAX_HULL_POINTS) -> FloatArray:
     """Of points (N, 3) about their middle, those that reach furthest; all of them, if they are few."""
     if len(points) <= most:
         return points

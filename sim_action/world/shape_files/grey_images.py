@@ -60,7 +60,7 @@ _BLANK: Final = rb"(?:\s|#[^\n]*\n)+"
 _NUMBER: Final = rb"(\d{1,9})"
 _HEADER: Final = re.compile(rb"(P[25])" + 3 * (_BLANK + _NUMBER) + rb"\s")
 _COMMENT: Final = re.compile(rb"#[^\n]*")
-_WHITEST: Final = 65_535
+_MAX_WHITE: Final = 65_535
 _AT_A_TIME: Final = 100_000
 _ONE_BYTE: Final = 256
 
@@ -72,8 +72,8 @@ def read_pgm(data: bytes) -> Grey:
         raise ImageError("is no PGM: its header has no width, height and value of white")
     width, height, white = (int(header[number]) for number in (2, 3, 4))
     checked_size(width, height)
-    if not 0 < white <= _WHITEST:
-        raise ImageError(f"says that white is {white}; it is 1 to {_WHITEST}")
+    if not 0 < white <= _MAX_WHITE:
+        raise ImageError(f"says that white is {white}; it is 1 to {_MAX_WHITE}")
     is_text = header[1] == b"P2"
     read = _text(data, header.end(), width * height) if is_text else _bytes(data[header.end() :], white, width * height)
     if len(read) < width * height:
@@ -106,12 +106,12 @@ def _pixels(words: list[bytes]) -> NDArray[np.uint16]:
         raise ImageError("has a pixel that is no whole number") from None
     if len(values) and values.min() < 0:
         raise ImageError("has a pixel below 0")
-    return np.minimum(values, _WHITEST).astype(np.uint16)
+    return np.minimum(values, _MAX_WHITE).astype(np.uint16)
 
 
 _SIGNATURE_BYTES: Final = 8
 _COLOUR_TYPES: Final = {0: "grey", 2: "colour", 3: "a palette", 4: "grey with transparency", 6: "colour"}
-_LAST_KIND: Final = 4
+_MAX_FILTER_TYPE: Final = 4
 
 Bytes = NDArray[np.int16]
 
@@ -168,7 +168,7 @@ def _unfiltered(data: bytes, height: int, stride: int, step: int) -> NDArray[np.
     """
     told = np.frombuffer(data, np.uint8).reshape(height, stride + 1)
     kinds = told[:, :1]
-    if kinds.max() > _LAST_KIND:
+    if kinds.max() > _MAX_FILTER_TYPE:
         raise ImageError(f"is damaged: a row of an unknown kind, {kinds.max()}")
     columns = stride // step
     framed = np.zeros((height + 1, columns + 1, step), np.int16)

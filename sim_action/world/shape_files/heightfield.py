@@ -16,7 +16,7 @@ from sim_action.world.shape_files.shape_error import ShapeError, found_file, rea
 MAX_SAMPLES: Final = 250_000
 """500 x 500: PyBullet takes 0.5 s to load so many, and dies of a few million."""
 
-_LEAST: Final = 2
+_MIN_SAMPLES: Final = 2
 
 
 def grid_of(heightfield: Heightfield, workspace: Workspace) -> GridPart:
@@ -37,7 +37,7 @@ def _image(name: str, height: float, workspace: Workspace) -> NDArray[np.float64
     except ImageError as error:
         raise ShapeError(f"'{name}' {error}", "image") from None
     rows, columns = image.pixels.shape
-    if min(rows, columns) < _LEAST:
+    if min(rows, columns) < _MIN_SAMPLES:
         raise ShapeError(f"'{name}' has {columns} x {rows} pixels; a surface takes two each way", "image")
     if rows * columns > MAX_SAMPLES:
         found = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} samples are simulated"

@@ -15,7 +15,7 @@ from sim_action.meshes.mesh import Mesh
 from sim_action.world import MeshFile
 from sim_action.world.parts import HullPart, SurfacePart
 from sim_action.world.shape_files.shape_error import ShapeError, found_file
-from sim_action.world.shapes import LARGEST, SMALLEST
+from sim_action.world.shapes import MAX_LENGTH_M, MIN_LENGTH_M
 
 MAX_TRIANGLES: Final = 40_000
 """Of a body that is not convex: what PyBullet takes of one."""
@@ -51,7 +51,7 @@ def _hull(points: NDArray[np.float64]) -> HullPart:
 
 def _check_size(name: str, extents: NDArray[np.float64]) -> None:
     largest = float(extents.max())
-    if largest > LARGEST:
+    if largest > MAX_LENGTH_M:
         raise ShapeError(f"'{name}' measures {largest:.4g} m; is it in millimetres? then write scale: 0.001", "scale")
-    if largest < SMALLEST:
+    if largest < MIN_LENGTH_M:
         raise ShapeError(f"'{name}' measures {largest:.4g} m, which no engine can tell from nothing", "scale")

@@ -1,4 +1,4 @@
-"""Hulls of rewritten meshes are as large again as the meshes were."""
+"""Geoms of MuJoCo: hulls get back the size of their meshes, and surfaces become thin convex pieces."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.engines.mujoco.geoms import grown, read_hulls, solid
 from sim_action.meshes import clean_mesh
-from sim_action.meshes.collision_hulls import _drawn_in
+from sim_action.meshes.collision_hulls import _shrunk
 from sim_action.robot.mesh_references import _ENGINE_MARGIN
 from tests.mesh_files import CORNERS, obj, stl, two_objects
 
-pytest.importorskip("mujoco")
+geoms = pytest.importorskip("sim_action.engines.mujoco.geoms", reason="mujoco is not installed")
 
 
 def clean(folder: Path, name: str, data: bytes) -> Path:
@@ -25,7 +24,7 @@ def clean(folder: Path, name: str, data: bytes) -> Path:
 
 
 def test_a_box_is_as_large_as_it_was(tmp_path: Path) -> None:
-    (points,) = read_hulls(clean(tmp_path, "box.stl", stl()))
+    (points,) = geoms.read_unshrunk_hulls(clean(tmp_path, "box.stl", stl()))
     corners = np.array(CORNERS)
     apart = np.linalg.norm(points[:, np.newaxis] - corners, axis=2)
     assert len(points) == 8
@@ -33,7 +32,7 @@ def test_a_box_is_as_large_as_it_was(tmp_path: Path) -> None:
 
 
 def test_each_part_is_a_hull_of_its_own(tmp_path: Path) -> None:
-    left, right = read_hulls(clean(tmp_path, "two.obj", two_objects()))
+    left, right = geoms.read_unshrunk_hulls(clean(tmp_path, "two.obj", two_objects()))
     assert left.mean(axis=0) == pytest.approx((0, 0, 0), abs=1e-8)
     assert right.mean(axis=0) == pytest.approx((1, 0, 0), abs=1e-8)
 
@@ -41,7 +40,7 @@ def test_each_part_is_a_hull_of_its_own(tmp_path: Path) -> None:
 @given(st.lists(st.tuples(*[st.floats(-2, 2)] * 3), min_size=4, max_size=20))
 def test_what_was_drawn_in_is_grown_again(points: list[tuple[float, float, float]]) -> None:
     original = np.array(points)
-    assert grown(_drawn_in(original, _ENGINE_MARGIN)) == pytest.approx(original, abs=1e-9)
+    assert geoms.undo_margin(_shrunk(original, _ENGINE_MARGIN)) == pytest.approx(original, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -54,48 +53,46 @@ def test_what_was_drawn_in_is_grown_again(points: list[tuple[float, float, float
     ],
 )
 def test_what_is_flat_gets_a_thickness(points: list[tuple[float, float, float]]) -> None:
-    thick = solid(np.array(points, dtype=np.float64))
+    thick = geoms.thickened(np.array(points, dtype=np.float64))
     assert np.linalg.matrix_rank(thick - thick[0], tol=1e-6) == 3
     assert np.ptp(thick, axis=0) == pytest.approx(np.ptp(np.array(points), axis=0), abs=0.005)
 
 
 def test_what_has_a_volume_is_left_alone() -> None:
     points = np.array(CORNERS)
-    assert solid(points) is points
+    assert geoms.thickened(points) is points
 
 
 def test_a_scaled_mesh_is_grown_as_it_was_drawn_in(tmp_path: Path) -> None:
     path = tmp_path / "box.obj"
     path.write_bytes(obj())
     scaled = clean_mesh(path, tmp_path / "clean", scale=(2, -1, 0.01), margin=_ENGINE_MARGIN).path
-    (points,) = read_hulls(scaled)
+    (points,) = geoms.read_unshrunk_hulls(scaled)
     assert np.ptp(points, axis=0) == pytest.approx((0.4, 0.4, 0.006), abs=1e-8)
 
-
-triangles = pytest.importorskip("sim_action.engines.mujoco.geoms", reason="mujoco is not installed")
 
 ONE = np.array([[0, 1, 2]])
 
 
 def test_a_piece_is_its_triangle_and_a_smaller_one_behind_it() -> None:
     corners = np.array([(0.0, 0, 0), (3, 0, 0), (0, 4, 0)])
-    (piece,) = triangles.behind(corners, ONE)
+    (piece,) = geoms.triangle_prisms(corners, ONE)
     assert (piece[:3] == corners).all()
-    assert piece[3:, 2] == pytest.approx([-triangles.THICKNESS] * 3)
+    assert piece[3:, 2] == pytest.approx([-geoms.MAX_THICKNESS_M] * 3)
     # At 45 degrees, all sides have moved in by as much as it is thick; its inner circle has a radius of 1.
-    assert piece[3, :2] == pytest.approx([triangles.THICKNESS] * 2)
+    assert piece[3, :2] == pytest.approx([geoms.MAX_THICKNESS_M] * 2)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(1e-4, 10))
 def test_a_piece_stays_behind_its_triangle_however_small(seed: int, size: float) -> None:
     corners = size * np.random.default_rng(seed).normal(size=(3, 3))
-    (piece,) = triangles.behind(corners, ONE)
+    (piece,) = geoms.triangle_prisms(corners, ONE)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     normal /= np.linalg.norm(normal)
     above = (piece - corners[0]) @ normal
     assert above[:3] == pytest.approx([0] * 3, abs=1e-9 * size)
     assert (above[3:] < 0).all()
-    assert (above[3:] >= -triangles.THICKNESS - 1e-12).all()
+    assert (above[3:] >= -geoms.MAX_THICKNESS_M - 1e-12).all()
     # Seen from above, it is within the triangle.
     for start, end in ((0, 1), (1, 2), (2, 0)):
         inward = np.cross(normal, corners[end] - corners[start])

@@ -8,7 +8,7 @@ from typing import Final
 import pytest
 
 from sim_action.engines.mujoco.geoms import add_object
-from sim_action.engines.mujoco.names import in_users_words
+from sim_action.engines.mujoco.names import with_user_names
 from sim_action.world import Body, World
 from sim_action.world.parts import HullPart
 from sim_action.world.scene import Scene
@@ -38,7 +38,7 @@ def made() -> Scene:
     ],
 )
 def test_names_are_those_of_the_user(said: str, told: str) -> None:
-    assert in_users_words(said, made()) == told
+    assert with_user_names(said, made()) == told
 
 
 def test_so_is_what_it_says_of_a_hull_that_it_refuses() -> None:
@@ -47,6 +47,6 @@ def test_so_is_what_it_says_of_a_hull_that_it_refuses() -> None:
     list(add_object(spec, Body(name="h", box=(1, 1, 1), mass=1.0), [flat]))
     with pytest.raises(ValueError, match="object/h") as refused:
         spec.compile()
-    told = in_users_words(str(refused.value), made())
+    told = with_user_names(str(refused.value), made())
     assert "'h'" in told
     assert "object/" not in told

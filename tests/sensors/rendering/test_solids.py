@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import clean_mesh
-from sim_action.sensors.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron, Solid, hull_of, read_hulls
+from sim_action.sensors.rendering.solids import (
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Polyhedron,
+    Solid,
+    hull_polyhedron,
+    read_hull_polyhedra,
+)
 from tests.mesh_files import two_objects
 from tests.sensors.rendering.solid_rays import entry
 
@@ -23,7 +31,7 @@ CAN, PILL = Cylinder(1.0, 2.0), Capsule(1.0, 2.0)
 EGG = Ellipsoid((1.0, 2.0, 3.0))
 SOLIDS: list[tuple[Solid, Callable[[float, float, float], float]]] = [
     (BOX, lambda x, y, z: max(abs(x) - 1, abs(y) - 2, abs(z) - 3)),
-    (hull_of(CORNERS), lambda x, y, z: max(abs(x) - 1, abs(y) - 2, abs(z) - 3)),
+    (hull_polyhedron(CORNERS), lambda x, y, z: max(abs(x) - 1, abs(y) - 2, abs(z) - 3)),
     (CAN, lambda x, y, z: max(math.hypot(x, y) - 1, abs(z) - 2)),
     (PILL, lambda x, y, z: math.hypot(x, y, max(0.0, abs(z) - 2)) - 1),
     (EGG, lambda x, y, z: math.hypot(x, y / 2, z / 3) - 1),
@@ -112,7 +120,7 @@ def heights(hull: Polyhedron, of: np.ndarray) -> np.ndarray:
 @given(points)
 def test_a_hull_holds_its_points_and_touches_each_plane(given_points: list[tuple[float, float, float]]) -> None:
     cloud = np.array(given_points)
-    hull = hull_of(cloud)
+    hull = hull_polyhedron(cloud)
     above = heights(hull, cloud)
     assert above.max() <= 1e-12
     assert np.abs(above.max(axis=0)).max() <= 1e-12
@@ -121,7 +129,7 @@ def test_a_hull_holds_its_points_and_touches_each_plane(given_points: list[tuple
 
 def test_a_tilted_cube_has_no_room_to_spare() -> None:
     turn, _ = np.linalg.qr(np.array([(1.0, 2, 3), (4, 5, 7), (7, 8, 8)]))
-    hull = hull_of(CUBE @ turn)
+    hull = hull_polyhedron(CUBE @ turn)
     faces = np.concatenate((turn, -turn))
     assert all((np.abs(hull.normals - face).max(axis=1) < 1e-6).any() for face in faces)
 
@@ -129,7 +137,7 @@ def test_a_tilted_cube_has_no_room_to_spare() -> None:
 def test_of_many_points_it_is_near_the_ball_they_lie_on() -> None:
     directions = np.random.default_rng(1).normal(size=(2000, 3))
     ball = directions / np.linalg.norm(directions, axis=1)[:, None]
-    hull = hull_of(ball)
+    hull = hull_polyhedron(ball)
     seen = [entry(hull, tuple(3 * point), tuple(-point))[0] for point in ball[:200]]
     assert min(seen) > 1.95
     assert max(seen) <= 2 + 1e-9
@@ -138,7 +146,7 @@ def test_of_many_points_it_is_near_the_ball_they_lie_on() -> None:
 
 @pytest.mark.parametrize("flat", [CUBE[:1], CUBE[:2], CUBE[:4]])
 def test_what_has_no_volume_is_still_seen(flat: np.ndarray) -> None:
-    depth, normal = entry(hull_of(flat, 0.001), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    depth, normal = entry(hull_polyhedron(flat, 0.001), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert depth == pytest.approx(0.999)
     assert normal == (-1, 0, 0)
 
@@ -146,7 +154,7 @@ def test_what_has_no_volume_is_still_seen(flat: np.ndarray) -> None:
 def test_a_mesh_that_was_written_here_is_as_large_as_it_was(tmp_path: Path) -> None:
     (tmp_path / "two.obj").write_bytes(two_objects())
     clean = clean_mesh(tmp_path / "two.obj", tmp_path / "cache", margin=0.001)
-    hulls = list(read_hulls(clean.path))
+    hulls = list(read_hull_polyhedra(clean.path))
     assert [middle for _, middle in hulls] == [(0, 0, 0), (1, 0, 0)]
     for hull, _ in hulls:
         assert entry(hull, (-1, 0, 0), (1, 0, 0))[0] == pytest.approx(0.9)
