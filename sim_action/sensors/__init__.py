@@ -1,7 +1,7 @@
-"""Sensors: what a controller gets to see of the robot and its surroundings, each at a rate of its own.
+"""Sensors: measurements of the robot and its surroundings for controllers, each at its own rate.
 
-A sensor is a frozen spec whose fields are the YAML keys; `open` gives the live half. It is read before the commands of
-the same moment are asked for, and only if somebody listens: a controller that looks, or a trace that keeps it.
+A sensor is a frozen spec whose fields are the YAML keys; `open` returns the function that measures. It is read before
+the commands of the same moment, and only if a controller accesses it or the trace records it.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sight:
-    """The present, as sensors get to see it: the robot, and an engine that can be asked for more.
+    """The present state as sensors see it: the robot, and queries to the engine.
 
     Attributes:
         time: sim time in s.
-        look: what the robot is like; looked at once, if a sensor asks for it.
+        look: returns the state of the robot; called at most once.
     """
 
     time: float
@@ -43,24 +43,24 @@ class Sight:
 
     @cached_property
     def robot(self) -> Observation:
-        """Its base, its joints and its contacts."""
+        """The base, the joints and the contacts of the robot."""
         return self.look()
 
 
 Measure = Callable[[Sight], "Reading"]
-"""The live half of a sensor: from the present to what the sensor says of it; may remember what was before."""
+"""Returns the reading of a sensor for the present state; it may keep a state of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Where a sensor sits, and what it draws its noise from.
+    """The mounting of an open sensor, and its source of noise.
 
     Attributes:
-        link: of the robot.
+        link: name of the robot's link.
         pose: of the sensor, in the frame of the link.
-        rate: Hz, at which it is read.
+        rate: readings per second, in Hz.
         random: its own stream of random numbers.
-        wheels: how those of the robot's drive move it; there for what `reads_wheels`.
+        wheels: the wheel kinematics of the robot's drive; only for sensors with `reads_wheels`.
     """
 
     scene: Scene
@@ -72,29 +72,29 @@ class Mount:
 
 
 class Sensor(FrozenModel):
-    """What all sensors are."""
+    """The base class of all sensors."""
 
     key: ClassVar[str]
-    """Its name in YAML."""
+    """The YAML key of the sensor."""
 
     watches_contacts: ClassVar[bool] = False
-    """Whether it reads `Observation.contacts`; they are computed only when asked for."""
+    """True if it reads `Observation.contacts`, which are computed only on request."""
 
     reads_wheels: ClassVar[bool] = False
-    """Whether it is of the wheels of the robot's drive, and thereby of the base alone."""
+    """True if it reads the wheels of the robot's drive; it then sits on the base link."""
 
     @property
     def reading_bytes(self) -> int:
-        """How much of a trace a reading takes; 0 where it is not worth counting."""
+        """The size of a reading in a trace, in bytes; 0 if negligible."""
         return 0
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """What does not fit the scene."""
+        """Yield the problems of this sensor in a scene."""
         yield from ()
 
     @abstractmethod
     def open(self, mount: Mount) -> Measure:
-        """The live half."""
+        """Return the function that measures."""
 
 
 SENSORS: Final = Table[type[Sensor]](
@@ -110,7 +110,7 @@ SENSORS: Final = Table[type[Sensor]](
 
 
 class SensorPose(FrozenModel):
-    """Where a sensor sits on its link, in the link's frame."""
+    """The pose of a sensor in the frame of its link."""
 
     x: Metres = 0.0
     y: Metres = 0.0
@@ -121,25 +121,27 @@ class SensorPose(FrozenModel):
 
     @property
     def pose(self) -> Pose:
-        """The same, as position and rotation."""
+        """The same as a `Pose`: position and quaternion."""
         return Pose((self.x, self.y, self.z), quaternion_from_rpy(self.roll, self.pitch, self.yaw))
 
 
 class Mounting(FrozenModel):
-    """What can be said of any sensor, beside its own key."""
+    """The keys that every sensor has in addition to its own."""
 
-    name: Annotated[Name | None, Field(description="how controllers find it; left out: its kind")] = None
-    link: Annotated[str | None, Field(description="of the robot, that it sits on; left out: the base link")] = None
-    pose: Annotated[SensorPose, Field(description="of the sensor, in the frame of its link")] = (
+    name: Annotated[Name | None, Field(description="name in controllers and reports; default: the kind of sensor")] = (
+        None
+    )
+    link: Annotated[str | None, Field(description="link of the robot that carries it; default: the base link")] = None
+    pose: Annotated[SensorPose, Field(description="pose of the sensor in the frame of its link")] = (
         SensorPose.model_construct()
     )
-    rate: Annotated[PositiveHertz, Field(description="at which it is read")] = 10.0
-    trace: Annotated[bool, Field(description="whether the trace keeps what it tells")] = False
+    rate: Annotated[PositiveHertz, Field(description="readings per second")] = 10.0
+    trace: Annotated[bool, Field(description="record the readings in the trace")] = False
 
 
 @dataclass(frozen=True, slots=True)
 class MountedSensor:
-    """A sensor with its name, its place on the robot and its rate; `link` None: the base link."""
+    """A sensor with its name, mounting and rate; `link` None: the base link."""
 
     sensor: Sensor
     name: str

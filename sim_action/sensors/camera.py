@@ -1,4 +1,4 @@
-"""Pictures: `camera`."""
+"""The camera: `camera: {width: 160, height: 120}`."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ if TYPE_CHECKING:
 
 
 class Camera(Sensor):
-    """Takes pictures in colour, with the depth of every pixel.
+    """Takes colour pictures with the depth of every pixel.
 
-    It looks along the x axis of its own frame, with y to the left and z up, as robots have it (REP 103; not the optical
-    frame of ROS, whose z axis looks ahead). A reading has `rgb`, (H, W, 3) bytes (`rgb.astype(int)` before you add
-    to them: bytes overflow), and `depth`, (H, W) in m along the x axis, which is not the length of the ray, and inf
-    where nothing is.
+    The camera looks along the x axis of its frame, with y to the left and z up (REP 103). This is not the optical frame
+    of ROS, whose z axis points ahead. A reading has `rgb`, (H, W, 3) bytes, and `depth`, (H, W) in m along the x axis.
+    The depth is not the length of the ray; it is inf where nothing is seen. Bytes overflow: use `rgb.astype(int)`
+    before you add to them.
 
-    Row 0 is at the top, column 0 at the left. Pixels are square and taken at their middle. With the focal length
-    `f = width / 2 / tan(field_of_view / 2)`, what is at (x, y, z) in the frame of the camera is in column
-    `width / 2 - f y / x` and in row `height / 2 - f z / x`, counted from the edges of the picture.
+    Row 0 is at the top, column 0 at the left. Pixels are square and sampled at their centres. With the focal length
+    `f = width / 2 / tan(field_of_view / 2)`, a point (x, y, z) in the camera's frame appears in column
+    `width / 2 - f y / x` and row `height / 2 - f z / x`, measured from the edges of the picture.
 
-    It sees the ground (grey squares of 0.5 m), the objects of the world in their `color`, and the robot itself, all as
-    what collides: a hull of a mesh as that of at most 64 of its points, or, in MJCF, as the box around it; heightfields
-    and hollow meshes as their triangles, each of which takes 0.1 ms of a picture. There are no shadows, no blur and no
-    noise. What the camera is inside of is not seen. Every engine gives the same picture.
+    The picture shows the ground (grey squares of 0.5 m), the objects of the world in their `color`, and the robot. All
+    are drawn as collision shapes. A hull of a mesh is drawn from at most 64 of its points; in MJCF a mesh is drawn as
+    its bounding box. Heightfields and hollow meshes are drawn as triangles, each of which costs 0.1 ms per picture.
+    There are no shadows, no blur and no noise. A shape that contains the camera is not drawn. Every engine gives the
+    same picture.
 
-    `trace: true` keeps 7 bytes for each pixel of each picture: at 160x120 and 10 Hz, 13 MB for 10 s. A trace keeps
-    500 MB of pictures at the most.
+    `trace: true` records 7 bytes per pixel: 13 MB for 10 s at 160x120 and 10 Hz. A trace holds at most 500 MB of
+    pictures.
     """
 
     key: ClassVar[str] = "camera"
@@ -42,10 +43,12 @@ class Camera(Sensor):
     width: Annotated[int, Field(ge=1, le=1920, description="pixels")] = 160
     height: Annotated[int, Field(ge=1, le=1080, description="pixels")] = 120
     field_of_view: Annotated[
-        PositiveRadians, Field(le=math.radians(170), description="from the left edge to the right one")
+        PositiveRadians, Field(le=math.radians(170), description="angle from the left edge to the right edge")
     ] = math.radians(60)
-    near: Annotated[Metres, Field(ge=0.001, description="what is nearer is not seen")] = 0.05
-    far: Annotated[Metres, Field(le=10_000, description="what is further is not seen, and looks like the sky")] = 10.0
+    near: Annotated[Metres, Field(ge=0.001, description="nearer surfaces are not seen")] = 0.05
+    far: Annotated[Metres, Field(le=10_000, description="farther surfaces are not seen; the sky is shown instead")] = (
+        10.0
+    )
 
     @model_validator(mode="after")
     def _reaches_somewhere(self) -> Self:
@@ -55,7 +58,7 @@ class Camera(Sensor):
 
     @property
     def reading_bytes(self) -> int:
-        """See Sensor.reading_bytes: three of colour and four of depth for each pixel."""
+        """See Sensor.reading_bytes: three bytes of colour and four of depth per pixel."""
         return 7 * self.width * self.height
 
     def open(self, mount: Mount) -> Measure:

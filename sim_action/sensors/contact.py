@@ -1,4 +1,4 @@
-"""Bumpers and feet: `contact`."""
+"""The contact sensor, for bumpers and feet: `contact: {}`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from sim_action.state.readings import ContactReading
 
 
 class ContactSensor(Sensor):
-    """Tells whether its link touches anything at the moment, and how hard; the ground counts.
+    """Measures whether its link touches something, and with which force; the ground counts.
 
-    A reading has `touching`, `force` (N, the sum of normal forces) and `bodies`, the names of what is touched. It is of
-    the moment at which it is read: a bounce between two readings is not in it, and `no_collision` sees that one, too.
-    What is hard and pressed against something hard may let go and hit it many times a second, so that it is for the
-    controller to remember a touch.
+    A reading has `touching`, `force` (the sum of the normal forces in N) and `bodies` (the names of the touched
+    bodies). It describes the moment of the reading.
+    A bounce between two readings is missing; the assertion `no_collision` sees
+    it. Hard surfaces that are pressed together may separate and touch many times per second, so a controller should
+    remember a touch.
     """
 
     key: ClassVar[str] = "contact"

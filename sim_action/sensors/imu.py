@@ -1,4 +1,4 @@
-"""Inertial measurement units: `imu`."""
+"""The inertial measurement unit: `imu: {gyro_noise: 0.01 rad/s}`."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ if TYPE_CHECKING:
 
 
 class Imu(Sensor):
-    """Tells how its link turns and accelerates, and which way is up: gyroscope, accelerometer and orientation.
+    """Measures orientation, angular velocity and linear acceleration: gyroscope and accelerometer.
 
-    A reading has `orientation_xyzw` (of the sensor in the world, the truth), `angular_velocity_xyz` (rad/s, of the
-    moment) and `linear_acceleration_xyz` (m/s^2), both in the sensor's own frame. The acceleration is what
-    accelerometers feel, with gravity: at rest 9.80665 upwards, or against what `world.gravity` is. It is the mean since
-    the reading before, from how the velocity of the sensor has changed; the first reading is one at rest. By the
-    scenario's seed, noise is drawn for
-    each axis of each reading, and an offset, the bias, once for each axis of a run. The noise density that a data sheet
-    has, times the root of `rate`, is such a noise.
+    A reading has `orientation_xyzw` (of the sensor in the world, without noise), `angular_velocity_xyz` (rad/s) and
+    `linear_acceleration_xyz` (m/s^2), the last two in the sensor's frame. The angular velocity is that of the moment.
+    The acceleration includes gravity like a real accelerometer: at rest it is 9.80665 upwards, or the opposite of
+    `world.gravity`. It is the mean since the previous reading, from the change of the sensor's velocity; the first
+    reading is that of a sensor at rest.
+
+    The scenario's seed determines the noise: one number for each axis of each reading, and one offset (bias) for each
+    axis of a run. To use the noise density of a data sheet, multiply it by the square root of `rate`.
     """
 
     key: ClassVar[str] = "imu"
@@ -61,7 +62,7 @@ class Imu(Sensor):
 
 
 class _State:
-    """How the sensor is placed and moves at a moment, in the world frame."""
+    """Pose and velocity of the sensor at a moment, world frame."""
 
     def __init__(self, mount: Mount, sight: Sight) -> None:
         link, twist = sight.probe.link_pose(mount.link), sight.probe.link_twist(mount.link)
@@ -72,21 +73,21 @@ class _State:
         self.time = sight.time
 
     def turning(self) -> Vector3:
-        """Angular velocity in rad/s, sensor frame."""
+        """Return the angular velocity in rad/s, sensor frame."""
         return geometry.rotate(geometry.conjugate(self.pose.orientation_xyzw), self.angular_xyz)
 
     def specific_force(self, before: _State, gravity_xyz: Vector3) -> Vector3:
-        """The mean since `before` in m/s^2, sensor frame."""
+        """Return the mean specific force since `before` in m/s^2, sensor frame."""
         period = (self.time - before.time) or 1.0
         changes = zip(self.linear_xyz, before.linear_xyz, gravity_xyz, strict=True)
         ax, ay, az = ((now - then) / period - pull for now, then, pull in changes)
-        # A sensor that turns adds up in a frame that turns with it: in the mean, that of half the way.
+        # The frame turns during the interval; its mean orientation is half-way.
         midway = _midway(before.pose.orientation_xyzw, self.pose.orientation_xyzw)
         return geometry.rotate(geometry.conjugate(midway), (ax, ay, az))
 
 
 def _midway(first: Quaternion, second: Quaternion) -> Quaternion:
-    """The rotation half-way between two."""
+    """Return the rotation half-way between two."""
     sign = 1.0 if sum(one * other for one, other in zip(first, second, strict=True)) >= 0 else -1.0
     x, y, z, w = (one + sign * other for one, other in zip(first, second, strict=True))
     length = (x * x + y * y + z * z + w * w) ** 0.5

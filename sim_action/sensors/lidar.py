@@ -1,4 +1,4 @@
-"""A lidar that sweeps one plane: `lidar: {rays: 360, range: 3.5 m}`."""
+"""The lidar, which scans one plane: `lidar: {rays: 360, range: 3.5 m}`."""
 
 from __future__ import annotations
 
@@ -25,37 +25,37 @@ _ROUNDING: Final = 1e-9
 
 
 class Lidar(Sensor):
-    """Measures how far it is to what surrounds the robot, in a plane around the sensor.
+    """Measures the distances to surrounding surfaces in one plane.
 
-    The plane is that of the sensor's x and y axes; turn it with `pose`. Rays begin at the sensor and go
-    counter-clockwise about its z axis, with the x axis amid the field of view: the scan of 360 rays has what is
-    straight ahead at number 180, or at number 0 with `angle_min: 0`. They meet the bodies of the world and the ground,
-    never the robot itself.
+    The plane is that of the sensor's x and y axes; `pose` turns it. Rays start at the sensor and are numbered
+    counter-clockwise about its z axis, with the x axis in the centre of the field of view. In a scan of 360 rays number
+    180 points straight ahead; with `angle_min: 0` it is number 0. Rays hit the bodies of the world and the ground, but
+    never the robot.
 
     A reading is a scan as in ROS (sensor_msgs/LaserScan): `angle_min`, `angle_increment`, `range_min`, `range_max`, and
-    `ranges`, an array in m. As REP 117 has it, inf says that nothing is in range, -inf that something is nearer than
-    `min_range`; a controller in another process gets null for the first, and 0 for the second.
-    `scan.nearest(start_angle, end_angle)` is the shortest range from one angle counter-clockwise to another (so that
-    `nearest(1, 0.5)` looks round the back); if both lie between two rays, the nearer ray counts. What the sensor itself
-    is inside of, it does not see.
+    `ranges`, an array in m. As in REP 117, inf means that nothing is in range, and -inf that a surface is nearer than
+    `min_range`. A controller in another process gets null instead of inf and 0 instead of -inf.
+    `scan.nearest(start_angle, end_angle)` returns the shortest range from one angle counter-clockwise to another, so
+    `nearest(1, 0.5)` includes the rear. If both angles lie between two rays, the nearer ray counts. A body that
+    contains the sensor is not seen.
     """
 
     key: ClassVar[str] = "lidar"
 
-    rays: Annotated[int, Field(ge=1, le=100_000, description="in a scan; one alone looks ahead")] = 360
+    rays: Annotated[int, Field(ge=1, le=100_000, description="rays per scan; a single ray points ahead")] = 360
     field_of_view: Annotated[
         PositiveRadians,
-        Field(description="between the first and the last ray; of 360 deg, the last is not the first again"),
+        Field(description="angle from the first ray to the last; at 360 deg the last ray does not repeat the first"),
     ] = _FULL_CIRCLE
     angle_min: Annotated[
         Radians | None,
-        Field(description="of the first ray, from the x axis; left out: half the field of view to the right"),
+        Field(description="angle of the first ray from the x axis; default: minus half the field of view"),
     ] = None
-    min_range: Annotated[NonNegativeMetres, Field(description="what is nearer is seen, but not measured")] = 0.0
-    range: Annotated[PositiveMetres, Field(le=1000, description="what is further away is not seen")] = 10.0
+    min_range: Annotated[NonNegativeMetres, Field(description="nearer surfaces are detected, but not measured")] = 0.0
+    range: Annotated[PositiveMetres, Field(le=1000, description="farther surfaces are not seen")] = 10.0
     noise: Annotated[
         NonNegativeMetres,
-        Field(description="standard deviation of what is measured; Gaussian, from the scenario's seed"),
+        Field(description="standard deviation of the ranges; Gaussian, from the scenario's seed"),
     ] = 0.0
 
     @property
@@ -83,10 +83,10 @@ class Lidar(Sensor):
             x_axis = rotate(pose.orientation_xyzw, (self.range, 0.0, 0.0))
             y_axis = rotate(pose.orientation_xyzw, (0.0, self.range, 0.0))
             ends = np.empty((self.rays, 3))
-            # Sums of products, not a product of matrices, which rounds as the kind of processor has it.
+            # Sums of products: the rounding of a matrix product depends on the processor.
             for column, (x, y, start) in enumerate(zip(x_axis, y_axis, pose.position_xyz, strict=True)):
                 ends[:, column] = cosines * x + sines * y + start
-            ranges = self._told(self.range * sight.probe.cast_rays(pose.position_xyz, ends), mount.random)
+            ranges = self._measured(self.range * sight.probe.cast_rays(pose.position_xyz, ends), mount.random)
             ranges.flags.writeable = False
             return LidarScan(sight.time, first, increment, self.min_range, self.range, ranges)
 
@@ -94,19 +94,19 @@ class Lidar(Sensor):
 
     @property
     def increment(self) -> float:
-        """Rad from one ray to the next."""
+        """The angle from one ray to the next in rad."""
         is_circle = self.field_of_view >= _FULL_CIRCLE - _ROUNDING
         return self.field_of_view / max(1, self.rays if is_circle else self.rays - 1)
 
     @property
     def first_angle(self) -> float:
-        """Rad, of the first ray from the x axis."""
+        """The angle of the first ray from the x axis in rad."""
         if self.angle_min is not None:
             return self.angle_min
         return -self.field_of_view / 2 if self.rays > 1 else 0.0
 
-    def _told(self, ranges: NDArray[np.float64], random: Generator) -> NDArray[np.float64]:
-        """What the sensor makes of true ranges: noise leads neither out of what can be measured, nor into it."""
+    def _measured(self, ranges: NDArray[np.float64], random: Generator) -> NDArray[np.float64]:
+        """Return the measured ranges; noise moves no range into or out of the measuring range."""
         near, far = ranges < self.min_range, ranges > self.range
         if self.noise:
             noise = random.normal(0.0, self.noise, self.rays)

@@ -1,4 +1,4 @@
-"""Wheel odometry: `odometry`."""
+"""Wheel odometry: `odometry: {resolution: 4096}`."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from sim_action.state.sensor_inputs import PlanarWay, WheelMotion
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
 
-# Wheels measure nothing if they are taken for none, and the way backward if for less.
+# At -1 the believed radius is 0; below, it is negative.
 ErrorRatio = Annotated[Ratio, Field(gt=-1, le=100)]
 
 
 class Odometry(Sensor):
-    """Tells where the robot believes it is: what the joints of its wheels and of its steering say of its way.
+    """Estimates the robot's pose from the joints of its wheels and of its steering.
 
-    A reading has `pose` and `twist`, both of the base link. The pose is in the world frame: the first one is where the
-    robot really begins, and what follows is added up from there, over level ground, by the kinematics of the robot's
-    drive. The twist (m/s and rad/s) is the mean since the reading before, in the frame of the base, as in
-    nav_msgs/Odometry. It drifts as real odometry does: wheels that slip go unnoticed, such as those of a car that
-    spins them, or of skid steer, which turns by slipping; and by what is said here. Errors are ratios: 0.01 means that
-    the robot believes 1 % more than there is.
+    A reading has `pose` and `twist` of the base link. The first pose is the true one, in the world frame. The following
+    poses add up the motion of the wheels over level ground, by the kinematics of the robot's drive. The twist (m/s and
+    rad/s) is the mean since the previous reading, in the frame of the base, as in nav_msgs/Odometry.
+
+    The estimate drifts like real odometry. Slipping wheels go unnoticed, such as spinning wheels of a car, or those of
+    a skid steer drive, which slip in every turn. The keys below add errors. Errors are ratios: 0.01 means that the
+    robot assumes 1 % more than the true value.
     """
 
     key: ClassVar[str] = "odometry"
@@ -38,15 +39,18 @@ class Odometry(Sensor):
 
     noise: Annotated[
         NonNegativeMetres,
-        Field(le=1000, description="standard deviation of a wheel's way after 1 m; it grows with the root of the way"),
+        Field(
+            le=1000,
+            description="standard deviation of a wheel's distance after 1 m; grows with the root of the distance",
+        ),
     ] = 0.0
     resolution: Annotated[
         int | None,
-        Field(gt=0, le=1_000_000_000, description="ticks of a wheel's encoder in a turn; left out: it is exact"),
+        Field(gt=0, le=1_000_000_000, description="encoder ticks per wheel revolution; default: exact angles"),
     ] = None
-    radius_error: Annotated[ErrorRatio, Field(description="of the radius of the wheels")] = 0.0
+    radius_error: Annotated[ErrorRatio, Field(description="error of the wheel radius")] = 0.0
     separation_error: Annotated[
-        ErrorRatio, Field(description="of the distance of the wheels; with steered wheels, of the wheelbase")
+        ErrorRatio, Field(description="error of the wheel separation; with steered wheels, of the wheelbase")
     ] = 0.0
 
     def open(self, mount: Mount) -> Measure:
@@ -56,7 +60,7 @@ class Odometry(Sensor):
 
 
 class _OdometryReader:
-    """The live half: believes, and adds up."""
+    """Adds up the motion of the wheels from reading to reading."""
 
     def __init__(self, spec: Odometry, mount: Mount, wheels: WheelMotion) -> None:
         self._spec, self._wheels = spec, wheels
@@ -74,33 +78,33 @@ class _OdometryReader:
         return OdometryReading(sight.time, pose, way.twist(self._period))
 
     def _begin(self, robot: Observation) -> None:
-        """The ground is level, also where the robot is not."""
+        """Start at the true pose, with the ground assumed level even if the robot is tilted."""
         heading = geometry.quaternion_from_rpy(0.0, 0.0, robot.pose.yaw)
         self._level = Pose(robot.pose.position_xyz, heading)
         self._tilt = geometry.multiply(geometry.conjugate(heading), robot.pose.orientation_xyzw)
 
     def _measured(self, robot: Observation) -> dict[str, float]:
-        """Joint -> rad: of wheels as their encoders have it."""
+        """Return joint -> angle in rad; wheel angles as their encoders measure them."""
         steered = {name: robot.joints[name].position for name in self._wheels.steering}
         return steered | {name: self._ticked(robot.joints[name].position) for name in self._wheels.gears}
 
     def _ticked(self, angle: float) -> float:
-        # Of a state that is not finite there is no whole number; the watchdog tells of it.
+        # A state that is not finite has no tick; the watchdog reports it.
         if self._spec.resolution is None or not math.isfinite(angle):
             return angle
         tick = math.tau / self._spec.resolution
         return math.floor(angle / tick) * tick
 
     def _way(self, before: Mapping[str, float], now: Mapping[str, float]) -> PlanarWay:
-        """Of the base, in the frame that it had before."""
+        """Return the motion of the base in its previous frame."""
         rolled = {name: self._rolled(gear * (now[name] - before[name])) for name, gear in self._wheels.gears.items()}
-        # What steers moves on its way from one reading to the next.
+        # Steering joints move between two readings; their mean angle is used.
         steered = {name: (before[name] + now[name]) / 2 for name in self._wheels.steering}
         way = self._wheels.way(rolled, steered)
         x, y = self._wheels.middle_xy
         return PlanarWay(way.x, way.y, way.turn / (1 + self._spec.separation_error)).of_point(-x, -y)
 
     def _rolled(self, way: float) -> float:
-        """What is believed of the way of a wheel, in m."""
+        """Return the distance in m that the robot assumes for a wheel."""
         deviation = self._spec.noise * math.sqrt(abs(way))
         return way * (1 + self._spec.radius_error) + deviation * float(self._random.standard_normal())

@@ -1,6 +1,6 @@
-"""What is simulated: the robot, the ground, the objects, the physics rate. No engine in sight.
+"""The world of a scenario: gravity, ground, objects, disturbances and physics, independent of engines.
 
-The fields are the keys of a scenario file; the docstrings and descriptions are what `sim-action schema` prints.
+The fields are the keys of a scenario file; `sim-action schema` prints the docstrings and descriptions.
 """
 
 from __future__ import annotations
@@ -45,22 +45,24 @@ MAX_PATCHES: Final = 50
 
 
 class World(FrozenModel):
-    """What surrounds the robot."""
+    """The surroundings of the robot."""
 
     gravity: Gravity = GRAVITY
     ground: Ground = Ground.model_construct()
     patches: Annotated[
-        tuple[Patch, ...], Field(max_length=MAX_PATCHES, description="areas of the ground with a friction of their own")
+        tuple[Patch, ...], Field(max_length=MAX_PATCHES, description="areas of the ground with their own friction")
     ] = ()
     objects: tuple[Body, ...] = ()
-    disturbances: Annotated[tuple[Disturbance, ...], Field(description="what pushes the robot, or a body")] = ()
+    disturbances: Annotated[
+        tuple[Disturbance, ...], Field(description="forces, torques and pushes on the robot or on bodies")
+    ] = ()
 
     @property
     def gravity_xyz(self) -> Vector3:
-        """In m/s^2, world frame."""
+        """The gravity vector in m/s^2, world frame."""
         return self.gravity if isinstance(self.gravity, tuple) else (0.0, 0.0, -self.gravity)
 
     @property
     def weight(self) -> float:
-        """Of 1 kg, in N."""
+        """The weight of 1 kg in N."""
         return math.hypot(*self.gravity_xyz)

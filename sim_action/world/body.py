@@ -22,7 +22,7 @@ SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightf
 
 _MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh")
 
-# In m and rad: what is no farther apart is the same place.
+# m and rad: the start and the end of a loop may differ by this.
 _MAX_LOOP_GAP: Final = 1e-6
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -36,45 +36,47 @@ def _listed(names: Sequence[str]) -> str:
 
 
 class Body(FrozenModel):
-    """A thing of one shape, which is fixed, or has a mass and moves."""
+    """An object of one shape: fixed, or movable with a mass."""
 
     name: Name
-    box: Annotated[tuple[Size, Size, Size] | None, Field(description="full x, y, z")] = None
-    cylinder: Annotated[Cylinder | None, Field(description="upright, about its own z axis")] = None
+    box: Annotated[tuple[Size, Size, Size] | None, Field(description="full size in x, y and z")] = None
+    cylinder: Annotated[Cylinder | None, Field(description="upright cylinder about its own z axis")] = None
     sphere: Sphere | None = None
-    ramp: Annotated[Ramp | None, Field(description="a wedge that rises along its own x axis; fixed")] = None
+    ramp: Annotated[Ramp | None, Field(description="wedge that rises along its own x axis; fixed")] = None
     stairs: Annotated[Stairs | None, Field(description="steps that rise along their own x axis; fixed")] = None
-    mesh: Annotated[
-        MeshFile | None, Field(description="triangles of a file, as they are; with a mass, their convex hull")
-    ] = None
-    heightfield: Annotated[Heightfield | None, Field(description="ground of many heights; fixed")] = None
-    map: Annotated[OccupancyMap | None, Field(description="walls from a map of ROS's map_server; fixed")] = None
+    mesh: Annotated[MeshFile | None, Field(description="triangle mesh from a file; with a mass, its convex hull")] = (
+        None
+    )
+    heightfield: Annotated[Heightfield | None, Field(description="terrain from a grid of heights; fixed")] = None
+    map: Annotated[OccupancyMap | None, Field(description="walls from an occupancy map of ROS's map_server; fixed")] = (
+        None
+    )
     pose: Annotated[
         Placement,
         Field(
-            description="of the middle of the box around it; of a mesh or a map of its own origin, of a heightfield "
-            "of the middle at height 0"
+            description="pose of the centre of its bounding box; mesh and map: of the file's origin; heightfield: the "
+            "centre at height 0"
         ),
     ] = Placement.model_construct()
-    mass: Annotated[Mass | None, Field(description="left out: it is fixed")] = None
+    mass: Annotated[Mass | None, Field(description="mass of the object; default: the object is fixed")] = None
     friction: Friction = 0.5
     color: Annotated[
         tuple[Share, Share, Share] | None,
-        Field(description="red, green, blue, each 0 to 1, for cameras; left out: one of a row that has no red in it"),
+        Field(description="red, green and blue, each 0 to 1, for cameras; default: one of several, none of them red"),
     ] = None
     path: Annotated[
         tuple[PathPoint, ...],
-        Field(description="where it is over time, in straight lines: it pushes what it meets, and nothing stops it"),
+        Field(description="poses over time, joined by straight lines; it pushes what it meets and is never stopped"),
     ] = ()
-    loop: Annotated[bool, Field(description="whether its path begins again at its end")] = False
+    loop: Annotated[bool, Field(description="repeat the path from its end")] = False
     appears: Annotated[
         PositiveSeconds | None,
-        Field(description="sim time before which it is not there; with a mass, it falls from then"),
+        Field(description="sim time at which the object appears; with a mass, it falls from then on"),
     ] = None
 
     @property
     def beginning(self) -> Placement:
-        """Where it is at first: on a path, at its first point."""
+        """The initial placement; on a path, that of its first point."""
         return placements(self.pose, self.path[:1])[0] if self.path else self.pose
 
     @model_validator(mode="after")
@@ -85,23 +87,23 @@ class Body(FrozenModel):
     @model_validator(mode="after")
     def _has_one_shape(self) -> Self:
         if sum(getattr(self, shape) is not None for shape in SHAPES) != 1:
-            raise ValueError(f"an object has exactly one of {_listed(SHAPES)}")
+            raise ValueError(f"an object needs exactly one shape of {_listed(SHAPES)}")
         if self.mass is not None and self.shape not in _MAY_MOVE:
-            raise ValueError(f"'{self.shape}' is fixed: leave 'mass' out; {_listed(_MAY_MOVE)} can have one")
+            raise ValueError(f"'{self.shape}' is always fixed: remove 'mass'; {_listed(_MAY_MOVE)} can have one")
         return self
 
     @property
     def shape(self) -> str:
-        """The key of its shape."""
+        """The YAML key of the shape."""
         return next(shape for shape in SHAPES if getattr(self, shape) is not None)
 
     @property
     def is_read(self) -> bool:
-        """Whether its shape is in a file, or takes arrays: what reads files makes its parts."""
+        """True if the shape comes from a file or an array; `shape_files` then makes the parts."""
         return self.mesh is not None or self.heightfield is not None or self.map is not None
 
     def parts(self) -> Sequence[Part]:
-        """What it is made of; not for what is read."""
+        """Return the parts of a shape that is not read from a file."""
         from sim_action.world.parts import BoxPart, CylinderPart, SpherePart
 
         if self.box is not None:
@@ -116,7 +118,7 @@ class Body(FrozenModel):
 
 
 def placed(body: Body, parts: Sequence[Part]) -> Pose:
-    """Where a body of these parts begins, in the world frame; without a z, it stands on the ground."""
+    """Return the initial pose of a body with these parts, world frame; without a z it stands on the ground."""
     from sim_action.world.parts import lowest
 
     at = body.beginning
@@ -125,25 +127,25 @@ def placed(body: Body, parts: Sequence[Part]) -> Pose:
 
 
 def _refuse_impossible_path(body: Body) -> None:
-    """Raises ValueError if what a body says of its motion does not fit together."""
+    """Raise ValueError if the keys on the motion of a body contradict each other."""
     if body.loop and not body.path:
-        raise ValueError("'loop' goes with a 'path'")
+        raise ValueError("'loop' needs a 'path'")
     if not body.path:
         return
     if body.mass is not None:
-        raise ValueError("a body on a 'path' goes its way whatever it weighs and whatever it meets; leave 'mass' out")
+        raise ValueError("a body on a 'path' moves regardless of its weight and of contacts; remove 'mass'")
     if body.appears is not None:
-        raise ValueError("a body on a 'path' is there from the start; leave out 'appears', or 'path'")
+        raise ValueError("a body on a 'path' exists from the start; remove 'appears' or 'path'")
     if len(body.path) < 2:
-        raise ValueError("a path has two points at the least; where a body stays, 'pose' says where")
+        raise ValueError("a path needs at least two points; for a body at rest use 'pose'")
     if body.loop and _differ(placements(body.pose, body.path)):
         raise ValueError(
-            "a path with 'loop: true' ends where it begins; let its last point be at the pose of its first, with its z"
+            "a path with 'loop: true' must end where it starts; give its last point the pose of its first, including z"
         )
 
 
 def _differ(places: Sequence[Placement]) -> bool:
-    """Whether the last is not at the first; turned by whole turns, it is."""
+    """Return True if the last placement differs from the first, apart from whole turns."""
     first, last = places[0], places[-1]
     if (first.z is None) != (last.z is None):
         return True

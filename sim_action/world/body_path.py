@@ -1,4 +1,4 @@
-"""Where a body of the world is over time: `path: [{at: 0 s, x: 0}, {at: 2 s, x: 1}]`."""
+"""The path of a body of the world: `path: [{at: 0 s, x: 0}, {at: 2 s, x: 1}]`."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 
 
 class PathPoint(FrozenModel):
-    """Where a body is at one time, in the world frame; a key that is left out stays as it was."""
+    """The pose of a body at one time, world frame; missing keys keep their last value."""
 
-    at: Annotated[NonNegativeSeconds, Field(description="sim time; each point is later than the one before")]
+    at: Annotated[NonNegativeSeconds, Field(description="sim time; must be later than that of the previous point")]
     x: Coordinate | None = None
     y: Coordinate | None = None
     z: Coordinate | None = None
     roll: Radians | None = None
     pitch: Radians | None = None
-    yaw: Annotated[Radians | None, Field(description="it turns as far as is written: 360 deg is one turn")] = None
+    yaw: Annotated[Radians | None, Field(description="absolute angle, not wrapped: 360 deg is one full turn")] = None
 
     def after(self, before: Placement) -> Placement:
-        """Where it puts a body that was there before."""
+        """Return the placement at this point, given the previous one."""
         stated = self.model_dump(exclude={"at"}, exclude_none=True)
         return before.model_copy(update=stated)
 
 
 def placements(start: Placement, points: Sequence[PathPoint]) -> tuple[Placement, ...]:
-    """One for each point."""
+    """Return the placement at each point."""
     found: list[Placement] = []
     for point in points:
         found.append(point.after(found[-1] if found else start))
@@ -44,12 +44,12 @@ Numbers = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class PosePath:
-    """Each of the six numbers of a pose goes from point to point along a straight line, angles as far as is written.
+    """A pose over time. Each of its six numbers is interpolated linearly; angles are not wrapped.
 
     Attributes:
-        times: of the points, in s, rising.
-        points: at those times.
-        loops: whether it begins again at its end, where it is where it began; else it stays.
+        times: of the points in s, ascending.
+        points: the numbers at those times.
+        loops: True if the path repeats; otherwise the pose stays at the last point.
     """
 
     times: tuple[float, ...]
@@ -58,12 +58,12 @@ class PosePath:
 
     @classmethod
     def of(cls, start: Placement, points: Sequence[PathPoint], *, loops: bool = False) -> Self:
-        """The path of a body; `start` tells what its points leave out."""
+        """Return the path of a body; `start` gives the keys that its points omit."""
         numbers = tuple((p.x, p.y, p.z or 0.0, p.roll, p.pitch, p.yaw) for p in placements(start, points))
         return cls(tuple(point.at for point in points), numbers, loops)
 
     def numbers(self, time: float) -> Numbers:
-        """At a time in s; before the first point it is there."""
+        """Return the numbers at a time in s; before the first point, those of the first point."""
         first, last = self.times[0], self.times[-1]
         if self.loops and time > last:
             time = first + (time - first) % (last - first)
@@ -80,6 +80,6 @@ class PosePath:
         return x, y, z, roll, pitch, yaw
 
     def pose(self, time: float) -> Pose:
-        """At a time in s, in the world frame."""
+        """Return the pose at a time in s, world frame."""
         x, y, z, roll, pitch, yaw = self.numbers(time)
         return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))

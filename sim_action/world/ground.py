@@ -1,4 +1,8 @@
-"""What everything stands on."""
+"""The ground: the plane z = 0, patches with their own friction, and the tiles that replace the plane.
+
+A patch on top of the ground would share its load or form a step. The ground is therefore cut around patches. Measured:
+a box that slides from one tile to the next stops where v^2 / (2 mu g) predicts, at any speed.
+"""
 
 from __future__ import annotations
 
@@ -23,33 +27,33 @@ Side = Annotated[Metres, Field(ge=0.01, le=1000)]
 class Ground(FrozenModel):
     """The plane z = 0."""
 
-    friction: Annotated[Friction, Field(description="multiplies with the friction of what touches it")] = 1.0
+    friction: Annotated[Friction, Field(description="multiplied with the friction of whatever touches it")] = 1.0
 
 
 class Patch(FrozenModel):
-    """An area of the ground with a friction of its own.
+    """An area of the ground with its own friction.
 
-    It is level with the ground, which is cut around it: there is no step, and no place where both hold. To contacts it
-    is the ground. Patches may touch and must not lie on each other; at most 50. The ground then ends at 10 km.
+    It is level with the ground, which is cut around it, so there is no step. Contacts with a patch are contacts with
+    the ground. Patches may touch but must not overlap; at most 50 are allowed. With patches, the ground ends at 10 km.
     """
 
-    x: Annotated[Metres, Field(ge=-1000, le=1000, description="of its middle")] = 0.0
-    y: Annotated[Metres, Field(ge=-1000, le=1000, description="of its middle")] = 0.0
-    size: Annotated[tuple[Side, Side], Field(description="x and y")]
-    friction: Annotated[Friction, Field(description="as of the ground, in its place")]
+    x: Annotated[Metres, Field(ge=-1000, le=1000, description="centre of the patch")] = 0.0
+    y: Annotated[Metres, Field(ge=-1000, le=1000, description="centre of the patch")] = 0.0
+    size: Annotated[tuple[Side, Side], Field(description="size in x and y")]
+    friction: Annotated[Friction, Field(description="friction in place of the ground's")]
 
     @property
     def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """From where to where in x, and in y, in m."""
+        """The lower and upper bounds in x and in y, in m."""
         (width, depth) = self.size
         return (self.x - width / 2, self.x + width / 2), (self.y - depth / 2, self.y + depth / 2)
 
 
 GROUND_REACH_M: Final = 10_000.0
-"""m: how far the tiles go from the origin of the world, which is as far as a robot may go by default."""
+"""The extent in m of the tiles from the origin of the world; a robot may not go farther by default."""
 
 _TILE_DEPTH_M: Final = 10.0
-# m: what is narrower between two patches is nothing.
+# Narrower gaps in m between patches are ignored.
 _MIN_WIDTH_M: Final = 1e-6
 
 Span = tuple[float, float]
@@ -57,14 +61,14 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """A piece of the ground, its upper side at z = 0."""
+    """A piece of the ground with its upper side at z = 0."""
 
     part: BoxPart
     friction: float
 
 
 def ground_tiles(ground: Ground, patches: Sequence[Patch]) -> tuple[Tile, ...]:
-    """The patches, and what is left of the ground between and around them; nothing, if there are no patches."""
+    """Return the patches and the remaining ground between and around them; empty without patches."""
     if not patches:
         return ()
     around = [Tile(_box(across, along), ground.friction) for across, along in _rest(patches)]
@@ -72,7 +76,7 @@ def ground_tiles(ground: Ground, patches: Sequence[Patch]) -> tuple[Tile, ...]:
 
 
 def _rest(patches: Sequence[Patch]) -> Iterator[tuple[Span, Span]]:
-    """In strips from edge to edge along x, each cut where patches are; strips that are cut alike are one."""
+    """Yield the remaining ground as strips along x, cut at patches; equal neighbouring strips are merged."""
     cuts = sorted({-GROUND_REACH_M, GROUND_REACH_M, *(edge for patch in patches for edge in patch.bounds[0])})
     begun: dict[Span, float] = {}
     end = -GROUND_REACH_M
@@ -94,7 +98,7 @@ def _covers(span: Span, low: float, high: float) -> bool:
 
 
 def _gaps(spans: Sequence[Span]) -> Iterator[Span]:
-    """What spans that do not overlap leave of the whole reach."""
+    """Yield the gaps between spans that do not overlap."""
     at = -GROUND_REACH_M
     for start, end in sorted(spans):
         if start - at > _MIN_WIDTH_M:

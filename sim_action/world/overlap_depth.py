@@ -1,6 +1,6 @@
-"""How deep simple solids are in each other, without an engine: boxes and balls, and what has such inside.
+"""Penetration depth of boxes and balls, computed without an engine; other shapes use solids inside them.
 
-What is deep in the inner solids of a body is at least as deep in the body itself.
+The result is a lower bound: the bodies overlap at least as deep as their inner solids.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart
 
 _AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-# Of two edges that are parallel, the cross product is no direction.
+# Shorter cross products belong to parallel edges and are no direction.
 _PARALLEL: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Ball:
-    """In the world frame, in m."""
+    """A ball, world frame, in m."""
 
     centre: Vector3
     radius: float
@@ -29,7 +29,7 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """In the world frame, in m.
+    """A box, world frame, in m.
 
     Attributes:
         axes: its own x, y and z.
@@ -42,7 +42,7 @@ class Box:
 
     @property
     def radius(self) -> float:
-        """Of the ball around it."""
+        """The radius of the bounding ball."""
         return math.hypot(*self.halves)
 
 
@@ -50,7 +50,7 @@ Solid = Ball | Box
 
 
 def inner_solids(parts: Iterable[Part], at: Pose) -> Iterator[Solid]:
-    """What is inside a body of these parts at a pose: all of a box or a sphere, most of a cylinder."""
+    """Yield solids inside a body with these parts at a pose: all of a box or a sphere, most of a cylinder."""
     for part in parts:
         if isinstance(part, SpherePart):
             yield Ball(at.position_xyz, part.radius)
@@ -68,7 +68,7 @@ def _box(at: Pose, halves: Vector3) -> Box:
 
 
 def depth(one: Sequence[Solid], other: Sequence[Solid]) -> float:
-    """In m, of the pair that is deepest in each other; 0 if none is."""
+    """Return the depth in m of the pair that overlaps most; 0 without an overlap."""
     return max((_depth(a, b) for a in one for b in other), default=0.0)
 
 
@@ -83,7 +83,7 @@ def _depth(one: Solid, other: Solid) -> float:
 
 
 def _in_box(ball: Ball, box: Box) -> float:
-    """Negative: they are apart."""
+    """Return the depth of a ball in a box; negative if they are apart."""
     away = _minus(ball.centre, box.centre)
     along = [_dot(away, axis) for axis in box.axes]
     beyond = [max(0.0, abs(way) - half) for way, half in zip(along, box.halves, strict=True)]
@@ -93,7 +93,7 @@ def _in_box(ball: Ball, box: Box) -> float:
 
 
 def _of_boxes(one: Box, other: Box) -> float:
-    """The least overlap of their shadows on the axes that can tell them apart (Gottschalk 1996); negative: apart."""
+    """Return the least overlap on the separating axes (Gottschalk 1996); negative if they are apart."""
     away = _minus(other.centre, one.centre)
     crosses = (geometry.cross(a, b) for a in one.axes for b in other.axes)
     least = math.inf

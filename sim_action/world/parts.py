@@ -1,6 +1,6 @@
-"""Parts: what a body of the world is made of, as engines and cameras see it. No keys, no files, no engine in sight.
+"""Parts: the collision shapes of a body of the world, as engines and cameras get them.
 
-A part is in the frame of its body, in m. A body of several parts is rigid; what touches one of them touches the body.
+A part is given in the frame of its body, in m. A body of several parts is rigid.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class BoxPart:
-    """A box; `pose`: of its middle."""
+    """A box; `pose`: of its centre."""
 
     size_xyz: Vector3
     pose: Pose = field(default_factory=Pose)
@@ -28,7 +28,7 @@ class BoxPart:
 
 @dataclass(frozen=True, slots=True)
 class CylinderPart:
-    """About the z axis, its middle at the origin."""
+    """A cylinder about the z axis, centred at the origin."""
 
     radius: float
     height: float
@@ -36,24 +36,24 @@ class CylinderPart:
 
 @dataclass(frozen=True, slots=True)
 class SpherePart:
-    """About the origin."""
+    """A sphere about the origin."""
 
     radius: float
 
 
 @dataclass(frozen=True, slots=True)
 class HullPart:
-    """The convex hull of points."""
+    """The convex hull of points (N, 3)."""
 
     points_xyz: tuple[Vector3, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class GridPart:
-    """A surface over a grid about the z axis, each of its cells two triangles.
+    """A surface over a grid about the z axis, with two triangles per cell.
 
     Attributes:
-        size_xy: from the first to the last sample.
+        size_xy: extent from the first to the last sample.
         heights: (R, C) z; row 0 at the lowest y, column 0 at the lowest x.
     """
 
@@ -63,7 +63,7 @@ class GridPart:
 
 @dataclass(frozen=True, eq=False)
 class SurfacePart:
-    """Triangles as they are, hollow or open; `points_xyz`: (P, 3), `triangles`: (T, 3) rows of these."""
+    """Triangles, possibly hollow or open; `points_xyz`: (P, 3); `triangles`: (T, 3) indices of points."""
 
     points_xyz: NDArray[np.float64]
     triangles: NDArray[np.int64]
@@ -73,14 +73,14 @@ Part = BoxPart | CylinderPart | SpherePart | HullPart | GridPart | SurfacePart
 
 
 def lowest(parts: Iterable[Part], orientation: Quaternion) -> float:
-    """The z in m of the lowest point of a body that is turned so, with its origin at 0."""
+    """Return the z in m of the lowest point of a body with this orientation and its origin at 0."""
     return min(_lowest(part, orientation) for part in parts)
 
 
 def _lowest(part: Part, orientation: Quaternion) -> float:
     if isinstance(part, SpherePart):
         return -part.radius
-    # Of the z axis of the world, seen from the body.
+    # The z axis of the world in the frame of the body.
     x, y, z = geometry.rotate(geometry.conjugate(orientation), (0.0, 0.0, 1.0))
     if isinstance(part, BoxPart):
         own = geometry.rotate(geometry.conjugate(part.pose.orientation_xyzw), (x, y, z))
@@ -95,7 +95,7 @@ def _lowest(part: Part, orientation: Quaternion) -> float:
 
 
 def grid_points(grid: GridPart) -> NDArray[np.float64]:
-    """(R * C, 3) the samples of a grid, row by row."""
+    """Return the samples (R * C, 3) of a grid, row by row."""
     import numpy as np
 
     rows, columns = grid.heights.shape
@@ -106,7 +106,7 @@ def grid_points(grid: GridPart) -> NDArray[np.float64]:
 
 
 def height_at(grid: GridPart, x: float, y: float) -> float | None:
-    """The z of a grid there, on the triangles of `grid_surface`; None beside it."""
+    """Return the z of a grid at a point, on the triangles of `grid_surface`; None outside the grid."""
     rows, columns = grid.heights.shape
     width, depth = grid.size_xy
     across, along = (x / width + 0.5) * (columns - 1), (y / depth + 0.5) * (rows - 1)
@@ -119,7 +119,7 @@ def height_at(grid: GridPart, x: float, y: float) -> float | None:
 
 
 def grid_surface(grid: GridPart) -> SurfacePart:
-    """The triangles of a grid: each cell is folded from its lowest x and y to its highest, as both engines do."""
+    """Return the triangles of a grid; like in both engines, each cell folds from its lowest x, y to its highest."""
     import numpy as np
 
     rows, columns = grid.heights.shape

@@ -1,4 +1,4 @@
-"""How the engine steps, and what counts as unstable."""
+"""Gravity, the rate of the physics steps, and the limits beyond which a run counts as unstable."""
 
 from __future__ import annotations
 
@@ -19,35 +19,39 @@ from sim_action.core.field_types import (
 from sim_action.core.geometry import Vector3
 
 MAX_PHYSICS_RATE_HZ: Final = 100_000.0
-"""Hz, of physics steps and thereby of all ticks."""
+"""The greatest rate of physics steps in Hz, which also limits all other rates."""
 
 MAX_SPEED: Final = 10_000.0
-"""m/s and rad/s at which engines are told to stop the base and every joint: bounds of speed go no further."""
+"""m/s and rad/s; engines limit the base and every joint to it, so speed limits cannot be higher."""
 
 
 class Physics(FrozenModel):
-    """How the engine steps."""
+    """The physics steps, and the limits beyond which a run is unstable."""
 
-    rate: Annotated[PositiveHertz, Field(ge=1, le=MAX_PHYSICS_RATE_HZ, description="steps in a second of sim time")] = (
-        240.0
-    )
+    rate: Annotated[
+        PositiveHertz, Field(ge=1, le=MAX_PHYSICS_RATE_HZ, description="physics steps per second of sim time")
+    ] = 240.0
     settle: Annotated[
-        NonNegativeSeconds, Field(le=60, description="longest time to come to rest before t = 0; 0: do not wait")
+        NonNegativeSeconds, Field(le=60, description="maximum time to come to rest before t = 0; 0: do not wait")
     ] = 2.0
     max_speed: Annotated[
         MetresPerSecond,
-        Field(gt=0, le=MAX_SPEED, description="of the base and of joints that slide; from there on, it is unstable"),
+        Field(gt=0, le=MAX_SPEED, description="speed of the base and of sliding joints from which the run is unstable"),
     ] = 100.0
     max_turn_rate: Annotated[
         RadiansPerSecond,
-        Field(gt=0, le=MAX_SPEED, description="of the base and of joints that turn; from there on, it is unstable"),
+        Field(
+            gt=0, le=MAX_SPEED, description="turn rate of the base and of turning joints from which the run is unstable"
+        ),
     ] = 1000.0
     max_distance: Annotated[
-        PositiveMetres, Field(description="of the base from where it began; from there on, it is unstable")
+        PositiveMetres, Field(description="distance of the base from its start from which the run is unstable")
     ] = 10_000.0
     max_depth: Annotated[
         PositiveMetres | None,
-        Field(description="of the base below the ground; left out: as far as its shapes are from it, and 1 m"),
+        Field(
+            description="depth of the base below ground from which the run is unstable; default: its extent plus 1 m"
+        ),
     ] = None
 
 
@@ -55,18 +59,20 @@ GRAVITY: Final = 9.80665
 """m/s^2, standard gravity (CGPM 1901)."""
 
 MAX_GRAVITY: Final = 1000.0
-"""m/s^2: forty times that of Jupiter."""
+"""m/s^2; forty times the gravity of Jupiter."""
 
 
 def _vector(value: object) -> Vector3:
-    """Of one number, which is downwards, or of three."""
+    """Return the vector of one number, which points downwards, or of three."""
     if not isinstance(value, (list, tuple)):
         down = _acceleration(value)
         if down < 0:
-            raise ValueError(f"one number is downwards, so it is 0 or more; upwards is [0, 0, {-down:g}]")
+            raise ValueError(
+                f"a single number points downwards and must be 0 or more; for upwards use [0, 0, {-down:g}]"
+            )
         return (0.0, 0.0, -down)
     if len(value) != 3:
-        raise ValueError(f"expected one number or a list of three, x, y and z; found {len(value)}")
+        raise ValueError(f"expected one number, or a list of three (x, y, z); found a list of {len(value)}")
     x, y, z = map(_acceleration, value)
     return (x, y, z)
 
@@ -84,5 +90,5 @@ def _acceleration(value: object) -> float:
 Gravity = Annotated[
     MetresPerSecondSquared | tuple[MetresPerSecondSquared, MetresPerSecondSquared, MetresPerSecondSquared],
     BeforeValidator(_vector),
-    Field(description="downwards, or as [x, y, z]; 0 is allowed", validate_default=True),
+    Field(description="downwards, or as [x, y, z]; may be 0", validate_default=True),
 ]

@@ -1,4 +1,4 @@
-"""A scene: the robot, its loaded model and what surrounds it, as engines, drives and assertions get to see it."""
+"""The scene: the robot with its loaded model and the world, as engines, drives and assertions get it."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """A sensor of the robot, as those know it who pass on what it tells.
+    """The name, kind, link and rate of a sensor, for code that passes its readings on.
 
     Attributes:
-        kind: its key in YAML.
-        link: of the robot, that it sits on.
-        rate: Hz, at which it is read.
+        kind: its YAML key.
+        link: link of the robot that carries it.
+        rate: readings per second, in Hz.
     """
 
     name: str
@@ -42,15 +42,14 @@ class Scene:
     """Everything that is simulated, with names resolved and files read.
 
     Attributes:
-        seed: of the scenario; `generator` makes what is drawn from it.
-        rotors: joint -> inertia of its motor in kg m^2, as the joint feels it through the gears; left out: none.
-        mobility: what its drive can do, if it has one.
-        parts: name of a body -> what it is made of, for bodies whose shapes were read from files.
+        seed: of the scenario; `generator` draws random numbers from it.
+        rotors: joint -> reflected inertia of its motor in kg m^2; missing joints have none.
+        mobility: the motions that the drive allows, if there is one.
+        parts: name of a body -> its parts, for bodies whose shapes were read from files.
         sensors: of the scenario.
-        namesake: of several sources of commands that run the same code, which one is to see it: each draws numbers of
-            its own.
-        file: of the scenario, as reports show it.
-        variation: what tells it from the others that the scenario varies into, as part of a file's name; or empty.
+        namesake: number of a command source among those that run the same code; each draws its own random numbers.
+        file: path of the scenario, as in reports.
+        variation: suffix that distinguishes this variation in file names; or empty.
     """
 
     robot: Robot
@@ -69,13 +68,13 @@ class Scene:
 
     @property
     def bolted(self) -> bool:
-        """Whether the base cannot move: by the scenario, or else by the name of the model's root link."""
+        """True if the base is fixed, by the scenario or else by the name of the model's root link."""
         base = self.robot.base or ("fixed" if self.model.root == WORLD else "free")
         return base == "fixed"
 
     @property
     def bolted_links(self) -> frozenset[str]:
-        """What no force moves: a base that cannot move, and all that is fixed to it."""
+        """The links that cannot move: a fixed base and all links fixed to it."""
         if not self.bolted:
             return frozenset()
         bolted = {self.model.root}
@@ -89,14 +88,14 @@ class Scene:
 
     @property
     def placement(self) -> Placement:
-        """Where the base link begins; z is None if the robot is to stand on the ground."""
+        """The initial placement of the base link; z is None if the robot stands on the ground."""
         pose = self.robot.pose
         at_origin = pose.z is None and self.bolted and self.model.root == WORLD
         return pose.model_copy(update={"z": 0.0}) if at_origin else pose
 
     @property
     def joint_positions(self) -> dict[str, float]:
-        """Where each moving joint begins, in rad, or m if prismatic. Raises units.UnitError."""
+        """The initial position of each moving joint in rad, or m if prismatic. Raises units.UnitError."""
         joints = self.model.joints_by_name
         stated = {
             name: units.parse(written, joints[name].dimension("position"))
@@ -106,11 +105,11 @@ class Scene:
         return self.model.positions(stated)
 
     def parts_of(self, body: Body) -> Sequence[Part]:
-        """What a body of the world is made of."""
+        """Return the parts of a body of the world."""
         return self.parts[body.name] if body.is_read else body.parts()
 
     def generator(self, purpose: str) -> Generator:
-        """Random numbers for one purpose: what others draw, and how many others there are, changes none of them."""
+        """Return a random generator for one purpose, independent of all others."""
         import numpy as np
 
         purpose = f"{purpose} ({self.namesake + 1})" if self.namesake else purpose

@@ -1,4 +1,4 @@
-"""The shapes that a body may have and that are said in a few numbers."""
+"""The shapes of bodies as keys of a scenario: primitives, ramp, stairs, mesh, heightfield, occupancy map."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 
 MIN_LENGTH_M: Final = 1e-4
-"""m: what is smaller than a hair is wide, no engine can tell from nothing."""
+"""The least length in m; engines cannot resolve less."""
 
 MAX_LENGTH_M: Final = 10_000.0
-"""m: beyond, the engines' numbers know no millimetres."""
+"""The greatest length in m; beyond, the engines' numbers do not resolve millimetres."""
 
 Size = Annotated[Metres, Field(ge=MIN_LENGTH_M, le=MAX_LENGTH_M)]
 """A length of a body in m."""
 
 MAX_STEPS: Final = 500
-"""Of one flight of stairs: more than up the highest tower in the world between two landings."""
+"""Limit for one flight of stairs."""
 
 _MAX_SLOPE_RAD: Final = math.radians(85)
 
@@ -43,33 +43,32 @@ class Sphere(FrozenModel):
 
 
 class Ramp(FrozenModel):
-    """A wedge that rises along its own x axis, from nothing to its height, over its length on the ground.
+    """A wedge that rises along its own x axis, from 0 to its height over its length.
 
-    Its `pose` is that of the middle of the box around it: one of 1 m at `x: 2` begins at 1.5 m. It is fixed. What
-    drives up needs a friction of more than the tangent of its angle; frictions multiply, and a body has 0.5 if it does
-    not say.
+    Its `pose` is that of the centre of its bounding box: a ramp of 1 m at `x: 2` starts at 1.5 m. It is fixed. To drive
+    up, the product of both frictions must exceed the tangent of the angle; the default friction of a body is 0.5.
     """
 
     length: Size
     width: Size
-    height: Annotated[Size | None, Field(description="where it ends; or give its 'angle'")] = None
+    height: Annotated[Size | None, Field(description="height at its end; alternative: 'angle'")] = None
     angle: Annotated[
-        PositiveRadians | None, Field(le=_MAX_SLOPE_RAD, description="of its slope; or give its 'height'")
+        PositiveRadians | None, Field(le=_MAX_SLOPE_RAD, description="angle of its slope; alternative: 'height'")
     ] = None
 
     @model_validator(mode="after")
     def _rises(self) -> Self:
         if (self.height is None) == (self.angle is None):
-            raise ValueError("a ramp has either a 'height' or an 'angle'")
+            raise ValueError("a ramp needs either 'height' or 'angle'")
         return self
 
     @property
     def rise(self) -> float:
-        """Its height in m."""
+        """The height in m."""
         return self.length * math.tan(self.angle) if self.height is None and self.angle else self.height or 0.0
 
     def parts(self) -> tuple[HullPart]:
-        """About the middle of the box around it."""
+        """Return the parts, centred in the bounding box."""
         from sim_action.world.parts import HullPart
 
         x, y, z = self.length / 2, self.width / 2, self.rise / 2
@@ -78,9 +77,9 @@ class Ramp(FrozenModel):
 
 
 class Stairs(FrozenModel):
-    """Steps that rise along their own x axis, each as high as `rise` and as deep as `run`.
+    """Steps that rise along their own x axis, each `rise` high and `run` deep.
 
-    Its `pose` is that of the middle of the box around all of them. It is fixed.
+    The `pose` is that of the centre of the bounding box of all steps. Stairs are fixed.
     """
 
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
@@ -89,7 +88,7 @@ class Stairs(FrozenModel):
     width: Size
 
     def parts(self) -> tuple[BoxPart, ...]:
-        """A column a step, about the middle of the box around all of them."""
+        """Return one box per step, centred in the bounding box of all."""
         from sim_action.world.parts import BoxPart
 
         length, height = self.steps * self.run, self.steps * self.rise
@@ -110,26 +109,26 @@ File = Annotated[str, NamesFile(), Field(min_length=1)]
 
 
 class MeshFile(FrozenModel):
-    """Triangles of a file: as they are if the body is fixed, and their convex hull if it has a mass.
+    """A triangle mesh from a file; a body with a mass gets its convex hull, of uniform density.
 
-    Its `pose` is that of the file's own origin; z left out, its lowest point is on the ground. What is hollow or open
-    stays so. At most 40,000 triangles, if they are not convex. MuJoCo knows convex pieces alone, and gets a thin one
-    behind each triangle, 5 mm at the most, so at most 4,000 there; which side is behind, the order of the corners says.
-    With a mass, the hull is filled evenly.
+    Its `pose` is that of the file's own origin; without z, the lowest point is on the ground. A fixed mesh may be
+    hollow or open. A mesh that is not convex may have at most 40,000 triangles, or 4,000 on MuJoCo. MuJoCo needs convex
+    pieces and gets one behind each triangle, at most 5 mm thick. The front of a triangle is the side from which its
+    corners are counter-clockwise.
     """
 
-    file: Annotated[File, Field(description="a .stl, .obj or .dae, seen from the scenario")]
-    scale: Annotated[Factor, Field(description="m in a unit of the file")] = 1.0
+    file: Annotated[File, Field(description="a .stl, .obj or .dae file; the path is relative to the scenario")]
+    scale: Annotated[Factor, Field(description="length in m of one unit of the file")] = 1.0
 
 
 class Heightfield(FrozenModel):
-    """Ground of many heights: samples on a grid, seen from above as on a map, with straight lines between them.
+    """Terrain from a grid of heights, joined by triangles.
 
-    Rows go from the highest y to the lowest, as those of an image do. Between four samples are two triangles, with the
-    fold from the lowest x and y to the highest. Its `pose` is that of the middle, at height 0. With `z: 0`, heights are
-    those of the world, and what is below 0 is under the ground; z left out, all of it is raised or lowered until its
-    lowest sample is on the ground: of heights from -1 m to 2 m, the highest is then at 3 m. A robot that begins on it
-    needs a z of its own. At most 250,000 samples (500 x 500); it is fixed.
+    Rows go from the highest y to the lowest, like those of an image. Each cell of four samples has two triangles, which
+    meet on the line from the lowest x and y to the highest. The `pose` is that of the centre at height 0. With `z: 0`,
+    heights are those of the world, and negative ones are below the ground. Without z, the lowest sample is placed on
+    the ground: heights from -1 m to 2 m then reach up to 3 m. A robot that starts on the terrain needs its own z. At most
+    250,000 samples (500 x 500) are allowed. A heightfield is fixed.
     """
 
     heights: Annotated[
@@ -137,34 +136,39 @@ class Heightfield(FrozenModel):
         Field(description="rows from the highest y to the lowest, each from the lowest x to the highest"),
     ] = None
     image: Annotated[
-        File | None, Field(description="a .pgm or a grey .png instead, of 8 or 16 bits: black is low, white is high")
+        File | None,
+        Field(description="alternative: a .pgm or grey .png file of 8 or 16 bits; black is low, white is high"),
     ] = None
-    size: Annotated[tuple[Size, Size], Field(description="x and y, from the first sample to the last")]
-    height: Annotated[Size | None, Field(description="of white above black; with an image alone")] = None
+    size: Annotated[tuple[Size, Size], Field(description="size in x and y, from the first sample to the last")]
+    height: Annotated[Size | None, Field(description="height of white above black; only with 'image'")] = None
 
     @model_validator(mode="after")
     def _has_heights(self) -> Self:
         if (self.heights is None) == (self.image is None):
-            raise ValueError("a heightfield has either 'heights' or an 'image'")
+            raise ValueError("a heightfield needs either 'heights' or 'image'")
         if (self.image is None) != (self.height is None):
-            raise ValueError("'height' says how high the white of an 'image' is; 'heights' are in m already")
+            raise ValueError(
+                "'height' is the height of white in an 'image', which needs it; 'heights' are in m already"
+            )
         lengths = [len(row) for row in self.heights or ()]
         if self.heights is not None and min([len(lengths), *lengths]) < _MIN_SAMPLES:
-            raise ValueError("'heights' has at least two rows, and each of them at least two samples")
+            raise ValueError("'heights' needs at least two rows with at least two samples each")
         odd = next((row for row, length in enumerate(lengths) if length != lengths[0]), None)
         if odd is not None:
-            raise ValueError(f"'heights' is ragged: row 0 has {lengths[0]} samples, row {odd} has {lengths[odd]}")
+            raise ValueError(
+                f"'heights' has rows of different lengths: row 0 has {lengths[0]} samples, row {odd} has {lengths[odd]}"
+            )
         return self
 
 
 class OccupancyMap(FrozenModel):
-    """Walls where a map of ROS's map_server says that a cell is occupied. What is free or unknown is empty.
+    """Walls at the occupied cells of a map of ROS's map_server; free and unknown cells are empty.
 
-    Of the YAML file count `image` (a PGM, or a grey PNG, beside it), `resolution`, `origin` with its yaw, `negate`,
-    `occupied_thresh` and `free_thresh`; the `mode` is `trinary`. The map's frame is the world's, moved by the body's
-    `pose`. Cells that stand in line become one box: an office of 1,000 x 1,000 cells comes to a few hundred. At most
-    16 million cells and 2,000 boxes; it is fixed.
+    These keys of the map's YAML file are read: `image` (a PGM or grey PNG in the same folder), `resolution`, `origin`
+    with its yaw, `negate`, `occupied_thresh` and `free_thresh`; `mode` must be `trinary`. The body's `pose` moves the
+    map's frame in the world. Adjacent cells are merged into boxes: an office of 1,000 x 1,000 cells gives a few
+    hundred. At most 16 million cells and 2,000 boxes are allowed. A map is fixed.
     """
 
-    file: Annotated[File, Field(description="the map's .yaml, seen from the scenario; its image is a .pgm or .png")]
-    height: Annotated[Size, Field(description="of the walls")] = 1.0
+    file: Annotated[File, Field(description="the map's .yaml file; the path is relative to the scenario")]
+    height: Annotated[Size, Field(description="height of the walls")] = 1.0

@@ -224,7 +224,7 @@ def test_to_look_back_at_many_steps_is_to_look_at_each(
         ClearanceWatch(bodies=("wall",), links=("base_footprint",)),
     ]
     back = driven("mujoco", watches, openings)
-    monkeypatch.setattr(ClearanceRecorder, "stand_still", False)
+    monkeypatch.setattr(ClearanceRecorder, "bodies_are_static", False)
     each = driven("mujoco", watches, openings)
     for watch in watches:
         assert told(back, watch)

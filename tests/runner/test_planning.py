@@ -98,7 +98,7 @@ def test_an_engine_that_the_file_asks_for_and_is_not_there_is_told_on_its_line(
 @pytest.mark.usefixtures("only_pybullet")
 @pytest.mark.parametrize("backend", ["mujoco", "all"])
 def test_an_engine_that_was_typed_and_is_not_there_ends_the_call(backend: str, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="there is"):
+    with pytest.raises(UsageError, match="installed: "):
         engines(tmp_path, backend=backend)
 
 

@@ -1,11 +1,12 @@
-"""Pictures of a scene, by rays of our own: the same on every engine, which only tells where things are.
+"""A ray caster for camera pictures that gives the same picture on every engine; also the default colours.
 
-What the engines offer instead was measured. PyBullet's TinyRenderer draws a ball as a polyhedron whose depth is off by
-centimetres, its rays take 60 ms for 160x120 pixels, and MuJoCo renders through a GL library that runners lack. Here a
-solid is met where algebra says, only the pixels that it may cover are looked at, and no engine is disturbed.
+The renderers of the engines were measured and rejected. PyBullet's TinyRenderer draws a ball as a polyhedron whose
+depth is off by centimetres; its rays take 60 ms for 160x120 pixels.
+MuJoCo needs a GL library that CI runners lack. Here rays
+are intersected with exact solids, and only in the pixels that a solid may cover.
 
-Solids are in frames of their own; rays are given in such a frame by where they start and by directions whose length
-along the view is 1, so that the parameter of a point on a ray is its depth.
+Each solid has a frame of its own. Rays are given in that frame by their start and by directions whose component along
+the view is 1, so that the parameter of a point on a ray is its depth.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ Colour = tuple[float, float, float]
 
 SKY: Final[Colour] = (0.62, 0.78, 0.94)
 GROUND: Final[tuple[Colour, Colour]] = ((0.55, 0.55, 0.55), (0.47, 0.47, 0.47))
-"""Of the squares of the ground, by turns: what has no pattern does not look as if it moved."""
+"""The alternating colours of the ground's squares; without a pattern motion would not be visible."""
 
 ROBOT: Final[Colour] = (0.8, 0.8, 0.8)
 
@@ -29,4 +30,4 @@ PALETTE: Final[tuple[Colour, ...]] = (
     (0.2, 0.7, 0.7),
     (0.6, 0.5, 0.3),
 )
-"""Of bodies that state no colour, by turns. Nothing is red that was not meant to be."""
+"""The colours of bodies without a `color`, in turn. None of them is red."""

@@ -1,4 +1,4 @@
-"""What a scene looks like: every collision shape as a solid, with a colour, in the frame of what it is part of."""
+"""The collision shapes of a scene as coloured solids, each in the frame of its link or body."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Part:
 
 
 def robot_parts(model: RobotModel) -> Iterator[Part]:
-    """The collision shapes of a robot's links. Raises OSError."""
+    """Yield the collision shapes of a robot's links. Raises OSError."""
     for link in model.links:
         for shape in link.collisions:
             for solid, pose in _solids(shape):
@@ -51,7 +51,7 @@ def robot_parts(model: RobotModel) -> Iterator[Part]:
 
 
 def world_parts(scene: Scene) -> Iterator[Part]:
-    """The bodies of the world, without the ground."""
+    """Yield the bodies of the world, without the ground."""
     for number, body in enumerate(scene.world.objects):
         colour = body.color or PALETTE[number % len(PALETTE)]
         for part in scene.parts_of(body):
@@ -78,7 +78,7 @@ def _of_part(part: BodyPart) -> Iterator[tuple[Solid, Pose]]:
 
 
 def _solids(shape: Shape) -> Iterator[tuple[Solid, Pose]]:
-    """What is neither plain nor a mesh that was rewritten is seen as the box around it; a plane is not seen."""
+    """Yield the solids of a shape; an unknown shape is its bounding box, and a plane has none."""
     (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
     middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))
     half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)

@@ -1,4 +1,4 @@
-"""Draws solids over a ground, nearest first to come: depth and colours."""
+"""Draw solids and the ground into a picture with colours and depth."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from sim_action.sensors.rendering.pinhole import Components, FloatArray, Patch, 
 from sim_action.sensors.rendering.solids import Solid
 
 SQUARE_M: Final = 0.5
-"""m, a side of these squares."""
+"""The side of the ground's squares in m."""
 
-# Where the light comes from, a unit vector in the world frame; it reaches everything, as nothing has a shadow.
+# Unit vector towards the light, world frame. There are no shadows.
 _LIGHT: Final[Vector3] = (-0.36, 0.48, 0.8)
 # Brightness where a surface faces the light, and where it faces away.
 _MAX_BRIGHTNESS: Final = 1.0
@@ -36,14 +36,14 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What a camera sees: (H, W, 3) red, green, blue, 0 to 255; (H, W) depth in m, inf where nothing is."""
+    """A picture: `rgb` (H, W, 3), 0 to 255; `depth` (H, W) in m, inf where nothing is seen."""
 
     rgb: NDArray[np.uint8]
     depth: NDArray[np.float32]
 
 
 def draw(pinhole: Pinhole, camera: Pose, solids: Iterable[Placed]) -> Picture:
-    """What a camera at a pose in the world sees of the ground, z = 0, and of solids."""
+    """Return the picture of the ground, z = 0, and of solids, for a camera at a pose in the world."""
     canvas = _Canvas(pinhole, camera)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         canvas.add_ground()
@@ -63,7 +63,7 @@ class _Canvas:
         everything = slice(None), slice(None)
         rays = self._pinhole.rays(self._camera, everything)
         start, way = rays.start_xyz[2], rays.ways[2]
-        # From below, it is not there.
+        # The ground is invisible from below.
         depth = np.where((way < 0) & (start > 0), -start / way, np.inf)
         x, y, _ = rays.points(depth)
         odd = (np.floor(x / SQUARE_M) + np.floor(y / SQUARE_M)) % 2 == 1
@@ -80,7 +80,7 @@ class _Canvas:
         self._put(patch, depth, _brightness(normals, placed.pose)[..., None] * np.array(placed.colour))
 
     def _put(self, patch: Patch, depth: FloatArray, colours: FloatArray) -> None:
-        """Where it is the nearest so far. What begins before the picture does, as around a camera, is not in it."""
+        """Draw the pixels that are the nearest so far and between the near and far limits."""
         seen = (depth >= self._pinhole.near) & (depth <= self._pinhole.far) & (depth < self._depth[patch])
         np.copyto(self._depth[patch], depth, where=seen)
         np.copyto(self._colours[patch], colours, where=seen[..., None])

@@ -1,4 +1,4 @@
-"""The rays of a pinhole camera, as seen from any frame, and which of them may meet a ball."""
+"""The pinhole camera model: the rays of a picture in any frame, and the pixels that a sphere may cover."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_action.core.geometry import Pose, Vector3
 
 FloatArray = NDArray[np.float64]
 Components = tuple[FloatArray, FloatArray, FloatArray]
-"""x, y and z of many vectors, each (H, W), or what broadcasts to it."""
+"""x, y and z of many vectors; each array broadcasts to (H, W)."""
 
 Patch = tuple[slice, slice]
 """Rows and columns of a picture."""
@@ -25,15 +25,15 @@ class Rays:
     """Rays of a patch of a picture, in the frame of a solid.
 
     Attributes:
-        start_xyz: where all of them begin, in m.
-        ways: how far they get, in m, for each metre along the view.
+        start_xyz: common start in m.
+        ways: directions, in m per metre along the view.
     """
 
     start_xyz: Vector3
     ways: Components
 
     def points(self, depth: FloatArray) -> Components:
-        """Where the rays are at a depth in m."""
+        """Return the points of the rays at a depth in m."""
         (ax, ay, az), (x, y, z) = self.start_xyz, self.ways
         return ax + depth * x, ay + depth * y, az + depth * z
 
@@ -45,7 +45,7 @@ class Pinhole:
     Attributes:
         width, height: pixels.
         field_of_view: rad, from the left edge to the right one.
-        near, far: m along the view; what is nearer or further is not in the picture.
+        near, far: limits of the picture in m along the view.
     """
 
     width: int
@@ -56,32 +56,32 @@ class Pinhole:
 
     @property
     def focal_length(self) -> float:
-        """In pixels."""
+        """The focal length in pixels."""
         return self.width / 2 / math.tan(self.field_of_view / 2)
 
     @cached_property
     def left(self) -> FloatArray:
-        """(1, W): how far the ray through the middle of each column gets to the left on 1 m."""
+        """The slope to the left, (1, W), of the ray through the centre of each column."""
         return _across(self.width, self.focal_length)[None, :]
 
     @cached_property
     def up(self) -> FloatArray:
-        """(H, 1): how far the ray through the middle of each row gets up on 1 m."""
+        """The upward slope, (H, 1), of the ray through the centre of each row."""
         return _across(self.height, self.focal_length)[:, None]
 
     def rays(self, camera: Pose, patch: Patch) -> Rays:
-        """Those of a patch, for a camera at a pose in the frame that is asked for."""
+        """Return the rays of a patch in a frame; `camera`: pose of the camera in that frame."""
         rows, columns = patch
         left, up = self.left[:, columns], self.up[rows]
         axes = (geometry.rotate(camera.orientation_xyzw, unit) for unit in _UNITS)
-        # Sums of products, not a product of matrices: the same on every machine.
+        # Sums of products instead of a matrix product: the same on every machine.
         x, y, z = (ahead + to_left * left + upwards * up for ahead, to_left, upwards in zip(*axes, strict=True))
         return Rays(camera.position_xyz, (x, y, z))
 
     def patch_around(self, middle_xyz: Vector3, radius: float) -> Patch | None:
-        """The patch that holds all of a ball, given in the frame of the camera; None if there is nothing to be seen."""
+        """Return the patch that covers a sphere, given in the camera's frame; None if it is not visible."""
         x, y, z = middle_xyz
-        # Said so that what is nowhere, as in a simulation that explodes, is not seen.
+        # Written so that NaN, as in a diverged simulation, is not visible.
         if not (x + radius >= self.near and x - radius <= self.far):
             return None
         if x - radius <= self.near:
@@ -100,7 +100,7 @@ def _across(count: int, focal_length: float) -> FloatArray:
 
 
 def _span(across: float, ahead: float, radius: float, focal_length: float, count: int) -> slice:
-    """The pixels that a ball may cover one way: those of the box around it, which is all before the camera."""
+    """Return the columns or rows that a sphere in front of the camera may cover, from its bounding box."""
     near, far = ahead - radius, ahead + radius
     low, high = across - radius, across + radius
     most = high / (near if high > 0 else far)

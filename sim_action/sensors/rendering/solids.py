@@ -1,4 +1,4 @@
-"""Where rays enter solids, and which way the surface faces there."""
+"""Solids that rays can hit: ellipsoid, cylinder, capsule, polyhedron (also of a hull) and triangle."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from sim_action.meshes.hull_file import read_hull_points
 from sim_action.sensors.rendering.pinhole import Components, FloatArray, Rays
 
 Entry = tuple[FloatArray, Components]
-"""The depth in m at which each ray enters, inf where it does not, and the unit vector out of the surface there."""
+"""The depth in m at which each ray enters (inf: it misses) and the outward unit normal there."""
 
 
 class Solid(ABC):
-    """A convex solid. Divisions by zero are its daily bread: whoever calls `enter` lets them pass."""
+    """A convex solid. Callers of `enter` must wrap it in np.errstate(divide="ignore", invalid="ignore")."""
 
     @property
     @abstractmethod
     def radius(self) -> float:
-        """Of a ball around the origin that holds it, in m."""
+        """The radius in m of the bounding sphere about the origin."""
 
     @abstractmethod
     def enter(self, rays: Rays) -> Entry:
-        """Where rays come in from outside; negative depths are behind their start."""
+        """Return where rays enter from outside; negative depths are behind their start."""
 
 
 @dataclass(frozen=True)
 class Ellipsoid(Solid):
-    """A ball, or one that is stretched along its axes; `half_xyz`: its half axes in m."""
+    """An ellipsoid or a sphere; `half_xyz`: its half axes in m."""
 
     half_xyz: Vector3
 
@@ -55,7 +55,7 @@ class Ellipsoid(Solid):
 
 @dataclass(frozen=True)
 class Cylinder(Solid):
-    """About the z axis."""
+    """A cylinder about the z axis; `across`: its radius in m."""
 
     across: float
     half_length: float
@@ -79,7 +79,7 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True)
 class Capsule(Solid):
-    """A cylinder about the z axis with half a ball on either end; `half_length`: of the cylinder alone."""
+    """A cylinder about the z axis with a hemisphere on each end; `half_length`: of the cylinder only."""
 
     across: float
     half_length: float
@@ -104,7 +104,7 @@ class Capsule(Solid):
 
 @dataclass(frozen=True)
 class Polyhedron(Solid):
-    """What is below all of its planes: `normals` out of it, (P, 3), at `offsets` in m from the origin, (P,)."""
+    """An intersection of half spaces: outward `normals` (P, 3) at `offsets` (P,) in m from the origin."""
 
     normals: FloatArray
     offsets: FloatArray
@@ -112,7 +112,7 @@ class Polyhedron(Solid):
 
     @classmethod
     def box(cls, half_xyz: Vector3) -> Polyhedron:
-        """A box about the origin."""
+        """Return a box about the origin."""
         normals = np.concatenate((np.eye(3), -np.eye(3)))
         return cls(normals, np.array([*half_xyz, *half_xyz]), math.hypot(*half_xyz))
 
@@ -130,7 +130,7 @@ class Polyhedron(Solid):
             towards, above = _dot(normal, rays.ways), _above(normal, offset, rays.start_xyz)
             depth = -above / towards
             if above > 0:
-                # Rays come in through this plane, if at all.
+                # The start is outside this plane, so rays can only enter through it.
                 depth[towards >= 0] = np.inf
                 face[depth > entry] = number
                 np.maximum(entry, depth, out=entry)
@@ -142,13 +142,13 @@ class Polyhedron(Solid):
 
 
 def _side(rays: Rays, radius: float) -> tuple[FloatArray, FloatArray]:
-    """Where rays enter and leave a cylinder about the z axis that has no ends."""
+    """Return where rays enter and leave an infinite cylinder about the z axis."""
     (ax, ay, _), (x, y, _) = rays.start_xyz, rays.ways
     distance = ax * ax + ay * ay - radius * radius
     entry, leaving = _through(x * x + y * y, ax * x + ay * y, distance)
     if distance > 0:
         return entry, leaving
-    # Rays along the axis are inside for ever; others of them have come in at some time.
+    # The start is inside: rays along the axis never leave, others entered before.
     along = (x == 0) & (y == 0)
     return np.where(along, -np.inf, entry), np.where(along, np.inf, leaving)
 
@@ -161,7 +161,7 @@ def _slab(start: float, way: FloatArray, half: float) -> tuple[FloatArray, Float
 
 
 def _through(a: FloatArray, b: FloatArray, c: float) -> tuple[FloatArray, FloatArray]:
-    """The two t of a t^2 + 2 b t + c = 0, both inf where there are none."""
+    """Return both solutions t of a t^2 + 2 b t + c = 0; inf where there are none."""
     root = np.sqrt(b * b - a * c)
     first, second = (-b - root) / a, (-b + root) / a
     missed = np.isnan(first)
@@ -180,7 +180,7 @@ def _dot(one: Sequence[float] | Components, other: Components) -> FloatArray:
 
 
 def _above(normal: Sequence[float], offset: float, point_xyz: Vector3) -> float:
-    """How far a point is above a plane."""
+    """Return the height of a point above a plane."""
     return sum(one * other for one, other in zip(normal, point_xyz, strict=True)) - offset
 
 
@@ -192,7 +192,12 @@ def _unit(vector: Components) -> Components:
 
 @dataclass(frozen=True)
 class Triangle(Solid):
-    """A flat one; `normal_xyz`: the unit vector across it, `edges`: (3, 3) vectors in it, out of each of its sides."""
+    """A triangle that is seen from both sides.
+
+    Attributes:
+        normal_xyz: unit normal.
+        edges: (3, 3) vectors in its plane, outwards from each side.
+    """
 
     corners: FloatArray
     normal_xyz: Vector3
@@ -200,7 +205,7 @@ class Triangle(Solid):
 
     @classmethod
     def centred(cls, corners: FloatArray) -> tuple[Self, Vector3]:
-        """The triangle of corners (3, 3), and where its middle is."""
+        """Return the triangle with these corners (3, 3) about its centre, and that centre."""
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         own = corners - middle
         normal = np.cross(own[1] - own[0], own[2] - own[0])
@@ -230,28 +235,28 @@ class Triangle(Solid):
         return np.where(missed, np.inf, depth), (nx * side, ny * side, nz * side)
 
 
-# In m: as much was taken off every hull when it was written (models.references), for engines to put around it.
+# The margin in m by which hull files are shrunk (see robot.mesh_references).
 _MARGIN_M: Final = 0.001
-# Of a hull, those that reach furthest in as many directions: a ball of them is 4 % of its radius off at the most.
+# The most distant points in as many directions; the error of a sphere is at most 4 % of its radius.
 MAX_HULL_POINTS: Final = 64
 
 
 def read_hull_polyhedra(path: Path) -> Iterator[tuple[Polyhedron, Vector3]]:
-    """The hulls of a mesh that was written here, each about its middle, and where that is. Raises OSError."""
+    """Return the hulls of a hull file, each about its centre, with that centre. Raises OSError."""
     return (centred_hull(points, _MARGIN_M) for points in read_hull_points(path))
 
 
 def centred_hull(points: FloatArray, margin: float = 0.0) -> tuple[Polyhedron, Vector3]:
-    """The hull of points (N, 3), and where its middle is: no ball around that is larger than need be."""
+    """Return the hull of points (N, 3) about its centre, and that centre."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     x, y, z = middle.tolist()
     return hull_polyhedron(points - middle, margin), (x, y, z)
 
 
 def hull_polyhedron(points: FloatArray, margin: float = 0.0) -> Polyhedron:
-    """The hull of points (N, 3), with a margin around it; it holds all of them, however flat they lie.
+    """Return the hull of points (N, 3) with a margin around it; it contains all points, even of a flat hull.
 
-    Of the planes only the directions are those of faces that were found: where a plane is, all of the points say.
+    Only the directions of its planes come from the faces of the hull. The offsets come from all points.
     """
     middle = points.mean(axis=0)
     normals = np.concatenate((np.eye(3), -np.eye(3), face_normals(outermost(points - middle))))
@@ -263,7 +268,7 @@ def hull_polyhedron(points: FloatArray, margin: float = 0.0) -> Polyhedron:
 
 
 def outermost(points: FloatArray, most: int = MAX_HULL_POINTS) -> FloatArray:
-    """Of points (N, 3) about their middle, those that reach furthest; all of them, if they are few."""
+    """Return the most distant of points (N, 3) about their centre; all points if they are few."""
     if len(points) <= most:
         return points
     return furthest(points, spread_directions(most))

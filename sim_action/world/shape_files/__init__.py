@@ -1,6 +1,6 @@
-"""What surrounds the robot and is read from files or comes as arrays: meshes, heightfields, maps -> parts.
+"""Read the shapes of bodies from files or arrays: meshes, heightfields and occupancy maps become parts.
 
-Files are confined to the workspace, bounded, and read here alone: an engine gets numbers, never a path.
+Files must lie in the workspace and are limited in size. Engines get numbers, never a path.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What was read.
+    """The shapes of a world that were read.
 
     Attributes:
-        parts: name of a body -> what it is made of, for those that are read.
-        problems: what is wrong, with the keys that lead there.
+        parts: name of a body -> its parts, for bodies with shapes from files.
+        problems: problems, each with its path of keys.
     """
 
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
@@ -32,13 +32,13 @@ class Surroundings:
 
 
 class ShapeLibrary:
-    """The shapes of a suite's bodies, each read once: variations share them, and a map of 16 million cells is one."""
+    """A cache of shapes, so that the variations of a scenario read each file only once."""
 
     def __init__(self) -> None:
         self._shapes: dict[Hashable, tuple[Part, ...] | ShapeError] = {}
 
     def parts(self, body: Body, workspace: Workspace) -> tuple[Part, ...]:
-        """Of a body whose shape is read, or what has come of the same before. Raises ShapeError."""
+        """Return the parts of a body, from the cache if possible. Raises ShapeError."""
         key = (workspace, body.mesh, body.heightfield, body.map, body.mass is not None)
         if key not in self._shapes:
             self._shapes[key] = _read(body, workspace)
@@ -49,7 +49,7 @@ class ShapeLibrary:
 
 
 def read_surroundings(world: World, workspace: Workspace, shapes: ShapeLibrary | None = None) -> Surroundings:
-    """Reads the bodies of a world whose shapes are in files or arrays; `shapes`: those that have been read."""
+    """Read the bodies of a world whose shapes are in files or arrays; `shapes`: the cache."""
     shapes = shapes or ShapeLibrary()
     parts: dict[str, tuple[Part, ...]] = {}
     problems: list[SpecProblem] = []
@@ -66,13 +66,13 @@ def _read(body: Body, workspace: Workspace) -> tuple[Part, ...] | ShapeError:
     try:
         return tuple(_parts(body, workspace))
     except ShapeError as error:
-        # Without what was being read when it was raised, which would be kept with it.
+        # The context would keep the data of the file alive.
         error.__context__ = error.__cause__ = None
         return error.with_traceback(None)
 
 
 def _parts(body: Body, workspace: Workspace) -> Iterator[Part]:
-    # All of it takes numpy, which most scenarios do without until they run.
+    # These modules import numpy, which most scenarios do not need before they run.
     if body.mesh is not None:
         from sim_action.world.shape_files.mesh_file import mesh_parts
 

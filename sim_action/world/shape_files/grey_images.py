@@ -1,4 +1,4 @@
-"""Grey images: PGM and PNG, of 8 or 16 bits, bounded before anything is unpacked."""
+"""Read grey images, PGM (P2, P5) and PNG (third edition) of 8 or 16 bits, with size limits before unpacking."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_PIXELS: Final = 16_000_000
-"""Of an image: 4,000 x 4,000, which a map of 200 m at 5 cm has."""
+"""4,000 x 4,000 pixels: a map of 200 m at 5 cm."""
 
 MAX_BYTES: Final = 4 * MAX_PIXELS
-"""Of a file: what that many pixels need as text, if most are of three digits."""
+"""The file size of that many pixels as text of three digits."""
 
 
 class ImageError(ValueError):
-    """An image that cannot be used; its text goes on where a file's name ends."""
+    """An unusable image; the message continues a sentence that starts with the file's name."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grey:
-    """An image.
+    """A grey image.
 
     Attributes:
         pixels: (H, W), row 0 at the top.
-        white: what a white pixel has; black is 0.
+        white: value of a white pixel; black is 0.
     """
 
     pixels: NDArray[np.uint16]
@@ -37,25 +37,25 @@ class Grey:
 
 
 def read_image(data: bytes) -> Grey:
-    """Reads the bytes of a file; what it is, it says itself. Raises ImageError."""
+    """Read the bytes of a file; the format is detected from its content. Raises ImageError."""
     if data[:2] in (b"P2", b"P5"):
         return read_pgm(data)
     if data[:8] == b"\x89PNG\r\n\x1a\n":
         return read_png(data)
     if data.startswith(b"version https://git-lfs"):
-        raise ImageError("is a pointer of Git LFS, not the image; fetch it: git lfs pull")
-    raise ImageError("is no PGM (P2 or P5) and no PNG; convert it to one of these, in grey")
+        raise ImageError("is a Git LFS pointer, not the image; fetch it: git lfs pull")
+    raise ImageError("is neither a PGM (P2 or P5) nor a PNG; convert it to one of these, in grey")
 
 
 def checked_size(width: int, height: int) -> None:
-    """Raises ImageError if an image of this size is not read."""
+    """Raise ImageError if an image of this size is not read."""
     if width < 1 or height < 1:
-        raise ImageError(f"says that it has {width} x {height} pixels")
+        raise ImageError(f"has a size of {width} x {height} pixels in its header")
     if width * height > MAX_PIXELS:
-        raise ImageError(f"says that it has {width} x {height} pixels; at most {MAX_PIXELS:,} are read; scale it down")
+        raise ImageError(f"has {width} x {height} pixels in its header; at most {MAX_PIXELS:,} are read; scale it down")
 
 
-# Width, height and the value of white, with comments between; one space ends the header.
+# Width, height and the value of white, with comments in between; one whitespace ends the header.
 _BLANK: Final = rb"(?:\s|#[^\n]*\n)+"
 _NUMBER: Final = rb"(\d{1,9})"
 _HEADER: Final = re.compile(rb"(P[25])" + 3 * (_BLANK + _NUMBER) + rb"\s")
@@ -66,18 +66,20 @@ _ONE_BYTE: Final = 256
 
 
 def read_pgm(data: bytes) -> Grey:
-    """Reads the bytes of a file. Raises ImageError."""
+    """Read the bytes of a file. Raises ImageError."""
     header = _HEADER.match(data[:10_000])
     if header is None:
-        raise ImageError("is no PGM: its header has no width, height and value of white")
+        raise ImageError("is not a valid PGM: its header lacks width, height or the value of white")
     width, height, white = (int(header[number]) for number in (2, 3, 4))
     checked_size(width, height)
     if not 0 < white <= _MAX_WHITE:
-        raise ImageError(f"says that white is {white}; it is 1 to {_MAX_WHITE}")
+        raise ImageError(f"has a value of white of {white} in its header; allowed: 1 to {_MAX_WHITE}")
     is_text = header[1] == b"P2"
     read = _text(data, header.end(), width * height) if is_text else _bytes(data[header.end() :], white, width * height)
     if len(read) < width * height:
-        raise ImageError(f"is cut off: {width} x {height} pixels are {width * height:,}, and it has {len(read):,}")
+        raise ImageError(
+            f"is cut off: {width} x {height} pixels need {width * height:,} values, and it has {len(read):,}"
+        )
     pixels = np.minimum(read[: width * height], white).astype(np.uint16)
     return Grey(pixels.reshape(height, width), white)
 
@@ -89,7 +91,7 @@ def _bytes(data: bytes, white: int, count: int) -> NDArray[np.uint16]:
 
 
 def _text(data: bytes, at: int, count: int) -> NDArray[np.uint16]:
-    """Of as many pixels as count, some lines at a time: a word of Python takes 20 times the room that it has here."""
+    """Return up to `count` pixels; it reads block by block, because Python strings take 20 times the memory."""
     read = [np.empty(0, np.uint16)]
     while at < len(data) and count > 0:
         end = data.find(b"\n", at + _AT_A_TIME) + 1 or len(data)
@@ -103,7 +105,7 @@ def _pixels(words: list[bytes]) -> NDArray[np.uint16]:
     try:
         values = np.array(words, dtype=np.int64)
     except (ValueError, OverflowError):
-        raise ImageError("has a pixel that is no whole number") from None
+        raise ImageError("has a pixel that is not a whole number") from None
     if len(values) and values.min() < 0:
         raise ImageError("has a pixel below 0")
     return np.minimum(values, _MAX_WHITE).astype(np.uint16)
@@ -117,16 +119,16 @@ Bytes = NDArray[np.int16]
 
 
 def read_png(data: bytes) -> Grey:
-    """Reads the bytes of a file. Raises ImageError."""
+    """Read the bytes of a file. Raises ImageError."""
     chunks = _chunks(data)
     kind, header = next(chunks, (b"", b""))
     if kind != b"IHDR" or len(header) != struct.calcsize(">IIBBBBB"):
-        raise ImageError("is no PNG: it does not begin with a header")
+        raise ImageError("is not a valid PNG: it does not start with a header")
     width, height, bits, colour, _, _, interlaced = struct.unpack(">IIBBBBB", header)
     checked_size(width, height)
     if colour != 0 or bits not in (8, 16) or interlaced:
         found = f"{_COLOUR_TYPES.get(colour, 'unknown')}, {bits} bits{', interlaced' if interlaced else ''}"
-        raise ImageError(f"is a PNG of another kind ({found}); save it in grey, 8 or 16 bits, not interlaced")
+        raise ImageError(f"is a PNG of an unsupported kind ({found}); save it in grey, 8 or 16 bits, not interlaced")
     stride = width * bits // 8
     packed = b"".join(body for kind, body in chunks if kind == b"IDAT")
     rows = _unfiltered(_unpacked(packed, (stride + 1) * height), height, stride, bits // 8)
@@ -151,28 +153,29 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _unpacked(packed: bytes, size: int) -> bytes:
-    """No more than so many bytes, whatever the file would unpack to."""
+    """Unpack at most `size` bytes."""
     try:
         data = zlib.decompressobj().decompress(packed, size)
     except zlib.error:
-        raise ImageError("is damaged: its pixels do not unpack") from None
+        raise ImageError("is damaged: its pixels cannot be decompressed") from None
     if len(data) < size:
-        raise ImageError("is damaged: it has fewer pixels than it says")
+        raise ImageError("is damaged: it has fewer pixels than its header states")
     return data
 
 
 def _unfiltered(data: bytes, height: int, stride: int, step: int) -> NDArray[np.uint8]:
-    """(H, stride) bytes; each is told by how it differs from what is left of it, above it, and in the corner between.
+    """Undo the row filters and return (H, stride) bytes.
 
-    These three are known of a whole diagonal, from the lower left to the upper right, once the two before it are.
+    A byte depends on its left, upper and upper left neighbours. All of these lie on the two previous diagonals, so the
+    bytes are computed diagonal by diagonal.
     """
-    told = np.frombuffer(data, np.uint8).reshape(height, stride + 1)
-    kinds = told[:, :1]
+    filtered = np.frombuffer(data, np.uint8).reshape(height, stride + 1)
+    kinds = filtered[:, :1]
     if kinds.max() > _MAX_FILTER_TYPE:
-        raise ImageError(f"is damaged: a row of an unknown kind, {kinds.max()}")
+        raise ImageError(f"is damaged: a row has the unknown filter type {kinds.max()}")
     columns = stride // step
     framed = np.zeros((height + 1, columns + 1, step), np.int16)
-    framed[1:, 1:] = told[:, 1:].reshape(height, columns, step)
+    framed[1:, 1:] = filtered[:, 1:].reshape(height, columns, step)
     flat = framed.reshape(-1, step)
     for diagonal in range(height + columns - 1):
         top, bottom = max(0, diagonal - columns + 1), min(height - 1, diagonal)
@@ -187,7 +190,7 @@ def _unfiltered(data: bytes, height: int, stride: int, step: int) -> NDArray[np.
 
 
 def _predicted(kinds: NDArray[np.uint8], left: Bytes, up: Bytes, corner: Bytes) -> Bytes:
-    """(N, step), of N bytes or pairs of them in rows of these kinds: nothing, left, up, average, Paeth."""
+    """Return the predictions (N, step) for filter types 0 to 4: none, left, up, average, Paeth."""
     to_left, to_up, to_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
     nearest = np.where(to_up <= to_corner, up, corner)
     paeth = np.where((to_left <= to_up) & (to_left <= to_corner), left, nearest)

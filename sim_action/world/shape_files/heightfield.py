@@ -1,4 +1,4 @@
-"""Heightfields: rows of heights, or an image -> a grid."""
+"""Read heightfields: rows of heights or an image become a grid."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from sim_action.world.shape_files.grey_images import MAX_BYTES, ImageError, read
 from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes
 
 MAX_SAMPLES: Final = 250_000
-"""500 x 500: PyBullet takes 0.5 s to load so many, and dies of a few million."""
+"""500 x 500. PyBullet takes 0.5 s to load these, and crashes with a few million."""
 
 _MIN_SAMPLES: Final = 2
 
 
 def grid_of(heightfield: Heightfield, workspace: Workspace) -> GridPart:
-    """The grid of a heightfield. Raises ShapeError."""
+    """Return the grid of a heightfield. Raises ShapeError."""
     rows = (
         _image(heightfield.image, heightfield.height or 0.0, workspace)
         if heightfield.image is not None
         else np.array(heightfield.heights, dtype=np.float64)
     )
-    # Told as on a map: the first row is the farthest.
+    # The first row of the file has the highest y.
     return GridPart(heightfield.size, np.ascontiguousarray(rows[::-1]))
 
 
@@ -38,8 +38,8 @@ def _image(name: str, height: float, workspace: Workspace) -> NDArray[np.float64
         raise ShapeError(f"'{name}' {error}", "image") from None
     rows, columns = image.pixels.shape
     if min(rows, columns) < _MIN_SAMPLES:
-        raise ShapeError(f"'{name}' has {columns} x {rows} pixels; a surface takes two each way", "image")
+        raise ShapeError(f"'{name}' has {columns} x {rows} pixels; it needs at least 2 x 2", "image")
     if rows * columns > MAX_SAMPLES:
-        found = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} samples are simulated"
+        found = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} are simulated"
         raise ShapeError(f"{found}: scale it down", "image")
     return image.pixels.astype(np.float64) * (height / image.white)

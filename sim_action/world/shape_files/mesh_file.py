@@ -1,4 +1,4 @@
-"""Mesh files as bodies of the world: hulls where that is what they are, else the triangles themselves."""
+"""Read mesh files as bodies of the world: as convex hulls if they are convex or have a mass, else as triangles."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from sim_action.world.shape_files.shape_error import ShapeError, found_file
 from sim_action.world.shapes import MAX_LENGTH_M, MIN_LENGTH_M
 
 MAX_TRIANGLES: Final = 40_000
-"""Of a body that is not convex: what PyBullet takes of one."""
+"""Limit for a body that is not convex: that of PyBullet."""
 
 
 def mesh_parts(mesh_file: MeshFile, workspace: Workspace, *, moves: bool) -> Iterator[HullPart | SurfacePart]:
-    """What a mesh is made of, in m. Raises ShapeError."""
+    """Yield the parts of a mesh in m. Raises ShapeError."""
     name = mesh_file.file
     path = found_file(workspace, name)
     try:
@@ -34,7 +34,7 @@ def mesh_parts(mesh_file: MeshFile, workspace: Workspace, *, moves: bool) -> Ite
     whole = Mesh(mesh.points_xyz, (np.concatenate(mesh.parts),))
     shape = facts_of(path.suffix, whole if moves else mesh).shape
     if moves and shape == "flat":
-        raise ShapeError(f"'{name}' has no volume, so it cannot weigh anything; leave 'mass' out, or give it a depth")
+        raise ShapeError(f"'{name}' has no volume and cannot have a mass; remove 'mass', or give the mesh a thickness")
     if moves or shape == "convex":
         yield from (_hull(points) for points in hulls_of(whole if moves else mesh, scale, 0.0))
         return
@@ -52,6 +52,8 @@ def _hull(points: NDArray[np.float64]) -> HullPart:
 def _check_size(name: str, extents: NDArray[np.float64]) -> None:
     largest = float(extents.max())
     if largest > MAX_LENGTH_M:
-        raise ShapeError(f"'{name}' measures {largest:.4g} m; is it in millimetres? then write scale: 0.001", "scale")
+        raise ShapeError(f"'{name}' measures {largest:.4g} m; if the file is in millimetres, use scale: 0.001", "scale")
     if largest < MIN_LENGTH_M:
-        raise ShapeError(f"'{name}' measures {largest:.4g} m, which no engine can tell from nothing", "scale")
+        raise ShapeError(
+            f"'{name}' measures {largest:.4g} m, which is too small to simulate (at least {MIN_LENGTH_M:g} m)", "scale"
+        )

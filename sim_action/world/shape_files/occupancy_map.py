@@ -1,4 +1,4 @@
-"""Maps of ROS's map_server: a YAML file and an image -> walls (the package's documentation, section 3)."""
+"""Read occupancy maps of ROS's map_server: a YAML file and an image become walls (its documentation, section 3)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from sim_action.world.shape_files.grey_images import MAX_BYTES, Grey, ImageError
 from sim_action.world.shape_files.shape_error import ShapeError, found_file, read_bytes
 
 MAX_WALLS: Final = 2_000
-"""Boxes of a map. An office of 50 m comes to a few hundred."""
+"""Limit of boxes. An office of 50 m has a few hundred."""
 
 _MAX_YAML: Final = 100_000
 
@@ -34,7 +34,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 def _as_number(value: object) -> object:
-    """Of true and false, 1 and 0: files say either."""
+    """Return 1 and 0 for true and false, because files use both."""
     return int(value) if isinstance(value, bool) else value
 
 
@@ -51,20 +51,22 @@ class MapFile(FrozenModel):
 
 
 def walls(occupancy: OccupancyMap, workspace: Workspace) -> Iterator[BoxPart]:
-    """The walls of a map in the map's frame, from z = 0 up. Raises ShapeError."""
+    """Yield the walls of a map in the map's frame, from z = 0 up. Raises ShapeError."""
     name = occupancy.file
     path = found_file(workspace, name)
     said = _map_file(name, read_bytes(path, name, _MAX_YAML))
     beside = replace(workspace, directory=path.parent)
     occupied = _occupied(said, _image(said.image, name, beside))
     if not occupied.any():
-        raise ShapeError(f"'{name}' has no occupied cell: no pixel of '{said.image}' is dark enough (occupied_thresh)")
+        raise ShapeError(
+            f"'{name}' has no occupied cell: no pixel of '{said.image}' is dark enough for 'occupied_thresh'"
+        )
     # Row 0 of an image is at the top.
     found = rectangles(occupied[::-1], MAX_WALLS)
     if found is None:
         raise ShapeError(
-            f"'{name}' comes to more than {MAX_WALLS:,} boxes, although cells in line are one; "
-            "take single cells out of it, or give it a coarser resolution"
+            f"'{name}' needs more than {MAX_WALLS:,} boxes after merging adjacent cells; "
+            "remove isolated cells, or use a coarser resolution"
         )
     for cells in found:
         yield _wall(cells, said, occupancy.height)
@@ -87,7 +89,7 @@ def _map_file(name: str, data: bytes) -> MapFile:
         raise ShapeError(escaped_line("; ".join(map(str, error.problems)))) from None
     keys: Any = document.data
     if not isinstance(keys, dict):
-        raise ShapeError(f"'{name}' holds no map of keys; a map_server's file says 'image:', 'resolution:', 'origin:'")
+        raise ShapeError(f"'{name}' has no keys; a map_server file needs 'image:', 'resolution:' and 'origin:'")
     known = {key: value for key, value in keys.items() if key in MapFile.model_fields}
     try:
         said = MapFile.model_validate(known)
@@ -95,9 +97,9 @@ def _map_file(name: str, data: bytes) -> MapFile:
         found = [document.problem(path, message) for path, message in spec_errors(MapFile, known, error)]
         raise ShapeError("; ".join(map(str, found))) from None
     if said.mode != "trinary":
-        raise ShapeError(str(document.problem(("mode",), f"'{said.mode}' is not read; the mode is 'trinary'")))
+        raise ShapeError(str(document.problem(("mode",), f"'{said.mode}' is not supported; use 'trinary'")))
     if said.free_thresh > said.occupied_thresh:
-        raise ShapeError(str(document.problem(("free_thresh",), "is above 'occupied_thresh'")))
+        raise ShapeError(str(document.problem(("free_thresh",), "must not be above 'occupied_thresh'")))
     return said
 
 
@@ -117,7 +119,7 @@ def _occupied(said: MapFile, image: Grey) -> NDArray[np.bool_]:
 
 
 class Rectangle(NamedTuple):
-    """Cells from a column up to another, and from a row up to another, which are not in it."""
+    """A range of cells; the columns end before `right`, the rows before `high`."""
 
     left: int
     right: int
@@ -126,9 +128,9 @@ class Rectangle(NamedTuple):
 
 
 def rectangles(cells: NDArray[np.bool_], most: int) -> list[Rectangle] | None:
-    """The rectangles of the cells (rows, columns) that are set, each cell in one; None if they are more than `most`.
+    """Return rectangles that cover the set cells (rows, columns) exactly once; None if there are more than `most`.
 
-    A row's cells that stand in line are one; rows of the same are one. Both ways are tried, for walls along either.
+    Adjacent cells of a row are merged, then equal runs of adjacent rows. Both orientations are tried.
     """
     along = _merged(cells, most)
     across = _merged(cells.T, most)
@@ -154,13 +156,13 @@ def _merged(cells: NDArray[np.bool_], most: int) -> list[Rectangle] | None:
 
 
 def _closed(begun: dict[tuple[int, int], int], runs: dict[tuple[int, int], None], row: int) -> Iterator[Rectangle]:
-    """Those that do not go on in a row; they are taken out."""
+    """Remove and return the rectangles that do not continue in a row."""
     ended = [run for run in begun if run not in runs]
     return iter([Rectangle(*run, begun.pop(run), row) for run in ended])
 
 
 def _runs(cells: NDArray[np.bool_]) -> Iterator[tuple[int, dict[tuple[int, int], None]]]:
-    """Each row that has cells, with where its runs begin and end."""
+    """Yield each row that has set cells, with the start and end of each run."""
     for row in np.flatnonzero(cells.any(axis=1)).tolist():
         padded = np.concatenate(([False], cells[row], [False]))
         edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()

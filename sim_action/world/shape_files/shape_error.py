@@ -1,4 +1,4 @@
-"""What can be wrong with a file that a body's shape is read from."""
+"""The error of an unusable shape file, and file access that raises it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sim_action.core.workspace import PathError, Workspace
 
 
 class ShapeError(ValueError):
-    """A shape that cannot be had; `key`: below the shape's own, that is to blame."""
+    """An unusable shape; `key`: the key below the shape that causes it."""
 
     def __init__(self, message: str, key: str = "file") -> None:
         self.key = key
@@ -17,18 +17,18 @@ class ShapeError(ValueError):
 
 
 def read_bytes(path: Path, name: str, most: int, key: str = "file") -> bytes:
-    """The bytes of a file that the scenario calls `name`. Raises ShapeError."""
+    """Return the bytes of a file; `name`: as in the scenario. Raises ShapeError."""
     try:
         data = read_at_most(path, most)
     except OSError as error:
         raise ShapeError(f"'{name}' cannot be read: {error.strerror}", key) from None
     if data is None:
-        raise ShapeError(f"'{name}' has more than {most / 1e6:g} MB, which is all that is read", key)
+        raise ShapeError(f"'{name}' is larger than {most / 1e6:g} MB, the limit for this kind of file", key)
     return data
 
 
 def found_file(workspace: Workspace, name: str, key: str = "file") -> Path:
-    """Where a file is that a scenario names. Raises ShapeError."""
+    """Return the path of a file that a scenario names. Raises ShapeError."""
     try:
         return workspace.file(name)
     except PathError as error:
