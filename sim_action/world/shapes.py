@@ -127,8 +127,8 @@ class Heightfield(FrozenModel):
     Rows go from the highest y to the lowest, like those of an image. Each cell of four samples has two triangles, which
     meet on the line from the lowest x and y to the highest. The `pose` is that of the centre at height 0. With `z: 0`,
     heights are those of the world, and negative ones are below the ground. Without z, the lowest sample is placed on
-    the ground: heights from -1 m to 2 m then reach up to 3 m. A robot that starts on the terrain needs its own z. At most
-    250,000 samples (500 x 500) are allowed. A heightfield is fixed.
+    the ground: heights from -1 m to 2 m then reach up to 3 m. A robot that starts on the terrain needs its own z. At
+    most 250,000 samples (500 x 500) are allowed. A heightfield is fixed.
     """
 
     heights: Annotated[

@@ -216,7 +216,7 @@ def test_a_time_limit_has_a_step(tmp_path: Path) -> None:
             "world.objects.1.name: a second body named 'a'",
         ),
         ("[{name: ground, sphere: {radius: 1}}]", "world.objects.0.name: a second body named 'ground'"),
-        ("[{name: a}]", "world.objects.0: an object has exactly one of 'box', 'cylinder', 'sphere', 'ramp'"),
+        ("[{name: a}]", "world.objects.0: an object needs exactly one shape of 'box', 'cylinder', 'sphere', 'ramp'"),
     ],
 )
 def test_bodies_are_told_apart_by_name_and_shape(objects: str, problem: str, tmp_path: Path) -> None:
@@ -271,7 +271,7 @@ def test_the_problems_of_one_file_are_one_error(tmp_path: Path) -> None:
             "{objects: [{name: a, heightfield: {image: /etc/passwd, height: 1, size: [1, 1]}}]}",
             "11:43: world.objects.0.heightfield.image: '/etc/passwd' is outside the workspace",
         ),
-        ("{gravity: -9.81}", "11:9: world.gravity: one number is downwards"),
+        ("{gravity: -9.81}", "11:9: world.gravity: a single number points downwards"),
     ],
 )
 def test_what_is_wrong_with_a_world_is_told_on_its_line(world: str, problem: str, tmp_path: Path) -> None:

@@ -86,12 +86,12 @@ def test_a_map_may_be_negated_and_what_is_unknown_is_free(tmp_path: Path) -> Non
         ({"origin": [0, 0, ".inf"]}, "origin"),
         ({"negate": 7}, "negate"),
         ({"occupied_thresh": 2}, "must be at most 1"),
-        ({"occupied_thresh": 0.1, "free_thresh": 0.5}, "free_thresh: is above 'occupied_thresh'"),
-        ({"mode": "scale"}, "'scale' is not read; the mode is 'trinary'"),
+        ({"occupied_thresh": 0.1, "free_thresh": 0.5}, "free_thresh: must not be above 'occupied_thresh'"),
+        ({"mode": "scale"}, "'scale' is not supported; use 'trinary'"),
         ({"image": "../outside.pgm"}, "outside the workspace"),
         ({"image": "/etc/passwd"}, "outside the workspace"),
         ({"image": "none.pgm"}, "does not exist"),
-        ({"image": "map.yaml"}, "no PGM"),
+        ({"image": "map.yaml"}, "neither a PGM"),
     ],
 )
 def test_a_map_that_cannot_be_read_is_told(keys: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -111,11 +111,11 @@ def test_maps_that_are_too_large_too_ragged_or_empty_are_told(tmp_path: Path) ->
     assert "more than 2,000 boxes" in wrong(tmp_path, map={"file": "chess.yaml"})
     write_map(tmp_path, np.zeros((2, 2)), "bomb")
     (tmp_path / "bomb.pgm").write_bytes(b"P5 10000 10000 255\n")
-    assert "10000 x 10000 pixels; at most 16,000,000" in wrong(tmp_path, map={"file": "bomb.yaml"})
+    assert "10000 x 10000 pixels in its header; at most 16,000,000" in wrong(tmp_path, map={"file": "bomb.yaml"})
     (tmp_path / "text.yaml").write_bytes(b"\xff\xfe")
     assert "not UTF-8" in wrong(tmp_path, map={"file": "text.yaml"})
     (tmp_path / "list.yaml").write_text("[1, 2]")
-    assert "holds no map of keys" in wrong(tmp_path, map={"file": "list.yaml"})
+    assert "has no keys" in wrong(tmp_path, map={"file": "list.yaml"})
     (tmp_path / "twice.yaml").write_text("image: a\nimage: b\n")
     assert "twice.yaml:2:1: the key 'image' is used twice" in wrong(tmp_path, map={"file": "twice.yaml"})
     assert "outside the workspace" in wrong(tmp_path, map={"file": "../map.yaml"})
@@ -126,9 +126,9 @@ def test_images_that_are_no_ground_are_told(tmp_path: Path) -> None:
         return wrong(tmp_path, heightfield={"image": name, "size": (1, 1), "height": 1})
 
     (tmp_path / "text.pgm").write_text("hello")
-    assert found("text.pgm").startswith("world.objects.0.heightfield.image: 'text.pgm' is no PGM")
+    assert found("text.pgm").startswith("world.objects.0.heightfield.image: 'text.pgm' is neither a PGM")
     (tmp_path / "line.pgm").write_bytes(pgm(np.zeros((1, 9))))
-    assert "takes two each way" in found("line.pgm")
+    assert "at least 2 x 2" in found("line.pgm")
     (tmp_path / "large.pgm").write_bytes(pgm(np.zeros((600, 600))))
     assert "at most 250,000 samples" in found("large.pgm")
     assert "does not exist" in found("none.pgm")
@@ -140,8 +140,8 @@ def test_meshes_that_cannot_be_had_are_told(tmp_path: Path) -> None:
         return wrong(tmp_path, mesh={"file": name, **more}, **({"mass": 1} if name == "flat.obj" else {}))
 
     (tmp_path / "box.obj").write_bytes(obj())
-    assert "is it in millimetres? then write scale: 0.001" in found("box.obj", scale=1e5)
-    assert "no engine can tell" in found("box.obj", scale=1e-5)
+    assert "if the file is in millimetres, use scale: 0.001" in found("box.obj", scale=1e5)
+    assert "too small to simulate" in found("box.obj", scale=1e-5)
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert "has no volume" in found("flat.obj")
     (tmp_path / "bad.stl").write_text("nothing")
