@@ -146,7 +146,7 @@ def test_weight_is_that_of_the_world() -> None:
     ("written", "message"),
     [
         (-9.81, r"downwards.*upwards use \[0, 0, 9.81\]"),
-        ((0, 0), "a list of three \(x, y, z\); found a list of 2"),
+        ((0, 0), r"a list of three \(x, y, z\); found a list of 2"),
         (math.nan, "finite"),
         (1e9, "at most 1000"),
         ("9.81 m", "acceleration"),

@@ -40,6 +40,6 @@ def _image(name: str, height: float, workspace: Workspace) -> NDArray[np.float64
     if min(rows, columns) < _MIN_SAMPLES:
         raise ShapeError(f"'{name}' has {columns} x {rows} pixels; it needs at least 2 x 2", "image")
     if rows * columns > MAX_SAMPLES:
-        found = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} are simulated"
+        found = f"'{name}' has {columns} x {rows} pixels; at most {MAX_SAMPLES:,} samples are simulated"
         raise ShapeError(f"{found}: scale it down", "image")
     return image.pixels.astype(np.float64) * (height / image.white)
