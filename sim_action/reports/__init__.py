@@ -1,4 +1,7 @@
-"""Reports: what people and tools get to read of the results."""
+"""Reports: the table of all reports, their options, and writing them.
+
+`terminal`, `junit`, `github` and `html` hold the reports of a run; `comparison` holds that of `sim-action compare`.
+"""
 
 from __future__ import annotations
 
@@ -16,21 +19,25 @@ from sim_action.results.results_json import Results
 from sim_action.results.stored_files import RUN_FILE_FOLDERS
 
 Verbosity = Literal["quiet", "normal", "verbose"]
-"""quiet: what failed, and one closing line; verbose: also notes, diagnostics and what controllers printed."""
+"""The amount of text on the terminal.
+
+- quiet: only failures and one closing line.
+- verbose: also notes, messages of the engine and the output of controllers.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """Where reports go.
+    """The targets and options of reports.
 
     Attributes:
-        folder: the output folder; it exists, and holds `results.json`.
-        junit: where the JUnit XML goes.
-        junit_strict: leave out what the Jenkins schema `junit-10.xsd` forbids.
-        environment: where GitHub says which files it reads (`GITHUB_STEP_SUMMARY`, `GITHUB_OUTPUT`, ...).
-        workspace: paths in reports are seen from here.
-        verbosity: how much the terminal shows.
-        silenced: names of reports that are not written.
+        folder: the existing output folder, with `results.json`.
+        junit: the path of the JUnit XML.
+        junit_strict: True to omit everything that the Jenkins schema `junit-10.xsd` forbids.
+        environment: the environment variables; GitHub names its files there (`GITHUB_STEP_SUMMARY`, ...).
+        workspace: the folder to which paths in reports are relative.
+        verbosity: the amount of text on the terminal.
+        silenced: the names of reports that are not written.
     """
 
     folder: Path
@@ -43,10 +50,10 @@ class ReportOptions:
 
 
 class Report(Protocol):
-    """What the table's entries are."""
+    """The function that writes one report."""
 
     def __call__(self, results: Results, options: ReportOptions) -> None:
-        """Writes the report, if its place is given."""
+        """Write the report, if its target exists."""
 
 
 REPORTS: Final = Table[Report](
@@ -60,12 +67,12 @@ REPORTS: Final = Table[Report](
         "annotations": "sim_action.reports.github.annotations:write_annotations",
     },
 )
-"""In the order in which they are written: files first, since whoever reads the output may have gone."""
+"""The reports in the order of writing: files first, because the reader of the terminal output may have closed it."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportRequest:
-    """What the command line asks for, as it was typed; `silenced`: names of reports that are not wanted."""
+    """The report options of the command line; `silenced` holds the names of reports that are switched off."""
 
     folder: Path
     junit: Path | None
@@ -75,7 +82,7 @@ class ReportRequest:
 
 
 def report_options(request: ReportRequest) -> ReportOptions:
-    """Where reports go; makes the output folder. Raises UsageError."""
+    """Return the options of the reports and create the output folder. Raises UsageError."""
     for place in (
         *(request.folder / name for name in RUN_FILE_FOLDERS),
         *([request.junit.parent] if request.junit else []),
@@ -96,7 +103,10 @@ def report_options(request: ReportRequest) -> ReportOptions:
 
 
 def make_ready(options: ReportOptions) -> None:
-    """Imports what reports are written with, which takes a tenth of a short run: for whoever has to wait anyway."""
+    """Import the modules of all reports in advance, while the process waits for something else.
+
+    The imports take a tenth of the time of a short run.
+    """
     for name in _enabled_reports(options):
         REPORTS.load(name)
 
@@ -106,9 +116,9 @@ def _enabled_reports(options: ReportOptions) -> list[str]:
 
 
 def write_reports(results: Results, options: ReportOptions, annotated: Results | None = None) -> None:
-    """Writes what can be written; raises UsageError for the rest.
+    """Write `results.json` and all reports. Raises UsageError at the end if some could not be written.
 
-    Annotations are of `annotated` alone, if it is given: somebody else has annotated the others.
+    If `annotated` is given, only these results get annotations, because the others have been annotated before.
     """
     failed = []
     of = {"annotations": results if annotated is None else annotated}
@@ -119,7 +129,7 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
         try:
             write()
         except BrokenPipeError:
-            # Whoever read the output has gone; that changes no verdict.
+            # A closed terminal output does not change a verdict.
             continue
         except OSError as error:
             failed.append(f"the {name} report cannot be written: {error.filename or name}: {error.strerror}")
@@ -136,7 +146,7 @@ def _created_folder(folder: Path) -> Path:
 
 
 def _refuse_links(path: Path) -> None:
-    """Raises UsageError if a folder of a path below the current one is a link: whoever wrote it chose the target."""
+    """Raise UsageError if a part of a path below the current folder is a link: its author would choose the target."""
     here = Path.cwd()
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 - links are what is looked for
     if not absolute.is_relative_to(here):
@@ -146,4 +156,4 @@ def _refuse_links(path: Path) -> None:
             return
         if place.is_symlink():
             shown = place.relative_to(here)
-            raise UsageError(escaped_line(f"'{shown}' is a link: results are not written through one; remove it"))
+            raise UsageError(escaped_line(f"'{shown}' is a link, and results are not written through links; remove it"))

@@ -1,7 +1,7 @@
-"""JUnit XML, as Jenkins, GitLab and the reporters on GitHub read it.
+"""The JUnit XML writer, for Jenkins, GitLab and the reporters on GitHub.
 
-A testsuite is a scenario with all of its variations, a testcase an expectation: a failure if it did not hold. Where a
-scenario has no verdict, each reason is a testcase with an error; where it was not run, one testcase is skipped.
+A testsuite is a scenario with all of its variations. A testcase is an expectation, with a failure if it did not hold.
+If a scenario has no verdict, each reason is a testcase with an error. If it was not run, one testcase is skipped.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, plain_text
 from sim_action.reports.formatting import measurements, user_output
-from sim_action.reports.links import place, seen_from, stored_trace
+from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
-# Of variations, what each has of its own: they may have been run on several machines.
+# The properties of each variation: variations may have run on different machines.
 _OF_EACH: Final = ("engine", "seed", "digest", "repeats", "cpu", "engine_build")
 
 
 def write_junit(results: Results, options: ReportOptions) -> None:
-    """Writes the JUnit XML to `options.junit`, all of it or nothing; folders above it are made."""
+    """Write the JUnit XML to `options.junit` completely or not at all, and create its folders."""
     root = _Document(results, options).root()
     ET.indent(root)
     options.junit.parent.mkdir(parents=True, exist_ok=True)
@@ -42,7 +42,7 @@ class _Document:
         self._results = results
         self._options = options
         self._taken: set[tuple[str, str]] = set()
-        # Where to go on looking for the next that is free: many may have the same names.
+        # The last number tried for a name, so that many equal names do not take quadratic time.
         self._numbers: dict[tuple[str, str], int] = {}
 
     def root(self) -> ET.Element:
@@ -59,7 +59,7 @@ class _Document:
             f"{kind}s" if kind != "skipped" else kind: sum(case.find(kind) is not None for case in cases)
             for kind in ("failure", "error", "skipped")
         }
-        file = seen_from(self._options.workspace, group.location.file) if group.location else None
+        file = relative_path(self._options.workspace, group.location.file) if group.location else None
         time = sum(outcome.wall_time for outcome in group.outcomes)
         suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
         add_properties(suite, self._suite_properties(group))
@@ -69,14 +69,14 @@ class _Document:
         return suite
 
     def _run(self, group: ScenarioGroup, outcome: Outcome) -> list[ET.Element]:
-        """The testcases of one run."""
+        """Return the testcases of one run."""
         values = group.values(outcome)
         cases = [self._expectation(group, outcome, expected) for expected in outcome.expectations]
         cases += [self._error(group, outcome, failure) for failure in _reasons(outcome)]
         if outcome.status == "skipped":
             cases.append(self._skipped(group, outcome))
         for index, case in enumerate(cases):
-            # The run is one; given to its first testcase, its time adds up for tools that sum testcases.
+            # Only the first testcase has the time of the run, because tools add up the times of testcases.
             case.set("time", _seconds(outcome.wall_time if index == 0 else 0.0))
             if values and not self._options.junit_strict:
                 add_properties(case, _of_variation(outcome))
@@ -84,7 +84,7 @@ class _Document:
         return cases
 
     def _suite_properties(self, group: ScenarioGroup) -> dict[str, object]:
-        """What the run was; of variations, what each was by its values."""
+        """Return the properties of a run; for variations, the digest of each and the worst one."""
         ours = {
             "sim_action": self._results.sim_action,
             "python": self._results.python,
@@ -132,11 +132,11 @@ class _Document:
         names = {"classname": classname, "name": self._unique(classname, _name(varied))}
         if self._options.junit_strict or location is None:
             return element("testcase", names)
-        file = seen_from(self._options.workspace, location.file)
+        file = relative_path(self._options.workspace, location.file)
         return element("testcase", {**names, "file": file, "line": location.line})
 
     def _unique(self, classname: str, name: str) -> str:
-        """Tools know a testcase by its two names, across suites."""
+        """Return a unique name: tools identify a testcase by class name and name across suites."""
         unique, number = name, self._numbers.get((classname, name), 1)
         while (classname, unique) in self._taken:
             number += 1
@@ -146,24 +146,30 @@ class _Document:
         return unique
 
     def _body(self, message: str, name: str, location: Location | None) -> str:
-        """The message again, then the place: alone, and as in the stack traces that reporters look for."""
+        """Return the message and the place: alone, and in the form of a stack trace that reporters search for."""
         if location is None:
             return message
-        where = place(self._options.workspace, location)
+        where = file_and_line(self._options.workspace, location)
         return "\n".join((message, where, f"at {one_line(name)}({where})", *_java_frame(where)))
 
     def _attach_trace(self, case: ET.Element, outcome: Outcome) -> None:
-        """Comes first in the output: GitLab takes the first."""
+        """Name the trace as an attachment at the beginning of the output: GitLab uses the first one."""
         trace = stored_trace(outcome, self._options.folder)
         if trace is not None:
-            add_attachment(case, seen_from(self._options.workspace, trace))
+            add_attachment(case, relative_path(self._options.workspace, trace))
 
 
 def _reasons(outcome: Outcome) -> tuple[Failure, ...]:
-    """Why there is no verdict. To tools, a suite without a testcase is no test: there is always one."""
+    """Return the reasons why there is no verdict; never empty for such an outcome, as a suite needs a testcase."""
     if outcome.failures or outcome.status == "skipped" or (outcome.expectations and outcome.has_verdict):
         return outcome.failures
-    return (Failure(kind="internal", title="no verdict", message="nothing says what became of this scenario"),)
+    return (
+        Failure(
+            kind="internal",
+            title="no verdict",
+            message="the results contain no expectation and no failure of this scenario",
+        ),
+    )
 
 
 def _ran(outcome: Outcome) -> dict[str, object]:
@@ -191,7 +197,7 @@ def _of_variation(outcome: Outcome) -> dict[str, object]:
 
 
 def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
-    """Stands in the testcase that will be looked at: Jenkins shows a suite's only where its testcases have none."""
+    """Add notes and output to the first testcase that failed: Jenkins hides the output of a suite otherwise."""
     unhappy = (case for case in cases if case.find("failure") is not None or case.find("error") is not None)
     case = next(unhappy, cases[0])
     for note in outcome.notes:
@@ -202,9 +208,9 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
 
 
 def _java_frame(where: str) -> Iterator[str]:
-    """The place as dorny/test-reporter finds it: the folder as a package, then a class, then a file without folders.
+    """Yield the place in the form that dorny/test-reporter finds: folder as package, a class, file without folders.
 
-    It takes a package to be lower case, and to end at each dot.
+    The reporter expects a package in lower case without dots.
     """
     path, _, line = where.rpartition(":")
     folder = PurePosixPath(path).parent.name
@@ -226,7 +232,7 @@ def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
 
 
 def _measured(outcome: Outcome, cases: list[ET.Element]) -> dict[str, object]:
-    """The measured values once more, for a suite: a strict schema knows no properties of testcases."""
+    """Return the measured values as properties of the suite: a strict schema has no properties of testcases."""
     pairs = zip(cases, (expected.verdict for expected in outcome.expectations), strict=False)
     return {
         f"measured: {case.get('name')}": f"{verdict.measured:.9g} {verdict.unit}".rstrip()
@@ -236,7 +242,7 @@ def _measured(outcome: Outcome, cases: list[ET.Element]) -> dict[str, object]:
 
 
 def _name(text: str) -> str:
-    """Tools drop or refuse a testcase without a name."""
+    """Return a name that is not empty: tools drop or reject a testcase without a name."""
     return one_line(text) or "unnamed"
 
 
@@ -248,31 +254,31 @@ _ATTACHMENT: Final = "[[ATTACHMENT|"
 
 
 def element(tag: str, attributes: Mapping[str, object]) -> ET.Element:
-    """An element with attributes; those that are None are left out."""
+    """Return an element with attributes; those that are None are omitted."""
     texts = {name: plain_text(str(value)) for name, value in attributes.items() if value is not None}
     return ET.Element(tag, texts)
 
 
 def add_child(parent: ET.Element, tag: str, text: str, attributes: Mapping[str, object] | None = None) -> None:
-    """Adds an element with text."""
+    """Add a child element with text."""
     child = element(tag, attributes or {})
     child.text = _harmless(text)
     parent.append(child)
 
 
 def add_line(parent: ET.Element, tag: str, text: str) -> None:
-    """Adds a line, or several, to the one child of this kind; nothing if the text is empty."""
+    """Append lines to the single child element with this tag, unless the text is empty."""
     if text:
         _append(parent, tag, _harmless(text))
 
 
 def add_attachment(parent: ET.Element, path: str) -> None:
-    """Names a file that belongs to a testcase, in the words that Jenkins' plugin and GitLab look for."""
+    """Name a file that belongs to a testcase, in the syntax of the Jenkins plugin and of GitLab."""
     _append(parent, "system-out", f"{_ATTACHMENT}{plain_text(path)}]]")
 
 
 def add_properties(parent: ET.Element, values: Mapping[str, object]) -> None:
-    """Adds properties, which come first; those that are None are left out."""
+    """Add properties as the first child; those that are None are omitted."""
     properties = parent.find("properties")
     if properties is None:
         properties = ET.Element("properties")
@@ -291,5 +297,5 @@ def _append(parent: ET.Element, tag: str, text: str) -> None:
 
 
 def _harmless(text: str) -> str:
-    """A stranger's text could name any file of the machine as an attachment, to be copied and published."""
+    """Return text that names no attachment: an untrusted text could publish any file of the machine."""
     return plain_text(text).replace(_ATTACHMENT, "[[ATTACHMENT |")

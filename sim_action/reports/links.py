@@ -1,4 +1,4 @@
-"""How to see again what a report tells of: the command that runs it, and the moment in the report's replay."""
+"""Links in reports: paths relative to the workspace, source lines, the command to run again, moments of the replay."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import shlex
 from pathlib import Path
 from typing import Final
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 from sim_action.core.errors import Location
 from sim_action.engines import ENGINES
@@ -18,25 +18,25 @@ from sim_action.results.stored_files import namesake_number
 
 REPORT_FILE: Final = "report.html"
 
-# What every shell takes alike between double quotes.
+# The characters that every shell treats alike between double quotes.
 _PLAIN: Final = re.compile(r"[\w .,:;=+/()\[\]-]+", re.ASCII)
 _BARE: Final = re.compile(r"[\w.,:=+/-]+", re.ASCII)
 
 
 def rerun_command(outcome: Outcome, options: ReportOptions) -> str:
-    """What to type in the workspace to see it again; empty if there is nothing to run."""
+    """Return the command that runs an outcome again from the workspace; empty if there is nothing to run."""
     if not outcome.file or any(failure.kind == "missing" for failure in outcome.failures):
         return ""
     if outcome.call:
         return " ".join(_quoted(one_line(word)) for word in outcome.call)
-    file = one_line(seen_from(options.workspace, outcome.file))
+    file = one_line(relative_path(options.workspace, outcome.file))
     if outcome.name == Path(outcome.file).name:
-        # It could not be read: nobody knows how its scenarios are called.
+        # The file could not be read, so the names of its scenarios are unknown.
         return " ".join(map(_quoted, ("sim-action", "validate", file)))
     name, backend = _named(outcome)
-    # To the letter, spaces and all, unless it is no name that a scenario can have.
+    # Keep the name exactly, including spaces, unless no scenario can have this name.
     words = ["sim-action", "run", file, "--only", name if name.isprintable() else one_line(name)]
-    # Of a variation of the seed, the name says it, and another would draw other variations.
+    # If the seed is varied, the name already selects it; --seed would draw other variations.
     if outcome.seed and not any(varied.key == "seed" for varied in outcome.variation):
         words += ["--seed", str(outcome.seed)]
     if backend:
@@ -47,7 +47,7 @@ def rerun_command(outcome: Outcome, options: ReportOptions) -> str:
 
 
 def _named(outcome: Outcome) -> tuple[str, str]:
-    """The scenario and the engine; of a run that is held against one on another engine, of both."""
+    """Return the names of scenario and engine; the engine is empty for a run that compares two engines."""
     for backend in ENGINES:
         if outcome.name.endswith(suffix := f" [{backend}]"):
             return outcome.name.removesuffix(suffix), ""
@@ -62,31 +62,31 @@ def _quoted(word: str) -> str:
 
 
 def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = None) -> str:
-    """Where in the report a moment is, in s of sim time: `report.html#scenario=...&t=4.5`; empty if it is not there."""
+    """Return the link to a sim time (s) in the report, `report.html#scenario=...&t=4.5`; empty without a replay."""
     if outcome.replay is None or "report" in options.silenced:
         return ""
     return f"{REPORT_FILE}{fragment(outcome.name, time, namesake_number(outcome.name, outcome.replay))}"
 
 
 def fragment(scenario: str, time: float | None = None, number: int = 1) -> str:
-    """What stands behind the address of a report to open it at a scenario, and at a moment, in s of sim time.
+    """Return the URL fragment that opens the report at a scenario and, if given, at a sim time in s.
 
-    `number`: which of several of that name.
+    `number` selects one of several scenarios with this name, counted from 1.
     """
     which = "" if number == 1 else f"&n={number}"
     moment = "" if time is None else f"&t={round(time, 2):g}"
-    # As the page calls it.
+    # The page compares names in this form.
     return f"#scenario={quote(one_line(scenario), safe='')}{which}{moment}"
 
 
-def seen_from(workspace: Path, file: str | Path) -> str:
-    """A path relative to the workspace if it is inside, else absolute; relative ones start from the current folder."""
+def relative_path(workspace: Path, file: str | Path) -> str:
+    """Return a path relative to the workspace if it is inside, else absolute, with forward slashes."""
     try:
         absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links are kept as they are written
         candidates = [(absolute, Path(os.path.abspath(workspace)))]  # noqa: PTH100 - as above
         candidates.append((absolute.resolve(), workspace.resolve()))
     except (OSError, ValueError, RuntimeError):
-        # A text that can be no path, such as one with a NUL in it, or a link that leads in a circle.
+        # The text is no valid path, for example because of a NUL, or links form a loop.
         return str(file)
     for path, root in candidates:
         if path.is_relative_to(root):
@@ -94,12 +94,26 @@ def seen_from(workspace: Path, file: str | Path) -> str:
     return absolute.as_posix()
 
 
-def place(workspace: Path, location: Location) -> str:
-    """`path:line`, or the path alone."""
-    path = seen_from(workspace, location.file)
+def file_and_line(workspace: Path, location: Location) -> str:
+    """Return `path:line`, or the path alone without a line."""
+    path = relative_path(workspace, location.file)
     return path if location.line is None else f"{path}:{location.line}"
 
 
 def stored_trace(outcome: Outcome, folder: Path) -> Path | None:
-    """The trace of an outcome, whose results file is in `folder`."""
+    """Return the path of an outcome's trace; `folder` is that of the results file."""
     return folder / outcome.trace if outcome.trace else None
+
+
+def source_url(location: Location, options: ReportOptions) -> str:
+    """Return the URL of a source line at the tested commit.
+
+    The result is empty if the environment names no repository and commit, or the file is outside the workspace.
+    """
+    path = relative_path(options.workspace, location.file)
+    names = ("GITHUB_SERVER_URL", "GITHUB_REPOSITORY", "GITHUB_SHA")
+    server, repository, commit = (options.environment.get(name, "") for name in names)
+    if urlsplit(server).scheme not in ("http", "https") or not (repository and commit) or path.startswith("/"):
+        return ""
+    line = "" if location.line is None else f"#L{location.line}"
+    return f"{server}/{repository}/blob/{commit}/{quote(path, errors='replace')}{line}"

@@ -1,4 +1,4 @@
-"""How far a run is, while it runs: on a terminal one line that is rewritten, elsewhere a line for each scenario."""
+"""The progress of a run: one line that is rewritten on a terminal, otherwise one line for each finished scenario."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _ERASE: Final = "\r\x1b[K"
 
 
 class ProgressListener:
-    """Told by the execution how it goes.
+    """Print the progress that the runner reports.
 
-    It starts no thread, holds no text back, and imports nothing of weight: children are forked while it listens.
+    The listener starts no thread, buffers no text and imports no large module, because children are forked meanwhile.
     """
 
     def __init__(self, total: int, verbosity: Verbosity, stream: TextIO | None = None) -> None:
-        """Writes to a stream, standard error unless another is given, of so many scenarios."""
+        """Report on `total` scenarios to a stream (default: standard error)."""
         self._stream = stream or sys.stderr
         self._silent = verbosity == "quiet"
         self._rewrites = self._stream.isatty()
@@ -34,7 +34,7 @@ class ProgressListener:
         self._shown_at = float("-inf")
 
     def progress(self, name: str, sim_time: float, real_time_factor: float) -> None:
-        """A scenario has come to a sim time, in s."""
+        """Show that a scenario has reached a sim time in s."""
         if self._silent or not self._rewrites:
             return
         self._running[name] = f"{one_line(name)} {sim_time:.1f} s ({speed_text(real_time_factor)})"
@@ -43,7 +43,7 @@ class ProgressListener:
             self._rewrite(f"[{self._done}/{self._total}] {', '.join(self._running.values())}")
 
     def finished(self, outcome: Outcome) -> None:
-        """A scenario is over."""
+        """Show that a scenario has finished."""
         self._done += 1
         self._running.pop(outcome.name, None)
         if self._silent:
@@ -54,7 +54,7 @@ class ProgressListener:
             self._write(f"{self._readable(self._summed_up(outcome))}\n")
 
     def close(self) -> None:
-        """Leaves no half-written line behind; to be called when the run is over, or was interrupted."""
+        """Erase the progress line; to be called when the run has finished or was interrupted."""
         if self._rewrites and not self._silent:
             self._write(_ERASE)
 
@@ -64,7 +64,7 @@ class ProgressListener:
         return f"{counter} {outcome.status:<6}  {one_line(outcome.name)}  {simulated}{outcome.wall_time:.1f} s"
 
     def _rewrite(self, line: str) -> None:
-        # One column is left free: a full line makes some terminals go on to the next.
+        # One column stays free, because some terminals wrap after a full line.
         columns = shutil.get_terminal_size().columns - 1
         self._write(_ERASE + _cut(self._readable(line), columns))
 
@@ -74,15 +74,15 @@ class ProgressListener:
     def _write(self, text: str) -> None:
         try:
             self._stream.write(text)
-            # What is buffered when a child is forked would be written by both.
+            # Text in the buffer during a fork would be written by parent and child.
             self._stream.flush()
         except OSError:
-            # Whoever read it has gone, which is no reason to stop.
+            # The reader has closed the stream; the run continues.
             self._silent = True
 
 
 def _cut(text: str, columns: int) -> str:
-    """The beginning of a text that fits into so many columns; East Asian wide characters take two."""
+    """Return the beginning of a text that fits into `columns`; East Asian wide characters take two columns."""
     for index, character in enumerate(text):
         columns -= 2 if unicodedata.east_asian_width(character) in "WF" else 1
         if columns < 0:

@@ -1,4 +1,4 @@
-"""A scenario as reports show it: one outcome, or those of all of its variations together."""
+"""Groups of outcomes: a scenario together with all of its variations, as reports show it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome
 
 WORST_FIRST: Final[tuple[DisplayStatus, ...]] = ("error", "flaky", "failed", "warned", "skipped", "passed")
 
-# Where nothing says by how much something failed.
-_WHOLE: Final = -1.0
+# The relative margin of a failure without a margin.
+_NO_MARGIN: Final = -1.0
 
 
 @dataclass(frozen=True, slots=True)
 class ScenarioGroup:
-    """The outcomes of one scenario, in the order of the call; several only of one that varies."""
+    """The outcomes of one scenario in call order: one for each variation, or exactly one."""
 
     name: str
     varies: bool
@@ -27,48 +27,48 @@ class ScenarioGroup:
 
     @property
     def worst(self) -> Outcome:
-        """Without a verdict before failed before the rest; of equals, what missed its limit by most or came nearest."""
+        """The worst outcome by status; among equals, the one with the smallest relative margin."""
         return min(self.outcomes, key=lambda outcome: (WORST_FIRST.index(display_status(outcome)), *_nearness(outcome)))
 
     @property
     def worst_text(self) -> str:
-        """Which variation was the worst and by what, such as "[yaw=0.4], margin 0.02 m (travel at least 1.5 m)"."""
+        """The worst variation and its margin, such as "[yaw=0.4], margin 0.02 m (travel at least 1.5 m)"."""
         expected = _nearest(self.worst)
         if expected is None:
             return self.values(self.worst)
         verdict = expected.verdict
         known = f"margin {quantity(verdict.margin, verdict.unit)}" if verdict.margin is not None else ""
-        told = f"at {moment(verdict.time)}" if verdict.passed and verdict.goal else known
-        return f"{self.values(self.worst)}, {told} ({expected.name})" if told else self.values(self.worst)
+        text = f"at {moment(verdict.time)}" if verdict.passed and verdict.goal else known
+        return f"{self.values(self.worst)}, {text} ({expected.name})" if text else self.values(self.worst)
 
     @property
     def status(self) -> DisplayStatus:
-        """How it is to be looked at."""
+        """The status of the worst outcome."""
         return display_status(self.worst)
 
     @property
     def location(self) -> Location | None:
-        """Where it is written."""
+        """The place of the scenario in its file."""
         return self.outcomes[0].location
 
     @property
     def passed(self) -> str:
-        """Such as "7 of 9 passed"."""
+        """The number of passed outcomes, such as "7 of 9 passed"."""
         statuses = [outcome.status for outcome in self.outcomes]
         left = f", {statuses.count('skipped')} not run" if "skipped" in statuses else ""
         return f"{statuses.count('passed')} of {len(statuses)} passed{left}"
 
     def values(self, outcome: Outcome) -> str:
-        """What tells one of its outcomes from the others, such as "[friction=0.4]"."""
+        """Return the values that identify a variation, such as "[friction=0.4]"; empty without variations."""
         return outcome.name.removeprefix(self.name) if self.varies else ""
 
     def worst_first(self) -> list[Outcome]:
-        """Its outcomes, of equals in the order of the call."""
+        """Return the outcomes, the worst first, otherwise in call order."""
         return sorted(self.outcomes, key=lambda outcome: WORST_FIRST.index(display_status(outcome)))
 
 
 def grouped_scenarios(outcomes: Iterable[Outcome]) -> list[ScenarioGroup]:
-    """All outcomes, variations of a scenario together."""
+    """Group outcomes: the variations of a scenario belong together."""
     found: list[ScenarioGroup] = []
     for (_, name), several in groupby(outcomes, lambda outcome: (outcome.file, outcome.group)):
         if name is None:
@@ -79,20 +79,20 @@ def grouped_scenarios(outcomes: Iterable[Outcome]) -> list[ScenarioGroup]:
 
 
 def worst_first(found: Iterable[ScenarioGroup]) -> list[ScenarioGroup]:
-    """Of equals in the order of the call."""
+    """Sort groups, the worst first, otherwise in call order."""
     return sorted(found, key=lambda group: WORST_FIRST.index(group.status))
 
 
 def _nearness(outcome: Outcome) -> tuple[float, float]:
-    """Less is worse; of goals that came true, the later is."""
+    """Return a sort key; smaller is worse, and among reached goals the later one is worse."""
     expected = _nearest(outcome)
     return (0.0, 0.0) if expected is None else _closeness(expected)
 
 
 def _nearest(outcome: Outcome) -> ExpectationOutcome | None:
-    """What missed its limit by most, or if nothing failed, what came nearest to it; None where nothing was measured.
+    """Return the expectation with the smallest relative margin; failed ones come first. None if nothing was measured.
 
-    Of what held throughout, if there is that: a goal is met at its limit, whatever happens.
+    Among expectations that hold, invariants come before goals, because a goal is always reached exactly at its limit.
     """
     failed = [expected for expected in outcome.expectations if expected.failed]
     measured = [expected for expected in outcome.expectations if expected.verdict.margin is not None]
@@ -108,13 +108,13 @@ def _closeness(expected: ExpectationOutcome) -> tuple[float, float]:
 
 
 def relative_margin(expected: ExpectationOutcome) -> float:
-    """Which part of its limit was left, or was missing if less than zero; a limit of zero has no parts.
+    """Return the margin divided by the limit (the margin itself for a limit of zero); negative if it failed.
 
-    0 for what was cut off: nobody knows how near it would have come.
+    The value is 0 for an undecided expectation (cut off), since its margin is unknown.
     """
     margin, limit = expected.verdict.margin, expected.verdict.limit
     if expected.verdict.cut_off:
         return 0.0
     if margin is None:
-        return _WHOLE
+        return _NO_MARGIN
     return margin / abs(limit) if limit else margin

@@ -1,4 +1,4 @@
-"""What a person reads after `sim-action run`; the worst stands last, right above the prompt."""
+"""The report on the terminal after `sim-action run`; the worst scenario comes last, right above the prompt."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _MAX_VARIATIONS: Final = 20
 
 
 def print_results(results: Results, options: ReportOptions, stream: TextIO | None = None) -> None:
-    """Prints to a stream, standard output unless another is given."""
+    """Print the results to a stream (default: standard output), the worst last."""
     stream = stream or sys.stdout
     with open_console(stream, options.environment) as shown:
         printer = _Printer(shown, options)
@@ -72,7 +72,7 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
 
 
 class _Printer:
-    """Lines on a console; every text goes through `_line`, as text and never as markup."""
+    """Print lines on a console; `_line` escapes every text, so that no text acts as markup."""
 
     def __init__(self, console: Console, options: ReportOptions) -> None:
         self._console = console
@@ -85,7 +85,7 @@ class _Printer:
         self._margin = ""
 
     def group(self, group: ScenarioGroup) -> None:
-        """One scenario, and an empty line; of its variations, those that did not pass."""
+        """Print one scenario and an empty line; variations that passed are only counted, unless verbose."""
         if group.varies:
             worst = f"; worst: {group.worst_text}" if group.status != "skipped" else ""
             self._heading(group.status, group.name, f"  {group.location}", f"  {group.passed}{worst}")
@@ -111,10 +111,10 @@ class _Printer:
             self._heading(display_status(outcome), outcome.name, "", _after(repeats_text(outcome)))
             self._outcome(outcome)
         if len(shown) > most:
-            self._line("", (f"{len(shown) - most} more, see {RESULTS_FILE}", "dim"))
+            self._line("", (f"{len(shown) - most} more variations: see {RESULTS_FILE}", "dim"))
 
     def _outcome(self, outcome: Outcome) -> None:
-        """What there is to say of one run."""
+        """Print the expectations and failures of one run."""
         if outcome.status == "skipped":
             self._line("  ", (" ".join(outcome.notes), "dim"))
             return
@@ -127,7 +127,7 @@ class _Printer:
             self._run_details(outcome)
 
     def closing(self, results: Results) -> None:
-        """The counts; but when quiet, where everything is, too."""
+        """Print the counts and, unless quiet, the paths of all files."""
         statuses = {display_status(outcome) for outcome in results.outcomes}
         of_nothing: DisplayStatus = "passed" if results.exit_code is ExitCode.PASSED else "error"
         worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
@@ -136,7 +136,7 @@ class _Printer:
         self._line("", (counts_text(results), _STYLES[worst]), (f" in {results.wall_time:.1f} s{fast}{part}", ""))
         if self._verbosity != "quiet":
             for name, path in _files(results, self._options):
-                self._line("", (f"{name:<7} {path}", "dim"))
+                self._line("", (f"{name:<10} {path}", "dim"))
 
     def _expectation(self, expected: ExpectationOutcome) -> None:
         verdict = expected.verdict
@@ -153,7 +153,7 @@ class _Printer:
         if failure.location is not None:
             self._line("      ", (str(failure.location), "cyan"))
         if failure.details:
-            self._block("last words", failure.details)
+            self._block("details", failure.details)
 
     def _run_details(self, outcome: Outcome) -> None:
         ran = {
@@ -167,24 +167,24 @@ class _Printer:
         }
         for name, value in ran.items():
             if value not in (None, ""):
-                self._line("  ", (f"{name:<7} {value}", "dim"))
+                self._line("  ", (f"{name:<8} {value}", "dim"))
         for note in outcome.notes:
-            self._line("  ", (f"note    {note}", "dim"))
+            self._line("  ", (f"note     {note}", "dim"))
         for diagnostic in outcome.diagnostics:
-            self._line("  ", (f"{diagnostic.level:<7} {diagnostic.message}", "dim"))
+            self._line("  ", (f"{diagnostic.level:<8} {diagnostic.message}", "dim"))
         if output := user_output(outcome):
             self._block("output", output)
 
     def _block(self, title: str, text: str) -> None:
-        """Text of many lines, behind a bar: none of them begins where a log looks for commands."""
+        """Print several lines, each after a bar, so that none of them begins like a command in a log."""
         self._line("    ", (f"{title}:", "dim"))
         for line in plain_text(text).strip("\n").split("\n"):
             self._line("    ", (f"{self._bar} {line}", "dim"))
 
     def _line(self, indent: str = "", *parts: tuple[str, str]) -> None:
-        """One line, made of parts with their styles."""
+        """Print one line of parts with their styles."""
         shown = ((log_text(text, self._encoding).replace("\n", " "), style) for text, style in parts)
-        # Wrapped by the terminal, not by us: paths stay whole for those who click or copy them.
+        # The terminal wraps long lines, so that paths can be clicked and copied as a whole.
         self._console.print(Text.assemble(self._margin if parts else "", indent, *shown), soft_wrap=True)
 
 
@@ -193,7 +193,7 @@ def _after(text: str) -> str:
 
 
 def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path]]:
-    """What is where, for those who want more."""
+    """Yield the label and path of each file that was written."""
     if "report" not in options.silenced:
         yield "report", options.folder / REPORT_FILE
     yield "results", options.folder / RESULTS_FILE
@@ -203,25 +203,25 @@ def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path
         yield "traces", folder
     recordings = (options.folder / name for outcome in results.outcomes for name in outcome.recordings)
     for folder in dict.fromkeys(recording.parent for recording in recordings):
-        yield "records", folder
+        yield "recordings", folder
 
 
 class _Console(Console):
     def on_broken_pipe(self) -> None:
-        """Where rich would end the process with a failure: who stops reading has not changed the verdict."""
+        """Raise BrokenPipeError, where rich would end the process: a closed output does not change the verdict."""
         raise BrokenPipeError
 
 
 @contextmanager
 def open_console(stream: TextIO, environment: Mapping[str, str]) -> Iterator[Console]:
-    """What prints on a stream; on GitHub, nothing that is printed meanwhile is a command."""
+    """Open a console on a stream; on GitHub, workflow commands in the printed text have no effect."""
     on_github = environment.get("GITHUB_ACTIONS") == "true"
     with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
         yield _rich_console(stream, on_github=on_github, plain=bool(environment.get("NO_COLOR")))
 
 
 def _rich_console(stream: TextIO, *, on_github: bool, plain: bool) -> Console:
-    # GitHub's log is no terminal, but shows colours.
+    # The log of GitHub is not a terminal, but it shows colours.
     colourful = on_github and not plain
     return _Console(
         file=stream,
@@ -237,7 +237,7 @@ def _rich_console(stream: TextIO, *, on_github: bool, plain: bool) -> Console:
 
 @contextmanager
 def _no_workflow_commands(stream: TextIO) -> Iterator[None]:
-    """GitHub obeys no command in what is printed meanwhile; nobody else knows the token that ends this."""
+    """Disable workflow commands while text is printed; the token that enables them again is random."""
     token = secrets.token_hex(16)
     stream.write(f"::stop-commands::{token}\n")
     try:

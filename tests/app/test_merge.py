@@ -257,7 +257,7 @@ def test_what_an_earlier_merge_has_left_is_no_result_of_a_shard(capsys: pytest.C
     with pytest.raises(UsageError, match=r"no results\.json found at 'joined'"):
         merge_results(request("joined"))
     assert merge_results(request("joined", listing=Listing([source("a")], []))) is ExitCode.INVALID
-    assert "no shard has left any results" in capsys.readouterr().out
+    assert "no shard returned any results" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("made", [True, False])
@@ -276,7 +276,7 @@ def test_if_all_shards_are_lost_every_listed_scenario_is_an_error_in_every_repor
     ]
     captured = capsys.readouterr()
     assert captured.err == "sim-action: no results.json found at 'shards'\n"
-    assert captured.out.count("no shard has left any results") == 2
+    assert captured.out.count("no shard returned any results") == 2
     assert ET.parse("joined/junit.xml").getroot().get("errors") == "2"
     assert "2 of 2 scenarios did not pass" in Path("GITHUB_STEP_SUMMARY").read_text()
     assert "\nfailure\n" in Path("GITHUB_OUTPUT").read_text()

@@ -144,7 +144,7 @@ def test_if_every_shard_is_lost_every_scenario_is_reported(workspace: Path, tmp_
     asked = ("merge", "nope", "--output-dir", str(tmp_path / "out"))
     unlisted = sim_action(workspace, *asked)
     assert unlisted.returncode == 2
-    assert unlisted.stderr.startswith("sim-action: no results.json found at 'nope': have the shards left")
+    assert unlisted.stderr.startswith("sim-action: no results.json found at 'nope': download the results of the shards")
     assert list(tmp_path.iterdir()) == []
     merged = sim_action(workspace, *asked, "--scenarios", ".", GITHUB_OUTPUT=str(tmp_path / "outputs"))
     assert merged.returncode == 2
@@ -184,7 +184,7 @@ def test_more_names_than_a_runner_passes_on_are_refused(tmp_path: Path) -> None:
         (folder / f"{place}.sim.yml").touch()
     planned = sim_action(tmp_path, "matrix", "--shards", "1")
     assert (planned.returncode, planned.stdout) == (2, "")
-    assert "use more shards, or a matrix of folders or of `shard: I/N`" in planned.stderr
+    assert "use more shards, or use a matrix of folders or of `shard: I/N`" in planned.stderr
     assert len(json.loads(sim_action(tmp_path, "matrix", "--shards", "2").stdout)["include"]) == 2
 
 
@@ -192,8 +192,8 @@ def test_an_empty_shard_passes_and_reads_well(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(SCENARIOS["a.sim.yml"])
     ran = sim_action(tmp_path, "run", "--shard", "2/2", GITHUB_STEP_SUMMARY="summary.md", GITHUB_OUTPUT="outputs")
     assert ran.returncode == 0, ran.stderr
-    assert re.match(r"no scenario in \d+\.\d s; shard 2 of 2 \(1 scenario in all\)\n", ran.stdout)
-    assert "✅ No scenario is left for shard 2 of 2" in (tmp_path / "summary.md").read_text()
+    assert re.match(r"no scenarios in \d+\.\d s; shard 2 of 2 \(1 scenario in total\)\n", ran.stdout)
+    assert "✅ No scenarios for shard 2 of 2" in (tmp_path / "summary.md").read_text()
     assert "success" in (tmp_path / "outputs").read_text()
     assert ET.parse(tmp_path / "sim-results/junit.xml").getroot().get("tests") == "0"
     assert outcomes(tmp_path / "sim-results") == []

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.report import page
-from sim_action.reports.links import place, replay_link, rerun_command, seen_from
+from sim_action.reports.links import file_and_line, relative_path, replay_link, rerun_command
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.scenario.source import Varied
@@ -104,32 +104,32 @@ def test_what_is_no_scenario_is_called_as_it_was(samples: Samples, options: Repo
 
 
 def test_from_a_folder_below_the_workspace(options: ReportOptions, tmp_path: Path) -> None:
-    assert seen_from(tmp_path.parent, "a/b.yml") == f"{tmp_path.name}/a/b.yml"
+    assert relative_path(tmp_path.parent, "a/b.yml") == f"{tmp_path.name}/a/b.yml"
 
 
 def test_inside_by_its_absolute_path(options: ReportOptions, tmp_path: Path) -> None:
-    assert seen_from(tmp_path, tmp_path / "a" / ".." / "b.yml") == "b.yml"
+    assert relative_path(tmp_path, tmp_path / "a" / ".." / "b.yml") == "b.yml"
 
 
 def test_outside_is_absolute(options: ReportOptions, tmp_path: Path) -> None:
-    assert seen_from(tmp_path, "../b.yml") == (tmp_path.parent / "b.yml").as_posix()
+    assert relative_path(tmp_path, "../b.yml") == (tmp_path.parent / "b.yml").as_posix()
 
 
 def test_workspace_behind_a_link(options: ReportOptions, tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "link").symlink_to("real")
-    assert seen_from(tmp_path / "link", tmp_path / "real" / "b.yml") == "b.yml"
+    assert relative_path(tmp_path / "link", tmp_path / "real" / "b.yml") == "b.yml"
 
 
 def test_a_link_inside_keeps_its_name(options: ReportOptions, tmp_path: Path) -> None:
     (tmp_path / "link.yml").symlink_to("/dev/null")
-    assert seen_from(tmp_path, "link.yml") == "link.yml"
+    assert relative_path(tmp_path, "link.yml") == "link.yml"
 
 
 def test_what_is_no_path_is_text(options: ReportOptions, tmp_path: Path) -> None:
-    assert seen_from(tmp_path, "a\x00b").endswith("a\x00b")
+    assert relative_path(tmp_path, "a\x00b").endswith("a\x00b")
 
 
 def test_place(options: ReportOptions, tmp_path: Path) -> None:
-    assert place(tmp_path, Location("a.yml", 3, 7)) == "a.yml:3"
-    assert place(tmp_path, Location("a.yml")) == "a.yml"
+    assert file_and_line(tmp_path, Location("a.yml", 3, 7)) == "a.yml:3"
+    assert file_and_line(tmp_path, Location("a.yml")) == "a.yml"

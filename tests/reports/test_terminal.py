@@ -99,9 +99,9 @@ def test_long_lines_are_left_to_the_terminal(samples: Samples, options: ReportOp
 
 def test_the_folder_of_recordings_is_told_once(samples: Samples, options: ReportOptions) -> None:
     results = samples["passed"]
-    assert "records" not in printed(results, options)
+    assert "recordings" not in printed(results, options)
     recorded = [
         made.model_copy(update={"recordings": ("recordings/a.csv", "recordings/a.tum")}) for made in results.outcomes
     ]
     text = printed(results.model_copy(update={"outcomes": tuple(recorded)}), options)
-    assert text.count(f"records {options.folder / 'recordings'}\n") == 1
+    assert text.count(f"recordings {options.folder / 'recordings'}\n") == 1

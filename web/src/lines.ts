@@ -1,4 +1,4 @@
-/** What is drawn over the world: the way of the robot, goal regions, contacts. */
+/** The lines over the world: path of the robot, goal regions, contacts. */
 
 import {
   BufferGeometry,
@@ -15,10 +15,10 @@ import {
   SphereGeometry,
 } from "three";
 
-/** m over the ground: what lies in it flickers. */
+/** The height in m over the ground; lines in the plane of the ground would flicker. */
 const OVER_GROUND = 0.004;
 
-/** A ribbon along the way: what lies ahead is faint. */
+/** A ribbon along the path; the part ahead is faint. */
 export class Way {
   readonly group = new Group();
   private readonly came: Mesh;
@@ -37,7 +37,7 @@ export class Way {
   }
 }
 
-/** Under the robot, whose lowest point is `clearance` under its base, in m, at first: on ramps and in the air, too. */
+/** The ribbon runs under the robot, also on ramps and in the air; `clearance`: m from the base to its lowest point. */
 function ribbon(run: Run, clearance: number, width: number): BufferGeometry {
   const [xs, ys, zs] = run.base;
   const points = new Float32Array(6 * run.count);
@@ -46,7 +46,7 @@ function ribbon(run: Run, clearance: number, width: number): BufferGeometry {
   for (let i = 0; i < run.count; i++) {
     const next = Math.min(i + 1, run.count - 1), before = Math.max(i - 1, 0);
     const length = Math.hypot(xs[next] - xs[before], ys[next] - ys[before]);
-    // Where it stands still, the ribbon goes on as it went.
+    // At standstill the ribbon keeps its direction.
     if (length > 1e-3) [dx, dy] = [(xs[next] - xs[before]) / length, (ys[next] - ys[before]) / length];
     const x = (-dy * width) / 2, y = (dx * width) / 2, z = OVER_GROUND + Math.max(0, zs[i] - clearance);
     points.set([xs[i] + x, ys[i] + y, z, xs[i] - x, ys[i] - y, z], 6 * i);
@@ -81,7 +81,7 @@ export class Touches {
   }
 }
 
-/** A region, a path or a heading that an expectation is about. */
+/** A region, path or heading of an expectation. */
 export function mark(data: MarkData, colour: string): Group {
   const group = new Group();
   const line = new LineBasicMaterial({ color: colour });

@@ -1,4 +1,4 @@
-/** What the scripts of the page and the 3D viewer have in common: replays, and what draws them. */
+/** The types shared by the scripts of the page and the 3D viewer. */
 
 type Numbers = ArrayLike<number>;
 
@@ -140,7 +140,7 @@ interface Replay {
   marks: MarkData[];
 }
 
-/** Poses of all links and bodies at a time, seven numbers each; `here`: which bodies are there. */
+/** Poses of all links and bodies at a time, seven numbers each; `here`: the bodies that have appeared. */
 interface Moment {
   time: number;
   links: Float64Array;
@@ -148,7 +148,7 @@ interface Moment {
   here: boolean[];
 }
 
-/** What the 3D viewer needs of a run; the page's own `Motion` is one. */
+/** The run as the 3D viewer needs it; implemented by `Motion` of the page. */
 interface Run {
   replay: Replay;
   scene: SceneData;
@@ -160,10 +160,10 @@ interface Run {
   at(time: number): Moment;
 }
 
-/** A picture of the run, whichever way it is drawn. */
+/** A view of the run. */
 interface View {
   draw(moment: Moment, follow: boolean): void;
-  /** Shows all of the way again. */
+  /** Shows the whole path. */
   home(): void;
   resize(): void;
   dispose(): void;
@@ -171,7 +171,7 @@ interface View {
 
 type MakeView3D = (canvas: HTMLCanvasElement, run: Run, failed: ReadonlySet<number>, colours: Colours) => View;
 
-// The 3D viewer's bundle puts itself here.
+// Set by the bundle of the 3D viewer.
 declare var simActionView3D: MakeView3D | undefined;
 
 interface Colours {
@@ -198,11 +198,11 @@ interface ExpectationEntry {
 interface ScenarioEntry {
   id: string;
   name: string;
-  /** Which of several of that name, from 1 on. */
+  /** The number among scenarios of this name, from 1. */
   number: number;
   status: string;
   replay: string | null;
-  /** s, at which what went wrong is to be seen, if no expectation says so. */
+  /** The sim time in s of the failure, if no expectation gives it. */
   moment: number | null;
   expectations: ExpectationEntry[];
 }
@@ -211,7 +211,7 @@ interface Curve {
   name: string;
   title: string;
   unit: string;
-  /** A range of values that is less than this is noise, and not to be blown up. */
+  /** A smaller range of values is noise and is not magnified. */
   least: number;
   times: Float64Array;
   values: Float64Array;
@@ -224,7 +224,7 @@ interface Curve {
   to: number;
 }
 
-/** Where a plot draws: its area in pixels, and what becomes of times and values on it. */
+/** The plot area in pixels, and the mapping of times and values to it. */
 interface Chart {
   context: CanvasRenderingContext2D;
   area: { left: number; right: number; top: number; bottom: number };

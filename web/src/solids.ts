@@ -1,4 +1,4 @@
-/** Geometries of a scene's shapes; each mesh is built once, however many shapes show it. */
+/** The geometries of all shapes of a scene; each mesh is built once. */
 
 import {
   BoxGeometry,
@@ -18,7 +18,7 @@ export class Solids {
 
   constructor(private readonly stored: Record<string, MeshData>) {}
 
-  /** All shapes of a link or a body, in its own frame. */
+  /** Returns all shapes of a link or body in its frame. */
   group(shapes: Shape[], opacity = 1): Group {
     const group = new Group();
     group.matrixAutoUpdate = true;
@@ -39,7 +39,7 @@ export class Solids {
       case "box":
         return new BoxGeometry(...shape.size);
       case "cylinder":
-        // three.js has cylinders along y.
+        // Cylinders of three.js have their axis along y.
         return new CylinderGeometry(shape.radius, shape.radius, shape.length, 32).rotateX(Math.PI / 2);
       case "ellipsoid":
         return new SphereGeometry(1, 32, 20).scale(...shape.half);
@@ -54,7 +54,7 @@ export class Solids {
     const known = this.meshes.get(digest);
     if (known) return known;
     const { points, scale, triangles } = this.stored[digest];
-    // A point for each corner of each triangle: sides are flat.
+    // Each corner of a triangle has its own point, which gives flat faces.
     const corners = new Float32Array(3 * triangles.length);
     triangles.forEach((point, i) => {
       for (let axis = 0; axis < 3; axis++) corners[3 * i + axis] = points[3 * point + axis] * scale;
@@ -78,16 +78,16 @@ export class Solids {
   }
 }
 
-/** Puts an object at a pose: seven numbers from `at` on. */
+/** Sets the pose of an object: seven numbers beginning at `at`. */
 export function place(object: Group | Mesh, pose: ArrayLike<number>, at: number): void {
   object.position.set(pose[at], pose[at + 1], pose[at + 2]);
   object.quaternion.set(pose[at + 3], pose[at + 4], pose[at + 5], pose[at + 6]);
 }
 
-/** A colour that leaves the loud ones to what matters. */
+/** Returns a less saturated colour, so that marks stand out. */
 function muted([red, green, blue]: [number, number, number]): [number, number, number] {
   const grey = 0.3 * red + 0.55 * green + 0.15 * blue;
-  // Black is lifted: in the dark, it is not to be seen.
+  // Black is brightened, to be visible in the dark scheme.
   const mixed = (value: number) => 0.16 + 0.84 * (grey + 0.4 * (value - grey));
   return [mixed(red), mixed(green), mixed(blue)];
 }

@@ -1,4 +1,4 @@
-/** Ground, light and camera, as large as what there is to see. */
+/** Ground, light and camera, scaled to the content. */
 
 import {
   Box3,
@@ -24,7 +24,7 @@ export function furnish(scene: Scene, seen: Box3, colours: Colours): Directional
   const far = 14 * extent;
   scene.background = new Color(colours.floor);
   scene.fog = new Fog(colours.floor, 3 * extent, far);
-  // Drawn first and under everything: it hides nothing that lies in it or a little below.
+  // The ground is drawn first and hides nothing, even objects slightly below it.
   const surface = new MeshLambertMaterial({ color: colours.floor, depthWrite: false });
   const ground = new Mesh(new PlaneGeometry(2 * far, 2 * far), surface);
   ground.position.set(middle.x, middle.y, 0);
@@ -37,7 +37,7 @@ export function furnish(scene: Scene, seen: Box3, colours: Colours): Directional
   return sun(scene, extent, middle);
 }
 
-/** A cell a line, as long lines that begin behind the camera are not drawn everywhere. */
+/** Draws each cell as short lines, as some browsers omit long lines that begin behind the camera. */
 function grid(extent: number, middle: Vector3, colours: Colours): LineSegments {
   const step = extent > 40 ? 10 : extent > 8 ? 1 : extent > 1 ? 0.5 : 0.1;
   const half = Math.min(40, Math.ceil((6 * extent) / step));
@@ -71,11 +71,11 @@ function sun(scene: Scene, extent: number, middle: Vector3): DirectionalLight {
   return light;
 }
 
-/** Where the camera stands to see all of a box, and no more, from behind the right, looking ahead. */
+/** Places the camera behind and right of a box, so that the whole box fits into the view. */
 export function overview(camera: PerspectiveCamera, seen: Box3, target: Vector3): void {
   seen.getCenter(target);
   const size = seen.getSize(new Vector3());
-  // Across the longer side of what is to be seen, so that a way is seen from aside.
+  // Look across the longer side, so that a path is seen from the side.
   const away = (size.x >= size.y ? new Vector3(-0.42, -1, 0.7) : new Vector3(-1, -0.42, 0.7)).normalize();
   const distance = Math.max(0.3, ...corners(seen).map((corner) => needed(camera, corner.sub(target), away)));
   camera.position.copy(target).addScaledVector(away, 1.06 * distance);
@@ -84,7 +84,7 @@ export function overview(camera: PerspectiveCamera, seen: Box3, target: Vector3)
   camera.updateProjectionMatrix();
 }
 
-/** From how far a camera that looks along -`away` at the origin has a point in sight. */
+/** Returns the distance at which a camera that looks along -`away` at the origin sees a point. */
 function needed(camera: PerspectiveCamera, point: Vector3, away: Vector3): number {
   const right = new Vector3().crossVectors(camera.up, away).normalize();
   const up = new Vector3().crossVectors(away, right);

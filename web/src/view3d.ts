@@ -1,4 +1,4 @@
-/** The run in three dimensions. It draws when something has changed, and not otherwise. */
+/** The 3D view of a run; it draws only if something has changed. */
 
 import { Box3, Group, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -6,7 +6,7 @@ import { mark, Touches, Way } from "./lines";
 import { place, Solids } from "./solids";
 import { furnish, overview } from "./stage";
 
-/** Moments of a run at which it is asked how much space the robot takes. */
+/** The number of moments at which the space of the robot is sampled. */
 const SAMPLES = 24;
 
 class View3D implements View {
@@ -53,7 +53,7 @@ class View3D implements View {
   }
 
   draw(moment: Moment, follow: boolean): void {
-    // A camera that is moved along says so; that is drawn already.
+    // A camera that follows fires a change event, but its frame is drawn already.
     if (this.drawing) return;
     this.drawing = true;
     this.pose(moment);
@@ -96,14 +96,14 @@ class View3D implements View {
     });
   }
 
-  /** The space that the robot takes at a time. */
+  /** Returns the bounding box of the robot at a time. */
   private sizeAt(run: Run, time: number, robot: Group): Box3 {
     this.pose(run.at(time));
     robot.updateMatrixWorld(true);
     return new Box3().setFromObject(robot);
   }
 
-  /** The space that it takes in all of the run. */
+  /** Returns the bounding box of the robot over the whole run. */
   private everywhere(run: Run, robot: Group): Box3 {
     const all = new Box3();
     for (let i = 0; i <= SAMPLES; i++) {
@@ -112,7 +112,7 @@ class View3D implements View {
     return all;
   }
 
-  /** Keeps the camera where it is, seen from the robot; begins by looking at it from near. */
+  /** Lets the camera follow the robot, starting with a close view. */
   private moveAlong(): void {
     const { target } = this.controls;
     if (this.followed === null) {
@@ -128,14 +128,14 @@ class View3D implements View {
     this.controls.update();
   }
 
-  /** m from which all of the robot is well in sight. */
+  /** Returns the distance in m from which the whole robot is visible. */
   private get near(): number {
     const size = new Box3();
     for (const link of this.links) size.expandByObject(link);
     return Math.max(0.3, 4 * size.getSize(new Vector3()).length());
   }
 
-  /** Goals and bodies near the way are seen, too; what is far and large is not what it is about. */
+  /** Extends the view to goals and bodies near the path, but not to far or large ones. */
   private widened(places: Box3, marks: Group[]): Box3 {
     const length = places.getSize(new Vector3()).length();
     const near = places.clone().expandByScalar(0.15 * length);
@@ -161,7 +161,7 @@ class View3D implements View {
   }
 }
 
-/** m: to be seen on the robot, and from far. */
+/** Returns the size in m of a mark that is visible on the robot and from afar. */
 function touchSize(robot: Box3, seen: Box3): number {
   const length = (box: Box3) => box.getSize(new Vector3()).length();
   return Math.max(0.028 * length(robot), 0.0075 * length(seen));

@@ -183,7 +183,7 @@ const CHECKS = {
     look: async (page) => {
       await page.waitForSelector(READY);
       assert.equal(await kind(page), "top");
-      assert.match((await page.textContent(".note")) ?? "", /without its 3D viewer/);
+      assert.match((await page.textContent(".note")) ?? "", /without the 3D viewer/);
       await replays(page);
     },
   },
@@ -227,7 +227,7 @@ const CHECKS = {
       await page.click("nav.scenarios li:not([hidden]) a");
       await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "number 42");
       await page.fill("input[type=search]", "no such thing");
-      assert.ok(await page.isVisible("text=No scenario has these words."));
+      assert.ok(await page.isVisible("text=No scenario matches."));
     },
   },
 };

@@ -1,4 +1,4 @@
-"""Annotations: workflow commands that put a failure on the line of the file that has to be looked at."""
+"""Annotations: workflow commands that show a failure at its line of a file."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from sim_action.reports.escaping import (
     shortened_command,
 )
 from sim_action.reports.formatting import moment
-from sim_action.reports.links import replay_link, seen_from
+from sim_action.reports.links import relative_path, replay_link
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, relative_margin, worst_first
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
 MAX_ANNOTATIONS: Final = 10
-"""GitHub shows so many of each level and step."""
+"""The number of annotations that GitHub shows for each level and step."""
 
 MAX_CHARACTERS: Final = 4096
 _MAX_IN_TITLE: Final = 200
@@ -36,7 +36,7 @@ Level = Literal["error", "warning"]
 
 @dataclass(frozen=True, slots=True)
 class Annotation:
-    """One annotation, before escaping."""
+    """One annotation with unescaped texts."""
 
     level: Level
     title: str
@@ -44,25 +44,25 @@ class Annotation:
     location: Location | None = None
 
     def command(self, workspace: Path) -> str:
-        """The workflow command, on one line."""
+        """Return the workflow command on one line; paths are relative to the workspace."""
         properties = {"title": shortened(one_line(self.title), _MAX_IN_TITLE)}
         if self.location is not None:
             line, column = self.location.line, self.location.column
-            place = {"file": seen_from(workspace, self.location.file), "line": line, "col": column}
+            place = {"file": relative_path(workspace, self.location.file), "line": line, "col": column}
             properties = {name: str(value) for name, value in place.items() if value is not None} | properties
         start = f"::{self.level} {','.join(f'{name}={command_property(text)}' for name, text in properties.items())}::"
         return start + shortened_command(command_data(self.message), max(1, MAX_CHARACTERS - len(start)))
 
 
 def complaint(message: str, environment: Mapping[str, str]) -> str:
-    """The line that tells why nothing was done: on GitHub an annotation, as there is no other report."""
+    """Return the error line of a call that ran nothing; on GitHub it is an annotation, as there is no other report."""
     if environment.get("GITHUB_ACTIONS") == "true":
         return log_text(Annotation("error", "sim-action", message).command(Path()), "utf-8")
     return log_line(f"sim-action: {message}")
 
 
 def write_annotations(results: Results, options: ReportOptions) -> None:
-    """Prints the annotations if this is GitHub Actions; the worst come first, as there is room for few."""
+    """Print the annotations, the worst first, if this is GitHub Actions."""
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
     ordered = worst_first(grouped_scenarios(results.outcomes))
@@ -80,7 +80,7 @@ def _of_one(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation
 
 
 def _of_variations(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
-    """One for all variations of a scenario that the same happened to, in the words of the worst."""
+    """Yield one annotation for all variations with the same failure, with the message of the worst one."""
     same: dict[tuple[str, str, Location | None], list[tuple[float, str, Annotation]]] = {}
     for outcome in group.worst_first():
         for annotation, margin in _annotations(group.name, outcome, options):
@@ -94,7 +94,7 @@ def _of_variations(group: ScenarioGroup, options: ReportOptions) -> Iterator[Ann
 
 
 def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterator[tuple[Annotation, float]]:
-    """What did not hold, and by which part of its limit."""
+    """Yield an annotation and its relative margin for each failure and each expectation that did not hold."""
     for failure in outcome.failures:
         where = failure.location or outcome.location
         message = failure.message + _replayed(outcome, options, failure.time)
@@ -109,16 +109,16 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
 
 
 def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> str:
-    """Where in the report that is, at a time in s; empty if it is not there."""
+    """Return a link to a sim time in s of the replay, in brackets; empty if there is no replay."""
     link = replay_link(outcome, options, time)
     return f" (replay{'' if time is None else f' at {moment(time)}'}: {link})" if link else ""
 
 
 def _limited(found: list[Annotation], level: Level) -> list[Annotation]:
-    """At most as many as are shown; the last says how many are not."""
+    """Return at most as many annotations as GitHub shows; the last one counts those that are missing."""
     chosen = [annotation for annotation in found if annotation.level == level]
     if len(chosen) <= MAX_ANNOTATIONS:
         return chosen
     shown = chosen[: MAX_ANNOTATIONS - 1]
-    more = f"{len(chosen) - len(shown)} more, see the summary"
+    more = f"{len(chosen) - len(shown)} more {level}s: see the job summary"
     return [*shown, Annotation(level, "sim-action", more)]

@@ -1,4 +1,4 @@
-"""The job summary of GitHub Actions: what failed and why at first sight, the rest folded; never over the size limit."""
+"""The job summary of GitHub Actions: failures and their reasons first, passed scenarios folded, limited in size."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
 MAX_BYTES: Final = 1 << 20
-"""GitHub drops a larger summary whole."""
+"""The largest size of a summary; GitHub discards a larger one."""
 
-# What headings, table heads, folds and remarks on what is left out take at most.
+# An upper bound for the size of headings, table heads, folds and remarks.
 _FRAME: Final = 4_000
-# Of all bytes, how many the overview may take; what it leaves is for the sections.
+# The share of all bytes that the overview may take; the rest is for the sections.
 _OVERVIEW_SHARE: Final = 0.4
 _MAX_UNFOLDED: Final = 20
-# Scenarios whose failures are drawn: a page of charts is slow, and nobody looks at all of them.
+# The number of scenarios with charts of their failures; a page with many charts is slow.
 _MAX_DRAWN: Final = 8
 
 
 def write_summary(results: Results, options: ReportOptions) -> None:
-    """Appends the summary to the file behind `GITHUB_STEP_SUMMARY`, if there is one."""
+    """Append the summary to the file named by `GITHUB_STEP_SUMMARY`, if it is set."""
     name = options.environment.get("GITHUB_STEP_SUMMARY")
     if not name:
         return
@@ -57,7 +57,7 @@ def write_summary(results: Results, options: ReportOptions) -> None:
 
 
 def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTES) -> str:
-    """The summary, in at most so many bytes; what does not fit is left out from the end, where the harmless stands."""
+    """Return the summary in at most `most_bytes`; the least important sections are omitted if they do not fit."""
     found, room = worst_first(grouped_scenarios(results.outcomes)), most_bytes - _FRAME
     if room < 0:
         return ""
@@ -70,7 +70,7 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
         _counts(results),
         *_overview(found, rows),
         *sections[:unfolded],
-        folded(f"Measurements of what passed ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
+        folded(f"Measurements of passed scenarios ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
         if len(sections) > unfolded
         else "",
         _unshown_scenarios(len(found) - len(sections)),
@@ -83,8 +83,8 @@ def _run_headline(results: Results) -> str:
     bad = results.total - results.count("passed") - left
     if not results.total:
         if results.exit_code is ExitCode.PASSED:
-            return f"✅ No scenario is left for {results.shard or 'this part'}"
-        return "⚠️ No scenario was run"
+            return f"✅ No scenarios for {results.shard or 'this part'}"
+        return "⚠️ No scenarios were run"
     if results.conclusion == "cancelled":
         return f"🛑 Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
     if left:
@@ -105,18 +105,18 @@ def _counts(results: Results) -> str:
 
 
 def _overview(found: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
-    """One table of all; of many scenarios, those that passed are folded."""
+    """Yield a table of all scenarios; if there are many, the passed ones are folded."""
     unfolded = len(rows)
     if unfolded > _MAX_UNFOLDED:
         unfolded = sum(group.status != "passed" for group in found[:unfolded])
-    columns = ("", "Scenario", "What happened", " Sim time", " Speed")
+    columns = ("", "Scenario", "Result", " Sim time", " Speed")
     if rows[:unfolded]:
         yield table(columns, rows[:unfolded])
     if rows[unfolded:]:
         yield folded(f"{counted(len(rows) - unfolded, 'scenario')} passed", table(columns, rows[unfolded:]))
     if len(found) > len(rows):
         left = len(found) - len(rows)
-        yield f"_{counted(left, 'more scenario')} {'is' if left == 1 else 'are'} left out of this table._"
+        yield f"_{counted(left, 'more scenario')} {'is' if left == 1 else 'are'} not shown in this table._"
 
 
 def _overview_row(group: ScenarioGroup, options: ReportOptions) -> str:
@@ -127,7 +127,7 @@ def _overview_row(group: ScenarioGroup, options: ReportOptions) -> str:
 
 
 def _fitting(written: Iterable[str], most_bytes: int) -> list[str]:
-    """What is written of the first scenarios, as many as there is room for."""
+    """Return the first texts, as many as fit into `most_bytes`."""
     texts: list[str] = []
     for text in written:
         most_bytes -= _size([text])
@@ -138,7 +138,7 @@ def _fitting(written: Iterable[str], most_bytes: int) -> list[str]:
 
 
 def _size(texts: list[str]) -> int:
-    """In bytes, with the line ends that come between."""
+    """Return the size of texts in UTF-8, with an empty line between them."""
     return sum(len(text.encode("utf-8", errors="replace")) + 2 for text in texts)
 
 
@@ -146,7 +146,7 @@ def _unshown_scenarios(count: int) -> str:
     if not count:
         return ""
     left = f"{counted(count, 'more scenario')} {'is' if count == 1 else 'are'} not shown"
-    return f"_{left}, as GitHub shows no more; `results.json` has them all._"
+    return f"_{left} because GitHub limits the size; `results.json` contains all of them._"
 
 
 ICONS: Final[dict[DisplayStatus, str]] = {
@@ -168,15 +168,15 @@ _DIGEST_DIGITS: Final = 12
 
 
 def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bool = False) -> str:
-    """A heading, what did not hold or why there is no verdict, everything measured; how it ran is folded.
+    """Return the section of one scenario: heading, failures, expectations, and folded details of the run.
 
-    `drawn`: whether what did not hold is also shown in charts, where the run has left what they are made of.
+    With `drawn`, failed expectations are also shown as charts if the run has stored their signals.
     """
     return _varied(group, options, drawn=drawn) if group.varies else _outcome_section(group.worst, options, drawn=drawn)
 
 
 def _group_gist(group: ScenarioGroup) -> str:
-    """The one thing to know about a scenario, as Markdown."""
+    """Return the most important fact about a scenario as Markdown."""
     if not group.varies:
         return _gist(group.worst)
     if group.status == "passed":
@@ -185,19 +185,19 @@ def _group_gist(group: ScenarioGroup) -> str:
 
 
 def _variations_headline(group: ScenarioGroup) -> str:
-    """How many of its variations passed, and how near the worst of them came to its limit, as Markdown."""
+    """Return the number of passed variations and the margin of the worst one as Markdown."""
     worst = f"; worst: {markdown_text(group.worst_text)}" if group.status != "skipped" else ""
     return f"{group.passed}{worst}"
 
 
 def _total_sim_time(group: ScenarioGroup) -> float | None:
-    """In s, of all that was simulated; None if nothing was."""
+    """Return the total sim time of a group in s; None if nothing was simulated."""
     times = [outcome.sim_time for outcome in group.outcomes if outcome.sim_time is not None]
     return sum(times) if times else None
 
 
 def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str:
-    """A table of its variations, in which those that passed are folded, and all about the worst, if one did not."""
+    """Return a table of the variations, with the passed ones folded, and the section of the worst variation."""
     ordered = group.worst_first()
     unhappy = [outcome for outcome in ordered if display_status(outcome) != "passed"]
     rows = [
@@ -209,7 +209,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
         )
         for outcome in ordered[: max(len(unhappy), _MAX_ROWS)]
     ]
-    columns = ("", "Variation", "What happened", " Sim time")
+    columns = ("", "Variation", "Result", " Sim time")
     passed = f"{counted(len(ordered) - len(unhappy), 'variation')} that passed"
     bad, good = rows[: len(unhappy)][:_MAX_ROWS], rows[len(unhappy) :]
     parts = [
@@ -238,7 +238,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
 
 
 def _charts(outcome: Outcome, options: ReportOptions) -> Iterator[str]:
-    """Of what did not hold, beginning with what makes the scenario fail."""
+    """Yield charts of expectations that did not hold, beginning with those that make the scenario fail."""
     numbered = sorted(enumerate(outcome.expectations), key=lambda pair: (pair[1].verdict.cut_off, not pair[1].failed))
     missed = [(number, expected) for number, expected in numbered if not expected.verdict.passed]
     replay = load_replay(outcome, options) if missed else None
@@ -253,10 +253,10 @@ def _chart(replay: Replay, number: int, expected: ExpectationOutcome) -> str:
 
 
 def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
-    """What is of use to whoever has to mend something."""
+    """Return the command that runs the scenario again, unless it passed."""
     if display_status(outcome) in ("passed", "skipped") or not (typed := rerun_command(outcome, options)):
         return ""
-    return f"To run it again:\n\n{shell_block(typed)}"
+    return f"Run it again:\n\n{shell_block(typed)}"
 
 
 def _gist(outcome: Outcome) -> str:
@@ -286,12 +286,12 @@ def _failure_text(failure: Failure, options: ReportOptions) -> str:
     if failure.location is not None:
         said += f"<br>\n{source_link(options, failure.location)}"
     if failure.details.strip():
-        said += f"\n\nLast words:\n\n{_ending_block(failure.details)}"
+        said += f"\n\nDetails:\n\n{_ending_block(failure.details)}"
     return said
 
 
 def _expectations(outcome: Outcome, options: ReportOptions) -> str:
-    """What did not hold; what did is folded, if there is both."""
+    """Return a table of the expectations that did not hold; the others are folded, or shown if all held."""
     ordered = sorted(outcome.causes_first, key=lambda expected: not expected.failed)
     missed = [expected for expected in ordered if not expected.verdict.passed]
     held = [expected for expected in ordered if expected.verdict.passed]
@@ -335,7 +335,7 @@ def _run_details(outcome: Outcome) -> str:
         items.append(f"\nOutput:\n\n{_ending_block(output)}")
     if not items:
         return ""
-    return folded("How it ran", "\n".join(items))
+    return folded("Run details", "\n".join(items))
 
 
 def _remarks(outcome: Outcome) -> Iterator[str]:
@@ -352,7 +352,7 @@ def _remarks(outcome: Outcome) -> Iterator[str]:
     for note in outcome.notes[:_MAX_REMARKS]:
         yield f"note: {_message(note)}"
     for diagnostic in outcome.diagnostics[:_MAX_REMARKS]:
-        yield f"{diagnostic.level} of the engine: {_message(diagnostic.message)}"
+        yield f"engine {diagnostic.level}: {_message(diagnostic.message)}"
 
 
 def _message(text: str) -> str:
@@ -360,7 +360,7 @@ def _message(text: str) -> str:
 
 
 def _ending_block(text: str) -> str:
-    """The end of a text is where the cause stands."""
+    """Return the end of a text as a block, because the cause of an error is at the end."""
     return markdown_block(text if len(text) <= _MAX_IN_BLOCK else f"…{text[-_MAX_IN_BLOCK:]}")
 
 

@@ -1,4 +1,4 @@
-"""Charts that GitHub draws from text, by Mermaid (`xychart-beta`): a curve and the limits it was held against."""
+"""Charts of signals over time for GitHub, as Mermaid text (`xychart-beta`): a curve and its limits."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from sim_action.state.verdict import Signal, Verdict
 
 _MAX_POINTS: Final = 60
 _MAX_IN_TEXT: Final = 80
-# What may stand between the quotes of a text: whatever else is in it, it is no end of it, no comment and no markup.
+# All characters except those that are safe in a quoted text of Mermaid, where they cannot end it or act as markup.
 _UNSAFE: Final = re.compile(r"[^\w .,:()/+*=^'°·²\[\]-]")
-# The curve, and its limits; dark enough for a white page and bright enough for a black one.
+# The colours of the curve and the limits are readable on a white and on a black page.
 _CURVE, _LIMIT = "#2f81f7", "#e5534b"
 _PADDING: Final = 0.08
-# Of the span of all values: a blow that is less than that is not seen anyway.
+# As a fraction of the range of all values: a smaller peak is not visible.
 _NOTICEABLE: Final = 0.02
-# In s, and in any unit.
+# The shortest duration in s, and the largest absolute value in any unit.
 _SHORTEST, _LARGEST = 1e-6, 1e12
-# Of an axis, what nobody sees.
+# As a fraction of an axis: an invisible difference.
 _SLIVER: Final = 1e-4
 
 
 def chart(signal: Signal, moment: float | None = None) -> str:
-    """A fenced chart of the curve over sim time, and a level line for each limit; empty if there is nothing to draw.
+    """Return a fenced chart of a signal over sim time with a level line for each limit; empty without data.
 
-    `moment`: s of sim time that must be seen as it was, as the verdict is of it.
+    The value at the sim time `moment` (s) of the verdict is kept exactly.
     """
     there = np.isfinite(signal.values)
     time, factor, unit = signal.time[there], *_shown_in(signal.unit)
@@ -62,14 +62,14 @@ def chart(signal: Signal, moment: float | None = None) -> str:
 
 
 def _is_sane(*columns: FloatArray) -> bool:
-    """Whether all numbers are such as can be written; a file with others was not written by sim-action."""
+    """Return True if all numbers are small enough to be drawn; a replay may come from anywhere."""
     return all(float(np.abs(column).max()) <= _LARGEST for column in columns)
 
 
 def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, most: int = _MAX_POINTS) -> list[float]:
-    """So many values, evenly over the time; the first, the last and that of `moment` are as they were.
+    """Return `most` values at even intervals; the first, the last and the value at `moment` are exact.
 
-    A blow of one step stays visible: what is between two of these, and well beyond both, stands in the place of one.
+    Peaks of a single step stay visible: a value between two samples that clearly exceeds both replaces a sample.
     """
     at = np.interp(np.linspace(time[0], time[-1], most), time, values)
     found = at.copy()
@@ -86,12 +86,12 @@ def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, m
 
 
 def _beyond(value: float, one: float, other: float) -> float:
-    """How far it is not between two others."""
+    """Return the distance of a value from the interval between two others."""
     return max(min(one, other) - value, value - max(one, other), 0.0)
 
 
 def _shown_in(unit: str) -> tuple[float, str]:
-    """By what a value is multiplied, and its unit then, as `units.display` has it."""
+    """Return the factor and the unit for display, as in `units.display`."""
     if unit in ("rad", "rad/s"):
         return 1 / float(units.conversion("deg", "rad") or 1.0), unit.replace("rad", "deg")
     return 1.0, unit
@@ -105,7 +105,7 @@ def _title(signal: Signal) -> str:
 
 
 def _settings(limits: int) -> str:
-    """And sizes, as a directive: the first of Mermaid's own colours is as good as white."""
+    """Return the directive with sizes and colours; the default colours of Mermaid are almost white."""
     palette = ", ".join((_CURVE, *[_LIMIT] * limits))
     settings = {
         "xyChart": {"width": 720, "height": 320, "yAxis": {"titlePadding": 14}},
@@ -115,9 +115,9 @@ def _settings(limits: int) -> str:
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:
-    """From below the least to above the greatest; from 0 where that is not far."""
+    """Return the range of the axis: all values with some padding, extended to 0 if 0 is near."""
     low, high = min(values), max(values)
-    # Of large numbers, as much as they can be told apart; less than a billionth is not worth a picture.
+    # For large numbers the padding must be representable; less than a billionth is not visible.
     room = max(_PADDING * ((high - low) or abs(high) or 1.0), 1e-9 * max(abs(low), abs(high)), 1e-9)
     if low >= 0 and low <= (high - low):
         return 0.0, high + room
@@ -131,7 +131,7 @@ def _text(text: str) -> str:
 
 
 def _almost(start: float, end: float) -> tuple[float, float]:
-    """The same span but for so little that a tick at its very end is left out: the picture's edge would cut it off."""
+    """Return the range without its very end, so that no tick is drawn there; the edge would cut off its label."""
     return start, end - _SLIVER * (end - start)
 
 
@@ -140,18 +140,18 @@ def _span(low: float, high: float) -> str:
 
 
 def _number(value: float, span: float) -> str:
-    """With as many digits as tell a thousandth of a span apart; without an exponent, which Mermaid does not read."""
+    """Return a number with a resolution of a thousandth of the range; Mermaid cannot read exponents."""
     digits = min(max(0, 4 - math.ceil(math.log10(span))), 12)
     text = f"{value + 0.0:.{digits}f}"
     return text.rstrip("0").rstrip(".") if digits else text
 
 
-# Limits are stored as they are; a verdict's went through other arithmetic.
+# The limit of a verdict may differ from the stored limit by rounding errors.
 _SAME_LIMIT: Final = 1e-9
 
 
 def load_replay(outcome: Outcome, options: ReportOptions) -> Replay | None:
-    """What the run has left; None if that is nothing, or nothing that can be read."""
+    """Read the replay of an outcome; None if there is none or it cannot be read."""
     path = None if outcome.replay is None else stored_file(options.folder, outcome.replay)
     if path is None:
         return None
@@ -162,7 +162,7 @@ def load_replay(outcome: Outcome, options: ReportOptions) -> Replay | None:
 
 
 def signal_of_verdict(replay: Replay, expectation: int, verdict: Verdict) -> Signal | None:
-    """Of the curves of an expectation, counted from 0, the one that its verdict is about; None if it has none."""
+    """Return the stored signal that best matches the verdict of an expectation, counted from 0; None without one."""
     stored = [signal for signal in replay.signals if signal.expectation == expectation]
     curves = [_decoded_signal(signal, replay) for signal in stored]
     return min(curves, key=lambda one: _mismatch(one, verdict), default=None)
@@ -184,7 +184,7 @@ def _decoded_signal(stored: SignalData, replay: Replay) -> Signal:
 
 
 def _mismatch(signal: Signal, verdict: Verdict) -> tuple[bool, bool, float]:
-    """How little a curve has to do with a verdict: another unit, another limit, another value at its moment."""
+    """Return a sort key for the difference between a signal and a verdict: unit, limit, value at the decisive time."""
     limits = [limit for limit in (signal.lower, signal.upper) if limit is not None]
     limit = verdict.limit
     is_other = limit is None or not any(abs(one - limit) <= _SAME_LIMIT * max(1.0, abs(limit)) for one in limits)

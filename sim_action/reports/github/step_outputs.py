@@ -1,4 +1,4 @@
-"""The outputs of a GitHub Actions step."""
+"""The outputs of a GitHub Actions step, such as `conclusion` and `passed`, for later steps."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from sim_action.results.results_json import RESULTS_FILE, Results
 
 
 def write_outputs(results: Results, options: ReportOptions) -> None:
-    """Appends what later steps can ask for to the file behind `GITHUB_OUTPUT`, if there is one."""
+    """Append the outputs to the file named by `GITHUB_OUTPUT`, if it is set."""
     append_outputs(outputs(results, options), options.environment)
 
 
 def append_outputs(values: Mapping[str, str], environment: Mapping[str, str]) -> None:
-    """Appends names and values to that file. Raises OSError."""
+    """Append names and values to the file named by `GITHUB_OUTPUT`, if it is set. Raises OSError."""
     file = environment.get("GITHUB_OUTPUT")
     if not file:
         return
     entries = "".join(_entry(name, value) for name, value in values.items())
-    # Paths need not be UTF-8; they go out as they came in.
+    # Paths need not be valid UTF-8; their bytes are kept.
     with Path(file).open("a", encoding="utf-8", errors="surrogateescape", newline="\n") as stream:
         stream.write(entries)
 
 
 def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
-    """Name -> value; `travelled` in m, empty unless there is exactly one scenario and it moved a robot; times in s."""
+    """Return name -> value; times are in s, `travelled` is in m and empty unless exactly one scenario moved a robot."""
     travelled, factor = results.travelled, results.real_time_factor
     return {
         "conclusion": results.conclusion,
@@ -49,7 +49,7 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
 
 
 def _fragment(results: Results, options: ReportOptions) -> str:
-    """What opens the report where it is worst: at the moment that decided why the scenario failed."""
+    """Return the URL fragment that opens the report at the worst failure and its sim time; empty if all passed."""
     worst = next(iter(results.worst_first()), None)
     if worst is None or worst.status in ("passed", "skipped"):
         return ""
@@ -60,6 +60,6 @@ def _fragment(results: Results, options: ReportOptions) -> str:
 
 
 def _entry(name: str, value: str) -> str:
-    """In the form for many lines: a value that cannot know the delimiter cannot begin another entry."""
+    """Return an entry in the multi-line form; its random delimiter prevents values from adding entries."""
     delimiter = f"ghadelimiter_{secrets.token_hex(16)}"
     return f"{name}<<{delimiter}\n{value}\n{delimiter}\n"

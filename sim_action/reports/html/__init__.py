@@ -1,1 +1,1 @@
-"""The parts of `report.html` that are there without a script: what each scenario came to, in words and a drawing."""
+"""The report `report.html`: one file with the list of scenarios, their verdicts, drawings and replays."""

@@ -1,4 +1,4 @@
-"""The document around the parts: what it may do, how it looks, what it carries."""
+"""The HTML document: escaped elements, and the page around them with its security policy, style, scripts and data."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ SCRIPTS: Final = (
     "copying.js",
     "start.js",
 )
-"""In this order they are one script; those that stand first need none of the others to be there."""
+"""The scripts of the page in their order; they become one script, and each needs only those before it."""
 
 VIEWER: Final = "viewer3d.json"
-"""What draws in three dimensions; built from `web/`, and not there where nobody has built it."""
+"""The 3D viewer, built from `web/`; it is missing in a checkout where it was not built."""
 
 _REMARK: Final = re.compile(r"/\*\*.*?\*/|^ *// [^\n]*$", re.DOTALL | re.MULTILINE)
 _INDENT: Final = re.compile(r"^ +|\n+(?=\n)", re.MULTILINE)
@@ -52,7 +52,7 @@ _ICON: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """What one document is made of; `blocks`: id -> packed data."""
+    """The parts of a page; `index` is JSON for the script, `blocks` maps element ids to packed data."""
 
     title: str
     failed: bool
@@ -61,9 +61,9 @@ class Page:
     blocks: Mapping[str, str]
 
     def text(self) -> str:
-        """The whole file."""
+        """Return the whole file."""
         style, script = _asset("page.css"), page_script()
-        # Of no use where there is nothing to look at.
+        # The 3D viewer is needed only if there is a replay.
         built = viewer() if self.blocks else None
         carried = dict(self.blocks) | ({"viewer3d": built.packed} if built else {})
         scripts = [fingerprint(script), *([built.fingerprint] if built else [])]
@@ -85,26 +85,26 @@ class Page:
 
 
 def policy(style: str, scripts: Iterable[str]) -> str:
-    """Nothing is fetched, and nothing runs but the scripts of these fingerprints, to the letter."""
+    """Return the content security policy: nothing is loaded, and only scripts with these hashes run."""
     rest = "img-src data:; base-uri 'none'; form-action 'none'"
     return f"default-src 'none'; script-src {' '.join(scripts)}; style-src {style}; {rest}"
 
 
 def page_script() -> str:
-    """All of our own script, which needs no build."""
+    """Return the script of the page, without the 3D viewer."""
     return "(() => {\n'use strict';\n" + "".join(_bare(_asset(name)) for name in SCRIPTS) + "})();\n"
 
 
 @dataclass(frozen=True, slots=True)
 class Viewer:
-    """What draws in three dimensions: its script, packed, and the fingerprint of it unpacked."""
+    """The 3D viewer: its packed script, and the hash of the unpacked script for the policy."""
 
     packed: str
     fingerprint: str
 
 
 def viewer() -> Viewer | None:
-    """None where it has not been built."""
+    """Read the 3D viewer; None if it was not built."""
     try:
         built = json.loads(_asset(VIEWER))
     except FileNotFoundError:
@@ -113,7 +113,7 @@ def viewer() -> Viewer | None:
 
 
 def _bare(script: str) -> str:
-    """A script of ours without its remarks and indents: none of our texts has lines that look like these."""
+    """Return a script of the page without comments and indentation; no string in it looks like a comment."""
     return _INDENT.sub("", _REMARK.sub("", script))
 
 
@@ -122,30 +122,30 @@ def _asset(name: str) -> str:
 
 
 def fingerprint(content: str) -> str:
-    """Of a script or style sheet, as a policy names it."""
+    """Return the hash of a script or style sheet as a policy names it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
 
 
-# What has no end tag in HTML.
+# The elements of HTML without an end tag.
 _VOID = frozenset({"meta", "link", "input"})
 
 
 class Html(str):
-    """Text that is HTML already."""
+    """A string that is HTML already and is not escaped again."""
 
     __slots__ = ()
 
 
 def text(words: str) -> Html:
-    """Any text, as HTML that shows it; without what reorders or hides text."""
+    """Escape text as HTML, without characters that reorder or hide text."""
     return words if isinstance(words, Html) else Html(html.escape(plain_text(words)))
 
 
 def element(name: str, /, *children: str, **attributes: str | float | bool | None) -> Html:
-    """An element; children that are not `Html` are text.
+    """Return an element; children that are not `Html` are escaped.
 
-    In names of attributes an underscore stands for a hyphen, one at the end for nothing; True: it has no value; False
-    and None: it is left out.
+    In attribute names an underscore stands for a hyphen, and one at the end is removed. True gives an attribute without
+    a value; False and None omit it.
     """
     told = "".join(_attribute(key, value) for key, value in attributes.items() if value not in (None, False))
     start = f"<{name}{told}>"
@@ -153,7 +153,7 @@ def element(name: str, /, *children: str, **attributes: str | float | bool | Non
 
 
 def joined(*parts: str) -> Html:
-    """One after the other, a line each; empty ones are left out."""
+    """Join parts, each on its own line, and omit empty ones."""
     return Html("\n".join(text(part) for part in parts if part))
 
 

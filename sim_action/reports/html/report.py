@@ -1,4 +1,7 @@
-"""`report.html`: the whole run in one file, which opens from a disk and fetches nothing."""
+"""The report `report.html`: a whole run in one file that opens from a disk and loads nothing from the network.
+
+This module assembles the page: head, list of scenarios, an article for each, and the replays that fit.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import whole_file
+from sim_action.core.messages import counted
 from sim_action.recording.replay.replay_file import Replay, ReplayError, read_replay
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports import ReportOptions
@@ -28,27 +32,27 @@ from sim_action.results.results_json import Results
 from sim_action.results.stored_files import namesake_number, stored_file
 
 MAX_PAGE_SCENARIOS: Final = 2_000
-"""What comes after these, a page only counts; failures come first."""
+"""The number of scenarios on a page, the worst first; further scenarios are only counted."""
 
 
 def write_html(results: Results, options: ReportOptions) -> None:
-    """Writes `report.html` into the output folder."""
+    """Write `report.html` into the output folder."""
     with whole_file(options.folder / REPORT_FILE) as file:
         file.write(page(results, options).text().encode("utf-8", errors="replace"))
 
 
 def page(results: Results, options: ReportOptions) -> Page:
-    """The list, an article for each scenario, and the replays that there is room for."""
+    """Return the page with the list, an article for each scenario, and the replays that fit."""
     found = worst_first(grouped_scenarios(results.outcomes))
     ordered = [outcome for group in found for outcome in group.worst_first()][:MAX_PAGE_SCENARIOS]
     ids = {id(outcome): f"s{number}" for number, outcome in enumerate(ordered)}
-    parcel, numbers = Parcel(), _numbers(ordered)
+    replay_blocks, numbers = ReplayBlocks(), _numbers(ordered)
     articles, entries = [], []
     for outcome in ordered:
         identity = ids[id(outcome)]
         replay, missing = _replay(outcome, options.folder)
-        if replay is not None and not parcel.takes(f"replay-{identity}", replay):
-            replay, missing = None, "No room was left for the replay of this run: failures come first."
+        if replay is not None and not replay_blocks.add(f"replay-{identity}", replay):
+            replay, missing = None, "The replay of this run is not included: the size of the page is limited."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome)
         articles.append(article(identity, outcome, results, options, still))
         entries.append(_index_entry(identity, outcome, numbers[id(outcome)], replay))
@@ -56,28 +60,28 @@ def page(results: Results, options: ReportOptions) -> Page:
         page_head(results),
         element("div", joined(scenario_list(found, ids), element("main", joined(*articles))), class_="layout"),
     )
-    blocks = parcel.blocks | ({"meshes": parcel.shared} if parcel.meshes else {})
+    blocks = replay_blocks.blocks | ({"meshes": replay_blocks.shared} if replay_blocks.meshes else {})
     title = f"{page_headline(results)} · sim-action"
     return Page(title, results.conclusion != "success", body, page_json({"scenarios": entries}), blocks)
 
 
 def _replay(outcome: Outcome, folder: Path) -> tuple[Replay | None, str]:
-    """What there is to see of a run, or why there is nothing."""
+    """Return the replay of a run, or None and the reason why there is none."""
     if outcome.replay is None:
-        return None, "" if outcome.digest is None else "No replay of this run was kept."
+        return None, "" if outcome.digest is None else "No replay of this run was stored."
     path = stored_file(folder, outcome.replay)
     if path is None:
-        return None, "The replay of this run is not where its results say."
+        return None, "The replay file of this run is missing."
     try:
         return read_replay(path), ""
     except ReplayError as error:
-        return None, f"There is no replay: {one_line(str(error))}"
+        return None, f"The replay cannot be read: {one_line(str(error))}"
 
 
 def _numbers(outcomes: Sequence[Outcome]) -> dict[int, int]:
-    """By ids of outcomes: which of several of its name each is, told from its replay as links from elsewhere are."""
+    """Return `id()` of an outcome -> its number among those of its name, equal to the number in links to its replay."""
     taken: defaultdict[str, set[int]] = defaultdict(set)
-    # Where to go on looking for the next that is free: many may have the same name.
+    # The next number to try for a name, so that many equal names do not take quadratic time.
     free: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(1))
     numbers = {}
     for outcome in sorted(outcomes, key=lambda outcome: outcome.replay is None):
@@ -90,7 +94,7 @@ def _numbers(outcomes: Sequence[Outcome]) -> dict[int, int]:
 
 
 def _index_entry(identity: str, outcome: Outcome, number: int, replay: Replay | None) -> dict[str, object]:
-    """What the page's script has to know of a scenario."""
+    """Return the data of a scenario for the script of the page."""
     return {
         "id": identity,
         "name": one_line(outcome.name),
@@ -111,7 +115,7 @@ def _index_entry(identity: str, outcome: Outcome, number: int, replay: Replay | 
 
 
 def _moment(time: float | None) -> float | None:
-    """A time in s that JSON can tell; results may be a stranger's."""
+    """Return a time in s, or None if it is not finite and JSON cannot hold it; results may come from anywhere."""
     return time if time is not None and isfinite(time) else None
 
 
@@ -119,10 +123,10 @@ _MAX_IN_GIST = 110
 
 
 def page_headline(results: Results) -> str:
-    """The one thing to know about all of it."""
+    """Return the headline: the number of scenarios that did not pass."""
     bad = results.total - results.count("passed") - results.count("skipped")
     if not results.total:
-        return "No scenario was run"
+        return "No scenarios were run"
     if results.conclusion == "cancelled":
         return f"Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
     if not bad:
@@ -131,7 +135,7 @@ def page_headline(results: Results) -> str:
 
 
 def page_head(results: Results) -> Html:
-    """What came of all scenarios, and what ran them."""
+    """Return the head of the page: headline, counts, speed and version."""
     speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
     told = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
     told += [shard_text(results.shard)] if results.shard else []
@@ -146,15 +150,19 @@ def page_head(results: Results) -> Html:
 
 
 def scenario_list(found: list[ScenarioGroup], ids: Mapping[int, str]) -> Html:
-    """The list; empty where there is nothing to choose from.
+    """Return the list of scenarios; empty for a single scenario.
 
-    `ids`: `id()` of an outcome -> its id on the page, of those that the page has.
+    `ids` maps `id()` of an outcome to its element id, for outcomes that have an article.
     """
     total = sum(len(group.outcomes) for group in found)
     if total < 2:
         return Html("")
     left = total - len(ids)
-    more = element("p", f"{left} more are in results.json: a page has the worst {len(ids)}.", class_="faint none")
+    more = element(
+        "p",
+        f"{counted(left, 'more scenario')} in results.json; this page shows the worst {len(ids)}.",
+        class_="faint none",
+    )
     return element(
         "nav",
         element(
@@ -170,7 +178,7 @@ def scenario_list(found: list[ScenarioGroup], ids: Mapping[int, str]) -> Html:
 
 
 def _gist(outcome: Outcome) -> str:
-    """Why a scenario did not pass, shortly; empty if it did."""
+    """Return the first reason why a scenario did not pass, shortened; empty if it passed."""
     told = [failure.message for failure in outcome.failures]
     told += [expected.verdict.message for expected in outcome.causes_first if not expected.verdict.passed]
     return shortened(one_line(told[0]), _MAX_IN_GIST) if told else ""
@@ -205,31 +213,31 @@ def _list_item(outcome: Outcome, name: str, ids: Mapping[int, str]) -> Html:
 
 
 MAX_REPLAY_BYTES: Final = 8_000_000
-"""Of all blocks, that of the meshes among them: what comes after these has none, and failures come first."""
+"""The size of all replays and meshes in a page; scenarios beyond it, the best ones, get no replay."""
 
 _LEVEL: Final = 9
 
 
 def packed(data: bytes) -> str:
-    """Gzip and base64; the same for the same data, always."""
+    """Return data as gzip in base64, identical for identical data."""
     return base64.b64encode(gzip.compress(data, _LEVEL, mtime=0)).decode("ascii")
 
 
 def page_json(data: object) -> str:
-    """JSON that can stand in a page: nothing in it ends the element around it."""
+    """Return JSON that is safe inside a script element: it contains no `<`."""
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
 @dataclass(slots=True)
-class Parcel:
-    """The blocks of a page, as they come in; `size`: of all, as meshes would pack that came alone."""
+class ReplayBlocks:
+    """The packed replays of a page and the meshes that they share; `size` is an upper bound in bytes."""
 
     blocks: dict[str, str] = field(default_factory=dict)
     meshes: dict[str, MeshData] = field(default_factory=dict)
     size: int = 0
 
-    def takes(self, identity: str, replay: Replay) -> bool:
-        """Whether there was room for a replay."""
+    def add(self, identity: str, replay: Replay) -> bool:
+        """Add a replay if it fits; return False if it does not."""
         block = packed(replay.model_dump_json(exclude={"scene": {"meshes"}}, exclude_none=True).encode())
         new = {digest: mesh for digest, mesh in replay.scene.meshes.items() if digest not in self.meshes}
         size = self.size + len(block) + (len(_packed_meshes(new)) if new else 0)
@@ -242,7 +250,7 @@ class Parcel:
 
     @property
     def shared(self) -> str:
-        """The block of all meshes, by their digests."""
+        """The packed meshes by digest."""
         return _packed_meshes(self.meshes)
 
 

@@ -1,9 +1,8 @@
-"""One scenario of the page: what became of it first, then its run, then all that was measured and said."""
+"""The article of one scenario in the page: reasons of a failure, drawing, expectations, details of the run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from urllib.parse import quote, urlsplit
 
 from sim_action.core import units
 from sim_action.core.errors import Location
@@ -22,7 +21,7 @@ from sim_action.reports.formatting import (
 )
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.top_view import drawing
-from sim_action.reports.links import place, rerun_command, seen_from
+from sim_action.reports.links import file_and_line, rerun_command, source_url
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
@@ -31,14 +30,14 @@ WORDS: dict[DisplayStatus, str] = {
     "passed": "Passed",
     "warned": "Passed, with a warning",
     "failed": "Failed",
-    "flaky": "Flaky: its runs were not the same",
+    "flaky": "Flaky: its runs differ",
     "error": "No verdict",
     "skipped": "Not run",
 }
 
 
 def article(identity: str, outcome: Outcome, results: Results, options: ReportOptions, still: Html) -> Html:
-    """All of one scenario; `identity`: its id on the page; `still`: what stands there of its run without a script."""
+    """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts."""
     kind = display_status(outcome)
     return element(
         "article",
@@ -61,7 +60,7 @@ def article(identity: str, outcome: Outcome, results: Results, options: ReportOp
 
 
 def _origin_line(outcome: Outcome, options: ReportOptions) -> Html:
-    """Where it is written, on what it ran, for how long."""
+    """Return the line with the place in the scenario file, sim time, speed and engine."""
     simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
     told = [
         element("span", part)
@@ -77,8 +76,8 @@ def _origin_line(outcome: Outcome, options: ReportOptions) -> Html:
 
 
 def drawn(replay: Replay, outcome: Outcome) -> Html:
-    """The run as a drawing, and what is to be seen on it."""
-    words = "From above: the way of the robot, where it began (outlined) and where it was at the end."
+    """Return the drawing of a run with its caption."""
+    words = "View from above: the path of the robot, its start (outlined) and its end."
     return element("figure", drawing(replay, outcome), element("figcaption", words), class_="still")
 
 
@@ -89,7 +88,7 @@ _MAX_FAILURES = 20
 
 
 def reasons(outcome: Outcome, options: ReportOptions) -> Html:
-    """Why a scenario did not pass: what was measured, against what, when, and by how much that missed."""
+    """Return the reasons why a scenario did not pass, with measured value, limit, time and missing margin."""
     causes = [expected for expected in outcome.causes_first if not expected.verdict.passed]
     told = [_failure_section(failure, options) for failure in outcome.failures[:_MAX_FAILURES]]
     told += [_missed_section(expected) for expected in causes]
@@ -99,7 +98,7 @@ def reasons(outcome: Outcome, options: ReportOptions) -> Html:
 
 
 def expectations(outcome: Outcome, options: ReportOptions) -> Html:
-    """All of them, in the order of the scenario file, as a table."""
+    """Return the table of all expectations in the order of the scenario file."""
     if not outcome.expectations:
         return Html("")
     head = element("tr", *(element("th", title, scope="col") for title in ("", "Expectation", *_NUMBERS)))
@@ -109,7 +108,7 @@ def expectations(outcome: Outcome, options: ReportOptions) -> Html:
 
 
 def _moment_link(time: float | None) -> Html:
-    """The moment at which something was decided, to go to where there is a replay."""
+    """Return the sim time of a decision; the script makes it a link into the replay."""
     return Html("") if time is None else element("span", moment(time), class_="moment", data_time=time)
 
 
@@ -128,7 +127,7 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
 def _missed_section(expected: ExpectationOutcome) -> Html:
     verdict = expected.verdict
     kind = "warned" if expected.warned else "failed"
-    cut = "Not decided: something else ended the run first." if verdict.cut_off else ""
+    cut = "Not decided: the run ended before." if verdict.cut_off else ""
     return element(
         "section",
         element("h3", expected.name, element("small", " · a warning") if expected.warned else ""),
@@ -140,16 +139,16 @@ def _missed_section(expected: ExpectationOutcome) -> Html:
 
 
 def _figures(verdict: Verdict) -> Html:
-    """Measured, limit, missed by, when: only what there is."""
+    """Return measured value, limit, missing margin and sim time, as far as they exist."""
     measured, limit = _apart(verdict)
-    # What is counted is missed by as much as is measured.
+    # The number of contacts above a limit of zero repeats the measured value.
     margin = 0.0 if verdict.margin is None or verdict.unit == "contacts" else verdict.margin
     missed = units.display(-margin, verdict.unit) if margin < 0 else ""
     return _named_figures({"measured": measured, "limit": limit, "missed by": missed, "at": _moment_link(verdict.time)})
 
 
 def _named_figures(named: Mapping[str, str]) -> Html:
-    """Those that there are."""
+    """Return a list of the label and value pairs with a value."""
     told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
     return element("dl", *told, class_="figures") if told else Html("")
 
@@ -170,7 +169,7 @@ def _expectation_row(expected: ExpectationOutcome, options: ReportOptions) -> Ht
 
 
 def _apart(verdict: Verdict) -> tuple[str, str]:
-    """Measured value and limit, told apart; empty where there is none."""
+    """Return measured value and limit with enough digits to differ; empty where there is none."""
     if verdict.measured is not None and verdict.limit is not None:
         return units.display_apart(verdict.measured, verdict.limit, verdict.unit)
     measured, limit = ("" if v is None else units.display(v, verdict.unit) for v in (verdict.measured, verdict.limit))
@@ -181,7 +180,7 @@ _MAX_LINES = 200
 
 
 def details(outcome: Outcome, results: Results, options: ReportOptions) -> Html:
-    """The command that runs it again, what it ran on, and what was said meanwhile."""
+    """Return the command to run a scenario again, messages, notes, output and facts of the run."""
     said = [(diagnostic.level, diagnostic.message) for diagnostic in outcome.diagnostics]
     return joined(
         _again(outcome, options),
@@ -208,22 +207,22 @@ def _said(title: str, remarks: Sequence[tuple[str, str]]) -> Html:
         for level, message in remarks[:_MAX_LINES]
     ]
     left = len(remarks) - _MAX_LINES
-    more = [element("li", f"{left} more are in results.json")] if left > 0 else []
+    more = [element("li", f"{left} more are in results.json.")] if left > 0 else []
     return joined(element("h3", title), element("ul", *items, *more, class_="remarks"))
 
 
 def _printed(output: str) -> Html:
     if not output.strip():
         return Html("")
-    return joined(element("h3", "Printed by your code"), element("pre", output, tabindex="0"))
+    return joined(element("h3", "Output of your code"), element("pre", output, tabindex="0"))
 
 
 def _wall_time(outcome: Outcome) -> str:
-    """Its speed is that of the loop alone: nobody is to multiply the two."""
+    """Return the wall time with a hint that it covers more than the simulation loop, to which the speed refers."""
     if not outcome.wall_time:
         return ""
-    runs = f", of all {outcome.repeats.count} runs" if outcome.repeats else ""
-    return f"{quantity(outcome.wall_time, 's')} from start to end{runs}"
+    runs = f", {outcome.repeats.count} runs" if outcome.repeats else ""
+    return f"{quantity(outcome.wall_time, 's')} (with start-up{runs})"
 
 
 def _facts(outcome: Outcome, results: Results) -> Html:
@@ -240,25 +239,19 @@ def _facts(outcome: Outcome, results: Results) -> Html:
         "repeated": repeats_text(outcome),
         **(
             provenance_rows(outcome.provenance)
-            or {"made by": f"sim-action {results.sim_action}, Python {results.python}"}
+            or {"versions": f"sim-action {results.sim_action}, Python {results.python}"}
         ),
         "trace": outcome.trace or "",
         "recordings": ", ".join(outcome.recordings),
     }
     told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
-    return joined(element("h3", "How it ran"), element("dl", *told, class_="facts"))
+    return joined(element("h3", "Run details"), element("dl", *told, class_="facts"))
 
 
 def source(location: Location | None, options: ReportOptions) -> Html:
-    """`path:line`; a link to the file at this commit where that is known; empty of no place."""
+    """Return `path:line`, linked to the file at the tested commit if it is known; empty for None."""
     if location is None:
         return Html("")
-    shown = element("code", place(options.workspace, location))
-    path = seen_from(options.workspace, location.file)
-    names = ("GITHUB_SERVER_URL", "GITHUB_REPOSITORY", "GITHUB_SHA")
-    server, repository, commit = (options.environment.get(name, "") for name in names)
-    if urlsplit(server).scheme not in ("http", "https") or not (repository and commit) or path.startswith("/"):
-        return shown
-    line = "" if location.line is None else f"#L{location.line}"
-    address = f"{server}/{repository}/blob/{commit}/{quote(path, errors='replace')}{line}"
-    return element("a", shown, href=address, rel="noreferrer")
+    shown = element("code", file_and_line(options.workspace, location))
+    url = source_url(location, options)
+    return element("a", shown, href=url, rel="noreferrer") if url else shown

@@ -1,4 +1,4 @@
-"""The drawing of a run that needs no script: the way of the robot from above, what stands there, where it had to go."""
+"""The drawing of a run as SVG, shown without scripts: path of the robot from above, bodies of the world, goals."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from sim_action.state.trace import FloatArray
 
 _MAX_POINTS: Final = 120
 _MAX_SOLIDS: Final = 200
-_LEAST_MARGIN: Final = 0.35
-"""m around what has to be seen."""
+_MIN_MARGIN_M: Final = 0.35
+"""The margin in m around everything that is drawn."""
 
 
 def drawing(replay: Replay, outcome: Outcome) -> Html:
-    """An SVG, a metre a unit, north up; its size on the page is the style sheet's."""
+    """Return an SVG with 1 unit per metre and y up; the style sheet gives its size on the page."""
     way = _way(replay)
     start, end = robot_outlines(replay, 0), robot_outlines(replay, replay.frames.count - 1)
     x, y, width, height = _view(np.concatenate([way, *start, *end, *_mark_points(replay.marks)]))
@@ -47,7 +47,7 @@ def drawing(replay: Replay, outcome: Outcome) -> Html:
     failed = frozenset(number for number, expected in enumerate(outcome.expectations) if _missed(expected))
     return element(
         "svg",
-        element("title", f"The way of the robot from above, {width:.2g} m wide"),
+        element("title", f"The path of the robot from above, {width:.2g} m wide"),
         *(_polygon(corners, "body") for corners in islice(_bodies(replay, box), _MAX_SOLIDS)),
         *(_mark(mark, failed) for mark in replay.marks),
         *(_polygon(corners, "start") for corners in start),
@@ -65,7 +65,7 @@ def _missed(expected: ExpectationOutcome) -> bool:
 
 
 def _way(replay: Replay) -> FloatArray:
-    """(N, 2): some of the places that the base came by, its first and last among them."""
+    """Return (N, 2) positions of the base in m, evenly sampled, with the first and the last one."""
     count = replay.frames.count
     places = np.column_stack([column.decoded(count) for column in replay.frames.base[:2]])
     rows = np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int)
@@ -73,16 +73,16 @@ def _way(replay: Replay) -> FloatArray:
 
 
 def _view(points: FloatArray) -> tuple[float, float, float, float]:
-    """Left, lower end, width and height in m of what is to be seen; no more than three times as wide as high."""
+    """Return left edge, lower edge, width and height of the view in m; it is at most three times as wide as high."""
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = max(_LEAST_MARGIN, 0.1 * float((high - low).max()))
+    margin = max(_MIN_MARGIN_M, 0.1 * float((high - low).max()))
     middle, size = (low + high) / 2, high - low + 2 * margin
     width, height = max(size[0], size[1] / 1.2), max(size[1], size[0] / 3)
     return float(middle[0] - width / 2), float(middle[1] - height / 2), float(width), float(height)
 
 
 def _bodies(replay: Replay, box: tuple[float, float, float, float]) -> Iterator[FloatArray]:
-    """Outlines of what stands in the view, where it began."""
+    """Yield the outlines (N, 2) of the bodies in the view at their initial poses."""
     for body in replay.scene.bodies:
         for shape in body.shapes:
             corners = outline(shape, Frame.of(body.pose), replay.scene.meshes)
@@ -142,14 +142,14 @@ _MAX_MESH_POINTS: Final = 500
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Where a frame is: rotation (3, 3) and position (3,) in m, seen from its parent or the world."""
+    """A frame: rotation (3, 3) and position (3,) in m, relative to its parent or the world."""
 
     rotation: FloatArray
     position: FloatArray
 
     @classmethod
     def of(cls, numbers: Iterable[float]) -> Frame:
-        """From x, y, z and a quaternion x, y, z, w, of whatever length."""
+        """Return the frame for x, y, z in m and a quaternion x, y, z, w, which need not have unit length."""
         px, py, pz, *quaternion = numbers
         x, y, z, w = np.array(quaternion) / (math.hypot(*quaternion) or 1.0)
         rows = [
@@ -160,24 +160,24 @@ class Frame:
         return cls(np.array(rows), np.array([px, py, pz]))
 
     def after(self, other: Frame) -> Frame:
-        """This frame, given in the other one, as that one's parent sees it."""
+        """Return this frame, given relative to `other`, relative to the parent of `other`."""
         return Frame(other.rotation @ self.rotation, other.rotation @ self.position + other.position)
 
-    def place(self, points: FloatArray) -> FloatArray:
-        """Points (N, 3) of this frame, as its parent sees them."""
+    def transform(self, points: FloatArray) -> FloatArray:
+        """Transform points (N, 3) from this frame to its parent."""
         return points @ self.rotation.T + self.position
 
 
 def robot_outlines(replay: Replay, moment: int) -> list[FloatArray]:
-    """Of each shape of the robot at one of its moments: (N, 2) in m, world frame."""
+    """Return the outline (N, 2) in m, world frame, of each shape of the robot at one moment."""
     frames = _link_frames(replay, moment)
     solids = ((shape, frame) for link, frame in zip(replay.scene.links, frames, strict=True) for shape in link.shapes)
     return [outline(shape, frame, replay.scene.meshes) for shape, frame in solids]
 
 
 def outline(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray:
-    """Of one shape of what stands at `owner`: the corners of its hull, seen from above."""
-    points = Frame.of(shape.pose).after(owner).place(_shape_points(shape, meshes))
+    """Return the convex outline (N, 2) of a shape, seen from above; `owner` is the frame of its link or body."""
+    points = Frame.of(shape.pose).after(owner).transform(_shape_points(shape, meshes))
     return _hull(points[:, :2])
 
 
@@ -203,7 +203,7 @@ def _motion(joint: JointMotion, value: float) -> Frame:
 
 
 def _shape_points(shape: Shape, meshes: dict[str, MeshData]) -> FloatArray:
-    """Points (N, 3) in the frame of the shape, whose hull is near enough its own."""
+    """Return points (N, 3) in the frame of the shape; their hull approximates the shape."""
     match shape:
         case BoxShape():
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -232,7 +232,7 @@ def _ball() -> FloatArray:
 
 
 def _hull(points: FloatArray) -> FloatArray:
-    """Corners of the convex hull of points (N, 2), against the clock."""
+    """Return the corners of the convex hull of points (N, 2), counter-clockwise."""
     ordered = sorted({(round(float(x), 4), round(float(y), 4)) for x, y in points})
     if len(ordered) < 3:
         return np.array(ordered)

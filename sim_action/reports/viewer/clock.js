@@ -1,4 +1,4 @@
-/** The time that everything on the page shows. */
+/** The current sim time, shown by all parts of the page. */
 class Clock extends EventTarget {
   /** @param {number} start s @param {number} end s */
   constructor(start, end) {
@@ -11,12 +11,12 @@ class Clock extends EventTarget {
     this.pending = 0;
   }
 
-  /** In s, never nothing. */
+  /** The duration in s, never zero. */
   get length() {
     return Math.max(1e-6, this.end - this.start);
   }
 
-  /** @param {number} time s; what lies outside is brought in */
+  /** @param {number} time s; clamped to the run */
   seek(time) {
     this.time = Math.min(this.end, Math.max(this.start, time));
     this.dispatchEvent(new Event("tick"));

@@ -1,4 +1,4 @@
-/** The colours of the style sheet, as they are in the light or the dark. */
+/** The colours of the style sheet in the light or dark scheme. */
 
 /** @returns {Colours} */
 function coloursOfPage() {

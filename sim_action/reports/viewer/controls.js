@@ -1,4 +1,4 @@
-/** Play, pause, scrub, speed: what moves the clock, and where the moments are that matter. */
+/** The controls of the clock: play, pause, slider, speed, and buttons for decisive moments. */
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 10];
 const MOST_TOUCHES = 60;
@@ -59,7 +59,7 @@ function symbol(path) {
 }
 
 /**
- * A button over the slider for each moment at which something was decided.
+ * Creates a button above the slider for each moment at which an expectation was decided.
  * @param {Clock} clock
  * @param {ExpectationEntry[]} expectations
  */
@@ -78,7 +78,7 @@ function decisionMarks(clock, expectations) {
 
 /**
  * @param {ExpectationEntry[]} expectations
- * @returns {{time: number, status: string, name: string}[]} failures first, as the page tells them
+ * @returns {{time: number, status: string, name: string}[]} failures first, as on the page
  */
 function moments(expectations) {
   const rank = (/** @type {ExpectationEntry} */ one) => (one.status === "passed" ? 3 : one.cutOff ? 1 : one.status === "warned" ? 2 : 0);

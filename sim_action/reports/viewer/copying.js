@@ -18,7 +18,7 @@ async function copy(command, button) {
     await navigator.clipboard.writeText(code.textContent ?? "");
     button.textContent = "Copied";
   } catch {
-    // A page from a disk may not: the text is selected, and the keyboard copies it.
+    // A page from a disk may have no access to the clipboard: select the text, so that the keyboard can copy it.
     getSelection()?.selectAllChildren(code);
     button.textContent = "Selected";
   }

@@ -1,4 +1,4 @@
-/** The curves of a run: what each expectation looked at, failures first, then what is worth seeing of any run. */
+/** The curves of a run: the signals of each expectation, failures first, then distance, speed and the like. */
 
 /**
  * @param {Motion} motion
@@ -25,7 +25,7 @@ function baseCurves(motion) {
 }
 
 /**
- * Of a base that stands still, what its joints do.
+ * Returns the curves of the joints if the base does not move.
  * @param {Motion} motion
  * @param {number} most
  */

@@ -1,10 +1,10 @@
-/** Elements, and text that is nothing but text. */
+/** Functions that create and find elements; strings become text nodes. */
 
 /**
- * An element with attributes and children; what is no element becomes text.
+ * Creates an element with attributes and children; strings become text.
  * @template {keyof HTMLElementTagNameMap} Name
  * @param {Name} name
- * @param {Record<string, string | number | boolean>} [attributes] true: without a value; false: left out
+ * @param {Record<string, string | number | boolean>} [attributes] true: no value; false: omitted
  * @param {(Node | string)[]} children
  * @returns {HTMLElementTagNameMap[Name]}
  */
@@ -18,13 +18,13 @@ function make(name, attributes = {}, ...children) {
 }
 
 /**
- * A child that is known to be there.
+ * Returns the first match, which must exist.
  * @param {ParentNode} parent
  * @param {string} selector
  * @returns {HTMLElement}
  */
 function find(parent, selector) {
   const found = parent.querySelector(selector);
-  if (!(found instanceof HTMLElement)) throw new Error(`${selector} is not on the page`);
+  if (!(found instanceof HTMLElement)) throw new Error(`${selector} not found in the page`);
   return found;
 }

@@ -1,4 +1,4 @@
-/** A box that narrows a long list of scenarios down. */
+/** The search box of a long list of scenarios. */
 
 const SHORT_LIST = 8;
 
@@ -7,7 +7,7 @@ function offerFilter(list) {
   const items = [...list.querySelectorAll("li:not(.group)")];
   if (items.length < SHORT_LIST) return;
   const box = make("input", { type: "search", placeholder: "Filter", "aria-label": "Filter scenarios", class: "filter" });
-  const none = make("p", { class: "faint none", hidden: true, role: "status" }, "No scenario has these words.");
+  const none = make("p", { class: "faint none", hidden: true, role: "status" }, "No scenario matches.");
   find(list, "ol").before(box, none);
   box.addEventListener("input", () => {
     const words = box.value.toLowerCase().split(/\s+/).filter(Boolean);

@@ -1,4 +1,4 @@
-/** The keys of the page. */
+/** The keyboard shortcuts of the page. */
 
 const STEP = 1 / 30;
 
@@ -43,7 +43,7 @@ function listenToKeys(current) {
 }
 
 /**
- * Whether nothing that has the focus wants the key for itself.
+ * Returns true unless the focused element handles the key itself.
  * @param {KeyboardEvent} event
  */
 function isFree(event) {

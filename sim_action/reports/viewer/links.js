@@ -2,7 +2,7 @@
 
 /**
  * @param {ScenarioEntry[]} scenarios
- * @returns {{scenario: ScenarioEntry, time: number | null} | null} what the address asks for
+ * @returns {{scenario: ScenarioEntry, time: number | null} | null} the scenario and time of the address
  */
 function asked(scenarios) {
   const words = new URLSearchParams(location.hash.slice(1));
@@ -30,6 +30,6 @@ function rememberLink(hash) {
   try {
     history.replaceState(null, "", hash);
   } catch {
-    // Where the address may not be changed, there is none to hand on.
+    // The address cannot be changed in some contexts; then there is no link to share.
   }
 }

@@ -1,4 +1,4 @@
-/** The run: where every link and body is at a time. */
+/** The motion of a run: poses of all links and bodies at a time. */
 class Motion {
   /** @param {Replay} replay */
   constructor(replay) {
@@ -28,7 +28,7 @@ class Motion {
 
   /**
    * @param {number} time s
-   * @returns {number} the last row that is not after it
+   * @returns {number} the last row at or before it
    */
   row(time) {
     let low = 0, high = this.count - 1;
@@ -42,7 +42,7 @@ class Motion {
 
   /**
    * @param {number} time s
-   * @returns {Moment} the same one, written anew at each call
+   * @returns {Moment} the same object, overwritten by each call
    */
   at(time) {
     const row = this.row(time);
@@ -95,7 +95,7 @@ class Motion {
 
   /**
    * @param {number} time s
-   * @returns {ContactData[]} contacts that go on at that time
+   * @returns {ContactData[]} contacts at that time
    */
   touching(time) {
     return this.replay.contacts.filter((contact) => contact.time - 0.02 <= time && time <= contact.until + 0.02);

@@ -1,11 +1,11 @@
-/** Solids seen from above. */
+/** Outlines of solids, seen from above. */
 
 const RING = Array.from({ length: 20 }, (_, i) => [Math.cos((i * Math.PI) / 10), Math.sin((i * Math.PI) / 10)]);
 
 /**
  * @param {Shape} shape
  * @param {Record<string, MeshData>} meshes
- * @returns {Float64Array} x, y, z of points, in the frame of what it is part of, whose hull is near enough its own
+ * @returns {Float64Array} x, y, z of points in the frame of the owner; their hull approximates the shape
  */
 function hullPoints(shape, meshes) {
   const points = localPoints(shape, meshes);

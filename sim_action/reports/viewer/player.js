@@ -1,4 +1,4 @@
-/** All that shows one run: the picture, the controls, the plots, on one clock. */
+/** The player of one run: view, controls and plots with a common clock. */
 class Player {
   /**
    * @param {Replay} replay
@@ -23,16 +23,16 @@ class Player {
     this.dark.addEventListener("change", this.repaint);
   }
 
-  /** Once it is on the page. @param {number | null} time */
+  /** Starts drawing; to be called when the element is in the page. @param {number | null} time */
   async open(time) {
     this.clock.seek(time ?? this.mattered());
-    // It tells the first size, too, and with it the plots are drawn: they are to be seen before the picture is ready.
+    // The observer also reports the first size and so draws the plots, before the view is ready.
     this.observer.observe(this.element);
     await painted();
     if (this.element.isConnected) await this.views.open();
   }
 
-  /** When what matters happened: where something failed, or where it broke off, else where it begins. */
+  /** The decisive sim time: that of the failure, or the end of a run with an error, else the start. */
   mattered() {
     const first = moments(this.entry.expectations)[0];
     if (this.entry.moment !== null) return this.entry.moment;
@@ -66,7 +66,7 @@ class Player {
   }
 }
 
-/** Once the browser has shown what there is. */
+/** Resolves when the browser has painted. */
 function painted() {
   return new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
 }

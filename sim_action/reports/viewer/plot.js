@@ -1,4 +1,4 @@
-/** One curve over time, with its limits, and a cursor that is the same in all. */
+/** A plot of one curve over time with its limits; all plots have the same cursor. */
 class Plot {
   /**
    * @param {Curve} curve
@@ -19,7 +19,7 @@ class Plot {
     this.grab();
   }
 
-  /** Where time begins and ends on the canvas, in CSS pixels. */
+  /** The x range of the time axis on the canvas, in CSS pixels. */
   get span() {
     return { left: 44, right: this.frame.clientWidth - 8 };
   }
@@ -82,15 +82,15 @@ function plotWords(curve) {
 
 /**
  * @param {Curve} curve
- * @returns {[number, number]} what is to be seen: all values and limits, and some room
+ * @returns {[number, number]} the range of the y axis: all values and limits, with padding
  */
 function rangeOf(curve) {
   const [low, high] = extent(curve.values);
   const all = [low, high, ...[curve.lower, curve.upper].filter((limit) => limit !== null)].map(Number);
   let bottom = Math.min(...all), top = Math.max(...all);
-  // What begins at nothing is seen from nothing.
+  // Extend the axis to zero if zero is near.
   if (bottom > 0 && bottom < 0.5 * top) bottom = 0;
-  // Less than this is noise, and not to be blown up.
+  // Do not magnify noise.
   const least = Math.max(curve.least, 1e-6 * Math.abs(top));
   if (top - bottom < least) {
     bottom = Math.min(bottom, Math.max(0, bottom - 1));

@@ -3,7 +3,7 @@
 /**
  * Writes the point (x, y, z), turned by the quaternion of `pose`, into `out`.
  * @param {Numbers} pose
- * @param {number} at where the pose begins in it
+ * @param {number} at index at which the pose begins
  * @param {number} x
  * @param {number} y
  * @param {number} z
@@ -20,7 +20,7 @@ function turn(pose, at, x, y, z, out) {
 const turned = new Float64Array(3);
 
 /**
- * Writes pose `b`, given in the frame of pose `a`, as the parent of `a` sees it.
+ * Composes poses: writes pose `b`, given in the frame of pose `a`, in the parent frame of `a`.
  * @param {Numbers} a
  * @param {number} ai
  * @param {Numbers} b
@@ -43,7 +43,7 @@ function compose(a, ai, b, bi, out, oi) {
 }
 
 /**
- * Writes what lies between two rows of seven columns: places along a line, rotations along the shorter way.
+ * Interpolates between two rows of seven columns: positions linearly, rotations along the shorter arc.
  * @param {Float64Array[]} columns
  * @param {number} row
  * @param {number} share 0: this row, 1: the next

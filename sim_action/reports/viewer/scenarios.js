@@ -1,4 +1,4 @@
-/** The scenarios of the page, of which one is open. */
+/** The scenarios of the page; one of them is open. */
 class Scenarios {
   /** @param {ScenarioEntry[]} entries */
   constructor(entries) {
@@ -20,7 +20,7 @@ class Scenarios {
     addEventListener("hashchange", () => void this.follow());
   }
 
-  /** Opens what the address asks for, else the first. */
+  /** Opens the scenario of the address, or the first one. */
   async follow() {
     const wanted = asked(this.entries) ?? (this.open ? null : { scenario: this.entries[0], time: null });
     if (!wanted?.scenario) return;
@@ -66,7 +66,7 @@ class Scenarios {
   async mount(entry, article, time) {
     const turn = ++this.pending;
     const replay = await unpackedReplay(entry.replay ?? "");
-    // Somebody may have gone on to another one meanwhile.
+    // Another scenario may have been opened meanwhile.
     if (turn !== this.pending || this.open !== entry) return;
     const player = new Player(replay, entry);
     this.player = player;
@@ -82,7 +82,7 @@ class Scenarios {
   }
 
   /**
-   * Moments that the page tells become buttons that go there.
+   * Turns the sim times in an article into buttons that show this moment.
    * @param {HTMLElement} article
    * @param {Player} player
    */

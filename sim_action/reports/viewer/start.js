@@ -1,4 +1,4 @@
-/** What the page does once it is there. */
+/** The start of the page. */
 
 const index = JSON.parse(find(document, "#index").textContent ?? "{}");
 document.documentElement.classList.add("scripted");

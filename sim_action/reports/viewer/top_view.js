@@ -1,4 +1,4 @@
-/** The run seen from above, on a plain canvas: where nothing draws in three dimensions, or by choice. */
+/** The top view of a run on a 2D canvas, used without 3D or by choice. */
 /** @implements {View} */
 class TopView {
   /**
@@ -8,7 +8,7 @@ class TopView {
    */
   constructor(canvas, motion, failed) {
     const context = canvas.getContext("2d");
-    if (!context) throw new Error("there is no canvas to draw on");
+    if (!context) throw new Error("no 2D canvas available");
     this.canvas = canvas;
     this.context = context;
     this.motion = motion;
@@ -19,7 +19,7 @@ class TopView {
     this.links = motion.scene.links.map(points);
     this.bodies = motion.scene.bodies.map(points);
     const still = motion.at(motion.start);
-    /** Outlines of what never moves, made once. */
+    /** The outlines of fixed bodies, computed once. */
     this.still = motion.scene.bodies.map((body, i) =>
       body.track === undefined ? this.bodies[i].map((several) => outline(several, still.bodies, 7 * i)) : null);
     /** @type {[number, number]} */
@@ -30,7 +30,7 @@ class TopView {
     this.grab();
   }
 
-  /** Shows everything that the robot came by. */
+  /** Shows the whole path of the robot. */
   home() {
     const { base } = this.motion;
     const [x0, x1] = extent(base[0]), [y0, y1] = extent(base[1]);
@@ -183,7 +183,7 @@ class TopView {
     context.setLineDash([]);
   }
 
-  /** Drag moves it, the wheel zooms, a double click shows all. */
+  /** Dragging moves the view, the wheel zooms, a double click shows everything. */
   grab() {
     const { canvas } = this;
     const redraw = () => canvas.dispatchEvent(new CustomEvent("viewmoved"));
@@ -223,7 +223,7 @@ function arrowPoints(mark) {
 
 /**
  * @param {ArrayLike<number>} values
- * @returns {[number, number]} the least and the largest; NaN does not count
+ * @returns {[number, number]} minimum and maximum without NaN
  */
 function extent(values) {
   let low = Infinity, high = -Infinity;
@@ -236,7 +236,7 @@ function extent(values) {
 
 /**
  * @param {number} rough
- * @returns {number} 1, 2 or 5 times a power of ten, not less
+ * @returns {number} the next value at or above of the form 1, 2 or 5 times a power of ten
  */
 function niceStep(rough) {
   const power = 10 ** Math.floor(Math.log10(rough));

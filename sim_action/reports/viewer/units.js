@@ -1,20 +1,20 @@
-/** Quantities for people: angles in degrees, four digits. */
+/** Quantities as text: angles in degrees, four digits. */
 
 const DEGREES = 180 / Math.PI;
 
 /**
  * @param {string} unit
- * @returns {{factor: number, name: string, least: number}} `least`: what is less than this, as it is shown, is noise
+ * @returns {{factor: number, name: string, least: number}} `least`: smaller ranges, in the shown unit, are noise
  */
 function shownUnit(unit) {
-  // What is counted needs no word, and no plural.
+  // Counts have no unit.
   if (unit === "contacts") return { factor: 1, name: "", least: 1 };
   if (/^rad/.test(unit)) return { factor: DEGREES, name: unit.replace("rad", "deg"), least: 1 };
   return { factor: 1, name: unit, least: unit === "N" ? 1 : 1e-3 };
 }
 
 /**
- * @param {number} value as it is to be shown
+ * @param {number} value in the shown unit
  * @param {string} unit
  */
 function told(value, unit) {

@@ -1,8 +1,8 @@
-/** The blocks of the page: gzip in base64, unpacked when they are needed. */
+/** The data blocks of the page: gzip in base64, unpacked on demand. */
 
 /**
  * @param {string} id
- * @returns {Promise<string | null>} null: there is no such block
+ * @returns {Promise<string | null>} null if there is no such block
  */
 async function unpacked(id) {
   const block = document.getElementById(id)?.textContent;
@@ -13,7 +13,7 @@ async function unpacked(id) {
 }
 
 /**
- * A name on one line, without what reorders or hides text; Python has cleaned all that stands in the page itself.
+ * Returns a name on one line, without characters that reorder or hide text; Python has cleaned all other texts.
  * @param {string} name
  */
 function plainLine(name) {
@@ -23,7 +23,7 @@ function plainLine(name) {
 /** @type {Promise<Record<string, MeshData>> | null} */
 let meshesOfPage = null;
 
-/** @returns {Promise<Record<string, MeshData>>} what all replays share, by digest */
+/** @returns {Promise<Record<string, MeshData>>} the meshes of all replays by digest */
 function sharedMeshes() {
   meshesOfPage ??= unpacked("meshes").then((text) => {
     const meshes = JSON.parse(text ?? "{}");
@@ -34,7 +34,7 @@ function sharedMeshes() {
 }
 
 /**
- * Makes numbers of what is stored as differences: points from the one before, corners from the first of the triangle.
+ * Decodes differences: points relative to the one before, corners relative to the first one of the triangle.
  * @param {MeshData} mesh
  */
 function summed({ points, triangles }) {
@@ -54,7 +54,7 @@ function summed({ points, triangles }) {
  */
 async function unpackedReplay(id) {
   const text = await unpacked(id);
-  if (text === null) throw new Error("the replay is not in this file");
+  if (text === null) throw new Error("the replay is missing in this file");
   const replay = JSON.parse(text);
   replay.scene.meshes = await sharedMeshes();
   const { scene, signals } = replay;
@@ -66,8 +66,8 @@ async function unpackedReplay(id) {
 
 /**
  * @param {Column} column
- * @param {number} count how many moments it has
- * @returns {Float64Array} NaN where there is no value
+ * @param {number} count number of moments
+ * @returns {Float64Array} the values, NaN in gaps
  */
 function decoded(column, count) {
   const values = new Float64Array(count);

@@ -1,13 +1,13 @@
-/** The picture of the run: in three dimensions where the page has what draws it and the browser can, else from above. */
+/** The view of the run: 3D if the page contains the viewer and the browser has WebGL, else the top view. */
 
 /** @type {Promise<MakeView3D | null> | null} */
 let viewerOfPage = null;
 
-/** @returns {Promise<MakeView3D | null>} null: it is not in this file */
+/** @returns {Promise<MakeView3D | null>} null if it is not in this file */
 function viewer3D() {
   viewerOfPage ??= unpacked("viewer3d").then((text) => {
     if (text === null) return null;
-    // The page's policy knows this script by its hash, and lets no other run.
+    // The content security policy of the page allows this script by its hash.
     document.head.append(make("script", {}, text));
     return globalThis.simActionView3D ?? null;
   });
@@ -31,9 +31,9 @@ class Views {
     this.canvas = make("canvas");
     this.note = make("p", { class: "note", role: "status" });
     this.happening = make("p", { class: "happening" });
-    this.kind = make("button", { type: "button", title: "3D, or from above (v)", hidden: true }, "From above");
-    this.follow = make("button", { type: "button", title: "Let the camera follow (f)", "aria-pressed": "false" }, "Follow");
-    this.whole = make("button", { type: "button", title: "Show all of the way (h)" }, "Show all");
+    this.kind = make("button", { type: "button", title: "Switch between 3D and top view (v)", hidden: true }, "Top view");
+    this.follow = make("button", { type: "button", title: "Follow the robot (f)", "aria-pressed": "false" }, "Follow");
+    this.whole = make("button", { type: "button", title: "Show the whole path (h)" }, "Show all");
     this.tools = make("div", { class: "tools" }, this.kind, this.follow, this.whole);
     this.element = make("div", { class: "view" }, this.canvas, this.tools, this.note, this.happening);
     this.kind.addEventListener("click", () => this.toggleKind());
@@ -41,7 +41,7 @@ class Views {
     this.whole.addEventListener("click", () => this.showAll());
   }
 
-  /** Shows the run: in three dimensions if that can be. */
+  /** Shows the run, in 3D if possible. */
   async open() {
     try {
       const make3D = await viewer3D();
@@ -50,9 +50,9 @@ class Views {
         this.kind.hidden = false;
         return;
       }
-      this.note.textContent = "Seen from above: this report was made without its 3D viewer.";
+      this.note.textContent = "Top view only: this report was made without the 3D viewer.";
     } catch {
-      this.note.textContent = "Seen from above: this browser has no WebGL to draw in 3D.";
+      this.note.textContent = "Top view only: this browser has no WebGL for 3D.";
     }
     this.showTop();
   }
@@ -68,13 +68,13 @@ class Views {
   show(make_view, kind) {
     this.view?.dispose();
     this.view = null;
-    // A canvas that has once drawn in one way draws in no other.
+    // A canvas keeps its first kind of context, so each kind of view needs a new one.
     const canvas = make("canvas", { role: "img", "aria-label": "The robot and its world", "data-kind": kind });
     this.canvas.replaceWith(canvas);
     this.canvas = canvas;
     this.view = make_view(canvas);
     canvas.addEventListener("viewmoved", () => this.draw());
-    this.kind.textContent = kind === "3d" ? "From above" : "3D";
+    this.kind.textContent = kind === "3d" ? "Top view" : "3D";
     this.resize();
   }
 
@@ -101,7 +101,7 @@ class Views {
     this.draw();
   }
 
-  /** Soon, and once, however often it is asked for until then. */
+  /** Schedules a single redraw, however often it is called before. */
   draw() {
     this.pending ||= requestAnimationFrame(() => {
       this.pending = 0;

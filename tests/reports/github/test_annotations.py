@@ -95,7 +95,7 @@ def test_at_most_ten_of_each(
         chosen = [line for line in found if line.startswith(f"::{level} ")]
         assert len(chosen) == shown
         if last:
-            assert chosen[-1] == f"::{level} title=sim-action::{last}, see the summary"
+            assert chosen[-1] == f"::{level} title=sim-action::{last} {level}s: see the job summary"
         else:
             assert "more" not in chosen[-1].rsplit("::", 1)[0]
 

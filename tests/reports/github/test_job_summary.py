@@ -54,7 +54,7 @@ def test_the_row_of_a_scenario_tells_what_ended_it_not_what_that_cut_off(
 
 
 def test_what_passed_is_folded_and_warnings_are_not(samples: Samples, options: ReportOptions) -> None:
-    assert "<summary>Measurements of what passed (1)</summary>" in summary(samples["passed"], options)
+    assert "<summary>Measurements of passed scenarios (1)</summary>" in summary(samples["passed"], options)
     assert "what passed" not in summary(samples["warning"], options)
 
 

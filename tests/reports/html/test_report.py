@@ -16,7 +16,7 @@ import pytest
 from sim_action.core.files import whole_file
 from sim_action.recording.replay.replay_file import Replay
 from sim_action.reports import ReportOptions
-from sim_action.reports.html.report import Parcel, packed, page, page_json, write_html
+from sim_action.reports.html.report import ReplayBlocks, packed, page, page_json, write_html
 from sim_action.reports.links import replay_link
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
@@ -111,7 +111,7 @@ def test_a_replay_that_is_not_below_the_results_is_not_looked_for(
     lost = ran(samples, options).model_copy(update={"replay": where})
     kept(drive(), tmp_path, "elsewhere")
     found = page(make_results(lost), options)
-    assert "is not where its results say" in found.body
+    assert "The replay file of this run is missing" in found.body
     assert not found.blocks
 
 
@@ -122,7 +122,7 @@ def test_a_replay_that_is_none_is_told_and_the_rest_is_there(
     with whole_file(options.folder / "replays/cut.json.gz") as file:
         file.write(b"no gzip")
     found = page(make_results(broken), options)
-    assert "There is no replay:" in found.body
+    assert "The replay cannot be read:" in found.body
     assert "base_link touched wall" in found.body
 
 
@@ -131,7 +131,7 @@ def test_what_finds_no_room_has_no_replay_and_says_so(
 ) -> None:
     monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", 100)
     found = page(make_results(ran(samples, options)), options)
-    assert "No room was left" in found.body
+    assert "The replay of this run is not included" in found.body
     assert "<svg" not in found.body
     assert not found.blocks
 
@@ -143,7 +143,7 @@ def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
     outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
     found = body(make_results(*outcomes), options)
     assert re.findall(r"<h2[^>]*>(.*?)</h2>", found) == ["crash", "failed"]
-    assert "1 more are in results.json" in found
+    assert "1 more scenario in results.json; this page shows the worst 2" in found
     assert found.count('href="#s') == 2
 
 
@@ -175,42 +175,51 @@ def test_json_ends_no_element_and_no_line() -> None:
 
 
 def test_a_replay_is_told_whole_but_for_its_meshes_which_stand_apart() -> None:
-    parcel, replay = Parcel(), drive()
-    assert parcel.takes("replay-s0", replay)
-    told_replay, meshes = json.loads(unpacked(parcel.blocks["replay-s0"])), json.loads(unpacked(parcel.shared))
+    replay_blocks, replay = ReplayBlocks(), drive()
+    assert replay_blocks.add("replay-s0", replay)
+    told_replay, meshes = (
+        json.loads(unpacked(replay_blocks.blocks["replay-s0"])),
+        json.loads(unpacked(replay_blocks.shared)),
+    )
     assert set(meshes) == {MESH}
     told_replay["scene"]["meshes"] = meshes
     assert Replay.model_validate_json(json.dumps(told_replay)) == replay
 
 
 def test_what_is_in_several_replays_is_there_once() -> None:
-    parcel = Parcel()
+    replay_blocks = ReplayBlocks()
     for number in range(3):
-        parcel.takes(f"replay-s{number}", drive())
-    assert list(json.loads(unpacked(parcel.shared))) == [MESH]
+        replay_blocks.add(f"replay-s{number}", drive())
+    assert list(json.loads(unpacked(replay_blocks.shared))) == [MESH]
 
 
 def test_beyond_the_room_that_there_is_nothing_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    parcel = Parcel()
-    parcel.takes("first", drive())
-    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", parcel.size + 10)
-    assert not parcel.takes("second", drive())
-    assert list(parcel.blocks) == ["first"]
+    replay_blocks = ReplayBlocks()
+    replay_blocks.add("first", drive())
+    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", replay_blocks.size + 10)
+    assert not replay_blocks.add("second", drive())
+    assert list(replay_blocks.blocks) == ["first"]
 
 
 def test_meshes_take_of_the_room_but_once(monkeypatch: pytest.MonkeyPatch) -> None:
     replay = drive()
     rough = replay.scene.meshes[MESH].model_copy(update={"points": tuple(i * i % 7919 for i in range(30_000))})
     large = replay.model_copy(update={"scene": replay.scene.model_copy(update={"meshes": {MESH: rough}})})
-    parcel = Parcel()
-    assert parcel.takes("first", large)
-    assert parcel.size >= len(parcel.blocks["first"]) + len(parcel.shared) > 10 * len(parcel.blocks["first"])
-    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", parcel.size + len(parcel.blocks["first"]))
-    assert not Parcel(meshes={"0" * 16: rough}, size=len(parcel.shared)).takes("other", large)
-    assert parcel.takes("second", large)
+    replay_blocks = ReplayBlocks()
+    assert replay_blocks.add("first", large)
+    assert (
+        replay_blocks.size
+        >= len(replay_blocks.blocks["first"]) + len(replay_blocks.shared)
+        > 10 * len(replay_blocks.blocks["first"])
+    )
+    monkeypatch.setattr(
+        "sim_action.reports.html.report.MAX_REPLAY_BYTES", replay_blocks.size + len(replay_blocks.blocks["first"])
+    )
+    assert not ReplayBlocks(meshes={"0" * 16: rough}, size=len(replay_blocks.shared)).add("other", large)
+    assert replay_blocks.add("second", large)
 
 
 def test_ten_seconds_cost_little() -> None:
-    parcel = Parcel()
-    parcel.takes("replay-s0", drive(seconds=10.0))
-    assert parcel.size < 25_000
+    replay_blocks = ReplayBlocks()
+    replay_blocks.add("replay-s0", drive(seconds=10.0))
+    assert replay_blocks.size < 25_000

@@ -63,7 +63,7 @@ def test_a_frame_turns_as_quaternions_do() -> None:
     rotation = quaternion_from_rpy(0.3, -0.4, 1.2)
     frame = Frame.of((1.0, 2.0, 3.0, *rotation))
     expected = np.add(rotate(rotation, (0.1, 0.2, 0.3)), (1.0, 2.0, 3.0))
-    assert frame.place(np.array([(0.1, 0.2, 0.3)]))[0] == pytest.approx(expected)
+    assert frame.transform(np.array([(0.1, 0.2, 0.3)]))[0] == pytest.approx(expected)
 
 
 def test_frames_follow_each_other() -> None:
