@@ -1,4 +1,4 @@
-"""Command sources: what tells the robot, at a rate of its own, where to go."""
+"""Command sources: the parts of a scenario that command the robot, each at a rate of its own."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 
 def _nothing() -> None:
-    """What there is to be done after a run by a source that holds nothing."""
+    """Do nothing: the `close` of a source without resources."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenLoop:
-    """The live half of a source that looks at the clock alone.
+    """The controller of a source that depends only on the time.
 
     Attributes:
-        command: from sim time in s to a command.
-        holding: what it holds still while the robot comes to rest before t = 0; what has limits is held anyway.
-        notes: what it has to tell people after the run.
+        command: sim time in s -> command.
+        holding: targets that hold joints before t = 0, while the robot comes to rest; limited joints are held anyway.
+        notes: notes for the user after the run.
     """
 
     command: Callable[[float], Answer]
@@ -42,13 +42,14 @@ class OpenLoop:
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """The live half of a source that looks at the robot.
+    """The controller of a source that depends on observations of the robot.
 
     Attributes:
-        senses: whether it looks at sensors as well; those that nobody looks at are not read.
-        sensors: what it looks at beside those of the scenario.
+        command: observation -> command.
+        senses: True if it reads sensors; a sensor without a reader is not simulated.
+        sensors: sensors that it adds to those of the scenario.
         close: called once, after the run.
-        notes: what it has to tell people after the run, when it is closed.
+        notes: notes for the user, complete after `close`.
     """
 
     command: Callable[[Observation], Answer]
@@ -59,54 +60,54 @@ class ClosedLoop:
 
 
 Controller = OpenLoop | ClosedLoop
-"""Asked at every tick; None leaves the last command standing."""
+"""A controller is called at every tick; None as its answer keeps the last command."""
 
 
 class CommandSource(FrozenModel):
-    """What all command sources are: a frozen spec whose fields are the YAML keys."""
+    """The base class of command sources: a frozen spec whose fields are the YAML keys."""
 
     runs_user_code: ClassVar[bool] = False
-    """Whether `open` or its controller runs code of the user's: such a scenario gets an interpreter of its own."""
+    """True if `open` or the controller runs code of the user; the scenario then gets an interpreter of its own."""
 
     needs_drive: ClassVar[bool] = False
-    """Whether all its commands are twists, whatever its files say."""
+    """True if all its commands are twists, independent of its files."""
 
-    rate: Annotated[PositiveHertz, Field(description="of the ticks at which a command is given")] = 10.0
+    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 10.0
 
     @property
     def code(self) -> str:
-        """What of the user's it runs: sources that run the same draw random numbers of their own."""
+        """The name of the user's code that it runs; it selects the stream of random numbers of a source."""
         return ""
 
     @property
     def python_file(self) -> str | None:
-        """Path of the user's code that runs in the process of the scenario, from the scenario."""
+        """The path, relative to the scenario, of the user's code that runs in the process of the scenario."""
         return None
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """What is wrong with the files it names; nothing of the user's is run."""
+        """Yield problems with the files that it names. No code of the user is run."""
         yield from ()
 
     @property
     def unchecked(self) -> tuple[str, ...]:
-        """What only the process that runs it can know of its files."""
+        """Notes on parts of its files that can be checked only when the scenario runs."""
         return ()
 
     def model_problems(self, scene: Scene) -> SpecProblems:
-        """What does not fit the robot: joints that it has not, what they cannot do."""
+        """Yield commands that do not fit the robot: unknown joints, values beyond their limits."""
         yield from ()
 
     def gives_twists(self, scene: Scene) -> bool:
-        """Whether all its commands are known to be twists before it runs."""
+        """Return True if it is known before the run that all its commands are twists."""
         return self.needs_drive
 
     def joints(self, scene: Scene) -> frozenset[str]:
-        """What it is known to move before it runs; wheels that a drive turns for it are not among them."""
+        """Return the joints that are known before the run to be commanded, without the wheels of a drive."""
         return frozenset()
 
     @abstractmethod
     def open(self, scene: Scene) -> Controller:
-        """The live half. Raises SourceProblem for what nobody could know before, such as of a log; RunError."""
+        """Return the controller. Raises RunError, or SourceProblem for problems that only running can show."""
 
 
 COMMANDS: Final = Table[type[CommandSource]](
@@ -121,4 +122,4 @@ COMMANDS: Final = Table[type[CommandSource]](
         "ros1": "sim_action.ros.ros1.driving.spec:RosCommands",
     },
 )
-"""The key that tells a command source from the others -> its class."""
+"""The YAML key of each command source -> its class."""

@@ -33,25 +33,39 @@ from sim_action.world.scene import Scene
 
 Interpolation = Literal["linear", "minimum_jerk", "hold"]
 
+_LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fast, "effort": too_strong})
+
+_WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})
+
+# The longest sim time of a scenario.
+_MAX_TIME_S: Final = 86_400
+
+# Times in advice are rounded up to a multiple of this.
+_ADVICE_STEP_S: Final = 0.01
+
 
 class JointPoint(FrozenModel):
-    """Where some joints shall be, how fast they shall move or how hard their motors shall push at one time."""
+    """Targets for joints at a time: positions, velocities or efforts."""
 
-    at: Annotated[NonNegativeSeconds, Field(description="sim time; each point is later than the one before")]
-    position: Annotated[dict[str, JointPosition], Field(description="of joints, by name")] = Field(default_factory=dict)
-    velocity: Annotated[dict[str, JointVelocity], Field(description="of joints, by name")] = Field(default_factory=dict)
-    effort: Annotated[dict[str, JointEffort], Field(description="of joints' motors, by name")] = Field(
+    at: Annotated[NonNegativeSeconds, Field(description="sim time, later than that of the point before")]
+    position: Annotated[dict[str, JointPosition], Field(description="target positions of joints, by name")] = Field(
+        default_factory=dict
+    )
+    velocity: Annotated[dict[str, JointVelocity], Field(description="target velocities of joints, by name")] = Field(
+        default_factory=dict
+    )
+    effort: Annotated[dict[str, JointEffort], Field(description="efforts of the joints' motors, by name")] = Field(
         default_factory=dict
     )
 
     @model_validator(mode="after")
     def _names_a_joint(self) -> Self:
         if not any(targets for _, targets in self.groups()):
-            raise ValueError("a point names at least one joint, below 'position', 'velocity' or 'effort'")
+            raise ValueError("a point must name at least one joint in 'position', 'velocity' or 'effort'")
         return self
 
     def groups(self) -> Iterator[tuple[Reading, Mapping[str, float | str]]]:
-        """What is wanted, and of which joints."""
+        """Yield each quantity with its targets by joint name."""
         yield "position", self.position
         yield "velocity", self.velocity
         yield "effort", self.effort
@@ -60,44 +74,46 @@ class JointPoint(FrozenModel):
 class JointCommands(CommandSource):
     """Moves joints through points in time: by position, by velocity or by effort.
 
-    Every joint goes its own way, through the points that name it; the others do not concern it. At 0 s it begins where
-    the joint does (`robot.joints`), a velocity or an effort with 0, unless a point at 0 s says otherwise. So it is on
-    its way to its first point from 0 s on; to let it wait, give it a point where it waits. After its last point it
-    stays as it is there. A joint is given positions, or velocities, or efforts, not some of each.
+    Each joint follows the points that name it, and ignores the others. It starts at 0 s: a position at its initial
+    value (`robot.joints`), a velocity or an effort at 0, unless there is a point at 0 s. So it moves towards its first
+    point from 0 s on; to let it wait, add a point with the same value. After its last point it keeps the value. A joint
+    has either positions, velocities or efforts, not a mixture.
 
-    Between two points, `linear` is a straight line. `minimum_jerk` begins and ends at rest, in every point that names
-    the joint, also in those that it only passes through; half way it is at its fastest, 1.875 times as fast as the
-    straight line. `hold` is a step at each point.
+    Between two points, `linear` is a straight line. `minimum_jerk` starts and ends at rest at each point that names the
+    joint, also at points in between; its peak speed, half way, is 1.875 times that of the straight line. `hold` is a
+    step at each point.
 
-    Positions are held by a servo, which may use the effort and the velocity that the model allows; it is told how fast
-    its target moves on, so that the joint does not fall behind. Velocities are held by a motor with the same effort.
-    An effort is applied as it is: nothing else holds such a joint, from 0 s on. While the robot comes to rest before
-    0 s, joints with positions are held where they begin, and those with velocities are braked.
+    A servo with the model's effort and velocity limits follows positions. It also gets the speed of its target, so that
+    the joint does not lag behind. A motor with the same effort limit follows velocities. An effort is applied directly:
+    nothing else holds such a joint from 0 s on. Before 0 s, while the robot comes to rest, joints with positions are
+    held at their initial positions, and joints with velocities are braked.
 
-    Positions, speeds and efforts that are beyond the limits of the model are errors before anything is run. What a
-    tick says holds until the next one: with a higher `rate`, curves are finer.
+    Positions, speeds and efforts beyond the limits of the model are errors before the run. A command holds until the
+    next tick: a higher `rate` gives smoother curves.
     """
 
-    points: Annotated[tuple[JointPoint, ...], Field(alias="joints", min_length=1, description="in rising time")]
-    interpolation: Annotated[Interpolation, Field(description="the way from one point to the next")] = "linear"
-    # It divides what people have as rate of the physics, such as 200, 240 and 1000 Hz.
-    rate: Annotated[PositiveHertz, Field(description="of the ticks at which a command is given")] = 40.0
+    points: Annotated[
+        tuple[JointPoint, ...], Field(alias="joints", min_length=1, description="points in the order of time")
+    ]
+    interpolation: Annotated[Interpolation, Field(description="interpolation between two points")] = "linear"
+    # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
+    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 40.0
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """Points that are not in rising time, joints that are given two kinds of targets."""
+        """Yield points that are not in the order of time, and joints with two kinds of targets."""
         yield from order_problems(self.points)
-        yield from two_kinds_problems(self.points)
+        yield from mixed_target_problems(self.points)
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems."""
-        yield from misfits(self.points, BLENDS[self.interpolation], scene)
+        yield from model_fit_problems(self.points, BLENDS[self.interpolation], scene)
 
     def joints(self, scene: Scene) -> frozenset[str]:
         """See CommandSource.joints."""
         return frozenset(knot.joint for knot in knots(self.points))
 
     def _holding(self, scene: Scene) -> JointTargets:
-        """Positions where the joints begin, and speeds at 0."""
+        """Return the targets before 0 s: initial positions, and velocities of 0."""
         beginnings = scene.joint_positions
         return JointTargets(
             position={knot.joint: beginnings[knot.joint] for knot in knots(self.points) if knot.reading == "position"},
@@ -108,14 +124,16 @@ class JointCommands(CommandSource):
         """See CommandSource.open."""
         paths, jumps, last = self._paths(scene), BLENDS[self.interpolation].jumps, self.points[-1].at
         period = 1 / self.rate
-        # A servo goes after its target step by step, and the first step of a tick begins at the tick.
+        # Targets are taken at the middle of a tick: a servo follows step by step, from the first step of the tick on.
         half_way, half_time = (0.0, 0.0) if jumps else ((period - 1 / scene.physics.rate) / 2, period / 2)
 
-        positions_at = lru_cache(maxsize=2)(partial(_values, paths["position"]))  # a tick begins where another ended
+        positions_at = lru_cache(maxsize=2)(
+            partial(_values, paths["position"])
+        )  # the end of a tick is the start of the next one
 
         def command(time: float) -> JointTargets | None:
             if time > last + period:
-                return None  # all stay as they are
+                return None  # all targets stay as they are
             now = _tick(time)
             here = positions_at(now)
             speeds = {} if jumps else _mean_speeds(here, positions_at(_tick(time + period)), period)
@@ -128,7 +146,7 @@ class JointCommands(CommandSource):
         return OpenLoop(command, self._holding(scene))
 
     def _paths(self, scene: Scene) -> dict[Reading, dict[str, JointPath]]:
-        """What is wanted -> joint name -> its path."""
+        """Return quantity -> joint name -> path."""
         beginnings = scene.joint_positions
         ways: dict[tuple[Reading, str], dict[float, float]] = {}
         for knot in knots(self.points):
@@ -149,17 +167,17 @@ def _mean_speeds(here: Mapping[str, float], there: Mapping[str, float], period: 
 
 
 def _tick(time: float) -> float:
-    """A tick that falls on a point belongs to what follows it, whatever the rounding of either."""
+    """Return the time of a tick, rounded so that a tick at a point belongs to the interval after it."""
     return round(time, 9) + 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Blend:
-    """The way from one knot to the next.
+    """An interpolation between two knots.
 
     Attributes:
-        share: of the way, after a share of the time; both in [0, 1).
-        peak: greatest speed, as a multiple of the mean speed; None where it jumps.
+        share: share of the time -> share of the distance; both in [0, 1).
+        peak: peak speed as a multiple of the mean speed; None for a step.
     """
 
     share: Callable[[float], float]
@@ -167,12 +185,12 @@ class Blend:
 
     @property
     def jumps(self) -> bool:
-        """Whether it is a step, which no joint can follow."""
+        """Return True for a step, which has no speed."""
         return self.peak is None
 
 
 def _minimum_jerk(share: float) -> float:
-    """Of all ways from rest to rest the one with the least squared jerk (Flash and Hogan 1985)."""
+    """Return the share of the distance for motion from rest to rest with the least jerk (Flash and Hogan 1985)."""
     return share**3 * (10 + share * (6 * share - 15))
 
 
@@ -187,11 +205,11 @@ BLENDS: Final = MappingProxyType[Interpolation, Blend](
 
 @dataclass(frozen=True, slots=True)
 class JointPath:
-    """A number over time, through all of its knots; before the first and after the last, it is as there.
+    """A number over time, through knots; constant before the first and after the last.
 
     Attributes:
-        times: of the knots, in s, rising.
-        values: at the knots.
+        times: times of the knots, in s, rising.
+        values: values at the knots.
     """
 
     times: tuple[float, ...]
@@ -199,7 +217,7 @@ class JointPath:
     blend: Blend
 
     def value(self, time: float) -> float:
-        """The number at a time in s."""
+        """Return the number at a time in s."""
         after = bisect_right(self.times, time)
         if after == 0:
             return self.values[0]
@@ -213,7 +231,7 @@ class JointPath:
 
 @dataclass(frozen=True, slots=True)
 class Knot:
-    """What one point says of one joint, as it was written; `index`: of the point."""
+    """The target of one point for one joint, as it is written in the scenario; `index` is the index of the point."""
 
     joint: str
     reading: Reading
@@ -223,12 +241,12 @@ class Knot:
 
     @property
     def path(self) -> tuple[str | int, ...]:
-        """The keys that lead to it."""
+        """The YAML keys of the target."""
         return "joints", self.index, self.reading, self.joint
 
 
 def knots(points: Iterable[JointPoint]) -> Iterator[Knot]:
-    """All of them, point by point."""
+    """Yield all targets, point by point."""
     for index, point in enumerate(points):
         for reading, targets in point.groups():
             for joint, written in targets.items():
@@ -236,54 +254,46 @@ def knots(points: Iterable[JointPoint]) -> Iterator[Knot]:
 
 
 def in_si(scene: Scene, knot: Knot) -> float:
-    """What is wanted, in rad and N m, or in m and N. Raises units.UnitError."""
+    """Return a target in SI units: rad and N m, or m and N. Raises units.UnitError."""
     return units.parse(knot.written, scene.model.joints_by_name[knot.joint].dimension(knot.reading))
 
 
-_LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fast, "effort": too_strong})
-_WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})
-# In s, of sim time: scenarios may last no longer.
-_LONGEST: Final = 86_400
-# Times that are advised are rounded up to it, in s.
-_ADVISED: Final = 0.01
-
-
 def order_problems(points: Sequence[JointPoint]) -> SpecProblems:
-    """Points that are not later than the one before."""
+    """Yield points that are not later than the point before."""
     for index, (before, point) in enumerate(pairwise(points), start=1):
         if point.at <= before.at:
             yield ("joints", index, "at"), f"must be later than the point before it, at {before.at:g} s"
 
 
-def two_kinds_problems(points: Sequence[JointPoint]) -> SpecProblems:
-    """Joints that are given targets of two kinds, each once."""
+def mixed_target_problems(points: Sequence[JointPoint]) -> SpecProblems:
+    """Yield each joint with targets of two kinds, once."""
     first: dict[str, Knot] = {}
-    told = set[str]()
+    reported = set[str]()
     for knot in knots(points):
         earlier = first.setdefault(knot.joint, knot)
-        if knot.reading != earlier.reading and knot.joint not in told:
-            told.add(knot.joint)
-            message = f"joint '{knot.joint}' is given {_WITH_ARTICLE[earlier.reading]} as well, at {earlier.time:g} s"
-            yield knot.path, f"{message}; a joint is moved by position, by velocity or by effort"
+        if knot.reading != earlier.reading and knot.joint not in reported:
+            reported.add(knot.joint)
+            message = f"joint '{knot.joint}' also has {_WITH_ARTICLE[earlier.reading]} target, at {earlier.time:g} s"
+            yield knot.path, f"{message}; use only one of position, velocity and effort for a joint"
 
 
-def misfits(points: Sequence[JointPoint], blend: Blend, scene: Scene) -> SpecProblems:
-    """Joints that are not there or have no motor, units that are not theirs, what they cannot do."""
+def model_fit_problems(points: Sequence[JointPoint], blend: Blend, scene: Scene) -> SpecProblems:
+    """Yield joints that are unknown or cannot be driven, wrong units, and targets beyond the limits."""
     by_joint: dict[str, list[Knot]] = {}
     for knot in knots(points):
         by_joint.setdefault(knot.joint, []).append(knot)
     unknown = FirstFew()
-    for name, told in by_joint.items():
+    for name, joint_knots in by_joint.items():
         if (trouble := scene.model.why_not_driven(name)) is None:
-            yield from _joint_problems(scene.model.joints_by_name[name], told, blend, scene)
+            yield from _joint_problems(scene.model.joints_by_name[name], joint_knots, blend, scene)
         elif unknown.one_more():
-            yield told[0].path, trouble
+            yield joint_knots[0].path, trouble
 
 
-def _joint_problems(joint: Joint, told: Sequence[Knot], blend: Blend, scene: Scene) -> SpecProblems:
-    """Values that are not the joint's; where there are none, ways that take longer than they may."""
+def _joint_problems(joint: Joint, joint_knots: Sequence[Knot], blend: Blend, scene: Scene) -> SpecProblems:
+    """Yield invalid targets of a joint; if there are none, motions that are too fast for it."""
     goals: list[float] = []
-    for knot in told:
+    for knot in joint_knots:
         try:
             goals.append(in_si(scene, knot))
         except units.UnitError as error:
@@ -295,23 +305,31 @@ def _joint_problems(joint: Joint, told: Sequence[Knot], blend: Blend, scene: Sce
     try:
         beginning = scene.joint_positions[joint.name]
     except units.UnitError:
-        return  # which is told of the robot
-    if len(goals) == len(told) and blend.peak is not None and all(knot.reading == "position" for knot in told):
-        yield from _way_problems(joint, beginning, zip(told, goals, strict=True), blend.peak)
+        return  # reported for robot.joints
+    if (
+        len(goals) == len(joint_knots)
+        and blend.peak is not None
+        and all(knot.reading == "position" for knot in joint_knots)
+    ):
+        yield from _way_problems(joint, beginning, zip(joint_knots, goals, strict=True), blend.peak)
 
 
 def _way_problems(joint: Joint, value: float, wanted: Iterable[tuple[Knot, float]], peak: float) -> SpecProblems:
-    """Ways between positions that would be too fast; the first begins at `value`, at 0 s."""
+    """Yield motions between positions that are too fast; the first starts at `value` at 0 s."""
     time = 0.0
     for knot, goal in wanted:
         way = peak * abs(goal - value)
-        # No time is left where the points are not in order, which is told, or where the first is a step at 0 s.
+        # There is no time between points that are not in order, which is reported, or before a step at 0 s.
         found = too_fast(joint, way / (knot.time - time)) if knot.time > time else None
         if found is not None and joint.max_velocity is not None:
-            yield knot.path, f"too little time from {time:g} s to here: {found}; {_advice(way / joint.max_velocity)}"
+            yield knot.path, f"the time since {time:g} s is too short: {found}; {_advice(way / joint.max_velocity)}"
         time, value = knot.time, goal
 
 
 def _advice(least: float) -> str:
-    """How much time a way takes; a model may say of a joint that it hardly moves."""
-    return f"it takes {math.ceil(least / _ADVISED) * _ADVISED:.4g} s" if least <= _LONGEST else "it takes days"
+    """Return the shortest time for a motion; a model may have a very small velocity limit."""
+    return (
+        f"allow {math.ceil(least / _ADVICE_STEP_S) * _ADVICE_STEP_S:.4g} s"
+        if least <= _MAX_TIME_S
+        else "the joint would need days"
+    )

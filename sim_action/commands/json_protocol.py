@@ -1,4 +1,7 @@
-"""What a controller in another process gets to see, as values that JSON has: names and units are those of Python."""
+"""The JSON messages of `process`: observations and the robot's description out, commands back.
+
+Names and units are those of the Python API. Reading is strict: an answer that could have several meanings is an error.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,13 @@ if TYPE_CHECKING:
 
 Json = dict[str, Any]
 
+_TARGETS: Final = ("position", "velocity", "effort", "max_effort")
+
+_SPEEDS: Final = ("linear", "angular", "lateral")
+
 
 def observation_json(observation: Observation) -> Json:
-    """An observation; numbers are written so that reading them gives the same bits."""
+    """Return an observation as JSON values; numbers keep all their bits."""
     return {
         "time": observation.time,
         "pose": _pose(observation.pose),
@@ -34,7 +41,7 @@ def observation_json(observation: Observation) -> Json:
 
 
 def robot_json(robot: RobotDescription) -> Json:
-    """What there is to know of the robot, but for how it is asked."""
+    """Return the description of the robot as JSON values, without rate and seed."""
     return {
         "name": robot.name,
         "base": robot.base,
@@ -44,15 +51,15 @@ def robot_json(robot: RobotDescription) -> Json:
 
 
 def _reading(reading: Any) -> Json:
-    """All readings are dataclasses: field by field."""
+    """Return a reading as JSON values, field by field: all readings are dataclasses."""
     return {field.name: _value(getattr(reading, field.name)) for field in fields(reading)}
 
 
 def _value(value: Any) -> Any:
-    """What a field of a reading is in JSON, which has no infinities.
+    """Return a field of a reading as a JSON value. JSON has no infinities.
 
-    Of a distance (what else could be infinite?), inf says that nothing is there, and becomes null; -inf that something
-    is too near to be measured (ROS REP 117), and becomes 0, which is never measured where there is a nearest.
+    Only distances can be infinite (ROS REP 117): inf means that nothing is in range, and becomes null; -inf means that
+    something is too near to be measured, and becomes 0, which a sensor with a minimum range never measures.
     """
     match value:
         case Pose():
@@ -70,7 +77,7 @@ def _value(value: Any) -> Any:
 
 
 def _array(array: Any) -> Any:
-    """A row of numbers is a list; what has more dimensions, such as an image, is its bytes."""
+    """Return a list for an array of one dimension, and the bytes for more dimensions, such as an image."""
     if array.ndim <= 1:
         return _value(array.tolist())
     data = array.astype(array.dtype.newbyteorder("<"), order="C", copy=False).tobytes()
@@ -111,20 +118,16 @@ def _joint(joint: JointDescription) -> Json:
 
 
 def _limit(value: float | None) -> float | None:
-    """JSON has no infinity; what limits nothing is no limit."""
+    """Return a limit; None for infinity, which JSON does not have."""
     return value if value is not None and math.isfinite(value) else None
 
 
-_TARGETS: Final = ("position", "velocity", "effort", "max_effort")
-_SPEEDS: Final = ("linear", "angular", "lateral")
-
-
 class AnswerError(ValueError):
-    """Why a line is no answer; "it" is the line."""
+    """A line is not a valid answer; in the message, "it" is the line."""
 
 
-def answer_of(line: bytes) -> Answer:
-    """What an answer commands; None if it leaves the last command standing. Raises AnswerError."""
+def parse_answer(line: bytes) -> Answer:
+    """Return the command in an answer; None if the last command stays in effect. Raises AnswerError."""
     found = _object(_parsed_line(line))
     _check_keys(found, ("twist", *_TARGETS), "it")
     commands: list[Command] = [_twist_command(found["twist"])] if "twist" in found else []
@@ -134,9 +137,9 @@ def answer_of(line: bytes) -> Answer:
     return tuple(commands) if len(commands) > 1 else next(iter(commands), None)
 
 
-def is_acknowledgement(line: bytes) -> bool:
-    """Whether an answer commands nothing. Raises AnswerError."""
-    return answer_of(line) is None
+def is_empty_answer(line: bytes) -> bool:
+    """Return True if an answer contains no command. Raises AnswerError."""
+    return parse_answer(line) is None
 
 
 def _parsed_line(line: bytes) -> Any:
@@ -147,10 +150,10 @@ def _parsed_line(line: bytes) -> Any:
     except json.JSONDecodeError as error:
         raise AnswerError(f"it is not JSON: {error.msg} (column {error.colno})") from None
     except RecursionError:
-        raise AnswerError("it is nested too deep") from None
+        raise AnswerError("it is nested too deeply") from None
     except AnswerError:
         raise
-    except ValueError as error:  # such as a whole number of thousands of digits
+    except ValueError as error:  # such as an integer of thousands of digits
         raise AnswerError(f"it cannot be read: {error}") from None
 
 
@@ -158,13 +161,13 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:
-            raise AnswerError(f"it has the key {shown(name)} twice")
+            raise AnswerError(f"it contains the key {shown(name)} twice")
         found[name] = value
     return found
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise AnswerError(f"it has {name}, which is no number that a motor can be given (nor JSON)")
+    raise AnswerError(f"it contains {name}, which is neither JSON nor a valid target")
 
 
 def _object(value: Any) -> Mapping[str, Any]:
@@ -178,7 +181,7 @@ def _object(value: Any) -> Mapping[str, Any]:
 def _check_keys(found: Mapping[str, Any], allowed: Collection[str], where: str) -> None:
     for key in found:
         if key not in allowed:
-            raise AnswerError(f"{where} has the unknown key {shown(key)}{did_you_mean(key, allowed)}")
+            raise AnswerError(f"{where} contains the unknown key {shown(key)}{did_you_mean(key, allowed)}")
 
 
 def _twist_command(value: Any) -> Twist:
@@ -201,7 +204,7 @@ def _number(value: Any, where: str) -> float:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise AnswerError(f"{where} is too large a number")
+        raise AnswerError(f"{where} is too large")
     return number
 
 

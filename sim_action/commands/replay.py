@@ -1,16 +1,19 @@
-"""A recorded log: `replay: logs/monday.csv`, or `replay: monday.bag` with its `topic:`."""
+"""Replay the commands of a recorded log: `replay: logs/monday.csv`, or `replay: monday.bag` with its `topic:`.
+
+CSV is read when the scenario is validated. Logs of ROS are read only in the scenario's own process.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path, PurePath
-from typing import Annotated, Final, Protocol
+from typing import Annotated, Final
 
 from pydantic import Field
 
 from sim_action.commands import CommandSource, Controller, OpenLoop
-from sim_action.commands.logs import Moment, csv_log, rosbag
+from sim_action.commands.logs import TimedCommand, csv_log, rosbag
 from sim_action.commands.logs.csv_log import Header
 from sim_action.commands.logs.rosbag import TWISTS, MessageType
 from sim_action.commands.saturation import Saturation
@@ -24,55 +27,61 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import Command, JointTargets
 from sim_action.world.scene import Scene
 
+_CSV: Final = ".csv"
+
+_ROUNDING: Final = 1e-9
+"""In s: a command at the time of a tick belongs to that tick, also if the times differ by rounding."""
+
 
 class ReplayCommands(CommandSource):
-    """Gives again the commands of a recorded log, at the times at which they were given.
+    """Repeats the commands of a recorded log at their original times.
 
-    The log is a CSV file, or one of ROS: rosbag1 (`.bag`), rosbag2 (its folder, or one `.db3` or `.mcap` file). Its
-    first command is given at t = 0. Those that fall between two ticks are given at the later one: choose a `rate` that
-    is not lower than the log's. A command holds until the next one, and the last one until the end: let a log end with
-    a stop, or give a `timeout`, as real bases have one.
+    The log is a CSV file, or a log of ROS: rosbag1 (`.bag`), rosbag2 (its folder, or a single `.db3` or `.mcap` file).
+    Its first command is given at t = 0. Commands between two ticks are given at the later tick, so choose a `rate` that
+    is at least the rate of the log. A command holds until the next one, and the last one until the end. So the log
+    should end with a stop; or set a `timeout`, as real bases have one.
 
     A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
-    `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). Of ROS, `Twist`, `TwistStamped` and
-    `JointState` messages are replayed, by the time at which the log received them. Of a joint's position, velocity and
-    effort, the first that is given is followed; beyond the limits that the model states, they are taken as those of
-    scripts are, and noted.
+    `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). From ROS logs, `Twist`, `TwistStamped` and
+    `JointState` messages are replayed at the times at which the log received them. If a joint has several of position,
+    velocity and effort, the first of them is used. Targets beyond the limits of the model are clipped, with a note.
 
     ROS logs need `pip install '.[rosbags]'` in a checkout of sim-action, and in a workflow the input `extras: rosbags`.
     """
 
     replay: Annotated[
-        str, NamesFile(), Field(min_length=1, description="path of the log: .csv, .bag, .db3, .mcap, or a folder")
+        str,
+        NamesFile(),
+        Field(min_length=1, description="path of the log: .csv, .bag, .db3, .mcap, or the folder of a rosbag2"),
     ]
-    topic: Annotated[
-        str | None, Field(min_length=1, description="of a log of ROS, and required there: which one is replayed")
+    topic: Annotated[str | None, Field(min_length=1, description="topic to replay; required for logs of ROS")] = None
+    type: Annotated[
+        MessageType | None, Field(description="message type of the topic; default: the type in the log")
     ] = None
-    type: Annotated[MessageType | None, Field(description="of the topic's messages; left out: as the log says")] = None
     only_joints: Annotated[
         tuple[str, ...] | None,
-        Field(min_length=1, description="which joints are moved; left out: all that the log names"),
+        Field(min_length=1, description="joints to move; default: all joints in the log"),
     ] = None
-    start: Annotated[NonNegativeSeconds, Field(description="of the log's own time: what is at t = 0")] = 0.0
+    start: Annotated[NonNegativeSeconds, Field(description="time in the log that corresponds to t = 0")] = 0.0
     timeout: Annotated[
-        PositiveSeconds | None, Field(description="a twist that is older stops the base; left out: it holds")
+        PositiveSeconds | None, Field(description="time after which a twist expires and the base stops; default: never")
     ] = None
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """See CommandSource.problems. CSV is read; a log of ROS is not."""
+        """See CommandSource.problems. A CSV file is read; a log of ROS is not."""
         try:
             path = workspace.file_or_folder(self.replay)
         except PathError as error:
             yield ("replay",), str(error)
         else:
-            yield from log_problems(self, path)
+            yield from _log_problems(self, path)
 
     @property
     def unchecked(self) -> tuple[str, ...]:
         """See CommandSource.unchecked."""
-        if is_csv(self):
+        if _is_csv(self):
             return ()
-        return (f"{self.replay} is read when it runs: until then, what is said of its topics is not checked",)
+        return (f"topics of {self.replay}: the log is read when the scenario runs",)
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: joints that no motor can move."""
@@ -94,33 +103,33 @@ class ReplayCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises RecordingError, and RunError for a log that does not fit into memory."""
-        moments = list(self._moments(scene.workspace))
-        for key, message in self._mismatches(moments, scene.model):
+        commands = list(self._read_commands(scene.workspace))
+        for key, message in self._mismatches(commands, scene.model):
             raise RecordingError(f"{self.replay}: {message}", key)
-        chosen = [(time, self._chosen(command)) for time, command in moments]
+        chosen = [(time, self._chosen(command)) for time, command in commands]
         playback, motors = Playback(chosen, self.start, self.timeout), Saturation(scene.model, self.replay)
         holding = _holding(chosen[0][1], scene)
-        return OpenLoop(lambda time: motors.of_answer(playback.command(time)), holding, motors.notes)
+        return OpenLoop(lambda time: motors.clip_answer(playback.command(time)), holding, motors.notes)
 
     def _csv_header(self, workspace: Workspace) -> Header | None:
-        """None if it is no CSV file; or none that can be read, which is told elsewhere."""
+        """Return the header of a CSV log; None for other logs, and if it cannot be read, which `problems` reports."""
         try:
             path = workspace.file_or_folder(self.replay)
-            return csv_log.read_header(path, self.replay) if is_csv(self) else None
+            return csv_log.read_header(path, self.replay) if _is_csv(self) else None
         except (PathError, RecordingError):
             return None
 
-    def _moments(self, workspace: Workspace) -> Iterable[Moment]:
-        """All of the log. Raises RecordingError."""
+    def _read_commands(self, workspace: Workspace) -> Iterable[TimedCommand]:
+        """Return all commands of the log. Raises RecordingError."""
         try:
             path = workspace.file_or_folder(self.replay)
-            if is_csv(self):
-                return csv_log.read_moments(path, self.replay)
+            if _is_csv(self):
+                return csv_log.read_commands(path, self.replay)
             for file in rosbag.files_of(path, self.replay) if path.is_dir() else ():
                 workspace.file(str(path / file))
         except PathError as error:
             raise RecordingError(f"{self.replay}: {error}") from None
-        return rosbag.read_moments(path, self.replay, self.topic or "", self.type)
+        return rosbag.read_commands(path, self.replay, self.topic or "", self.type)
 
     def _chosen(self, command: Command) -> Command:
         if self.only_joints is None or not isinstance(command, JointTargets):
@@ -131,16 +140,16 @@ class ReplayCommands(CommandSource):
             effort={name: command.effort[name] for name in self.only_joints if name in command.effort},
         )
 
-    def _mismatches(self, moments: Sequence[Moment], model: RobotModel) -> Iterator[tuple[str, str]]:
-        """Keys that do not go with the log, or the log with the robot."""
-        named = {name for _, command in moments if isinstance(command, JointTargets) for name in command.names()}
-        for (key, *_), message in kind_problems(self, holds_twists=not named):
+    def _mismatches(self, commands: Sequence[TimedCommand], model: RobotModel) -> Iterator[tuple[str, str]]:
+        """Yield keys that do not fit the log, and joints of the log that do not fit the robot."""
+        named = {name for _, command in commands if isinstance(command, JointTargets) for name in command.names()}
+        for (key, *_), message in _kind_problems(self, holds_twists=not named):
             yield str(key), message
-        if self.start > (end := moments[-1][0]):
-            yield "start", f"it ends before that, {end:g} s after its first message"
+        if self.start > (end := commands[-1][0]):
+            yield "start", f"the log ends before that time, {end:g} s after its first message"
         for name in self.only_joints or ():
             if name not in named:
-                yield "only_joints", f"it has no joint '{name}'{did_you_mean(name, named)}"
+                yield "only_joints", f"the log has no joint '{name}'{did_you_mean(name, named)}"
         for name in self.only_joints or sorted(named):
             if (trouble := self._why_not_moved(name, model)) is not None:
                 yield "only_joints" if self.only_joints else "replay", trouble
@@ -148,14 +157,12 @@ class ReplayCommands(CommandSource):
     def _why_not_moved(self, name: str, model: RobotModel) -> str | None:
         trouble = model.why_not_driven(name)
         return (
-            trouble
-            if trouble is None or self.only_joints
-            else f"{trouble}; 'only_joints' names those of the log that move"
+            trouble if trouble is None or self.only_joints else f"{trouble}; list the joints to move in 'only_joints'"
         )
 
 
 def _holding(first: Command, scene: Scene) -> JointTargets:
-    """What the first command moves: where it begins, or still."""
+    """Return the targets before t = 0 for the joints of the first command: initial positions, velocities of 0."""
     if not isinstance(first, JointTargets):
         return JointTargets()
     beginnings = scene.joint_positions
@@ -165,119 +172,87 @@ def _holding(first: Command, scene: Scene) -> JointTargets:
     )
 
 
-_CSV: Final = ".csv"
-
-
-class Replay(Protocol):
-    """What is asked of a replay, by its keys."""
-
-    @property
-    def replay(self) -> str:
-        """The path, as it was written."""
-
-    @property
-    def topic(self) -> str | None:
-        """Of a log of ROS."""
-
-    @property
-    def type(self) -> str | None:
-        """Of its messages."""
-
-    @property
-    def only_joints(self) -> tuple[str, ...] | None:
-        """The joints."""
-
-    @property
-    def start(self) -> float:
-        """In s."""
-
-    @property
-    def timeout(self) -> float | None:
-        """In s."""
-
-
-def is_csv(spec: Replay) -> bool:
-    """Whether it is to be read as CSV: its name in the scenario says so, whatever a link of that name leads to."""
+def _is_csv(spec: ReplayCommands) -> bool:
+    """Return True if the name in the scenario ends in .csv; the target of a link does not matter."""
     return PurePath(spec.replay).suffix == _CSV
 
 
-def log_problems(spec: Replay, path: Path) -> SpecProblems:
-    """Problems with a log that is there."""
-    yield from _csv_problems(spec, path) if is_csv(spec) else _ros_problems(spec, path)
+def _log_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
+    """Yield problems of an existing log."""
+    yield from _csv_problems(spec, path) if _is_csv(spec) else _ros_problems(spec, path)
 
 
-def kind_problems(spec: Replay, *, holds_twists: bool) -> SpecProblems:
-    """Keys that do not go with what a log holds."""
+def _kind_problems(spec: ReplayCommands, *, holds_twists: bool) -> SpecProblems:
+    """Yield keys that do not fit the content of a log."""
     if holds_twists and spec.only_joints is not None:
-        yield ("only_joints",), "the log drives the base and names no joints; leave it out"
+        yield ("only_joints",), "the log contains twists, not joints; remove this key"
     if not holds_twists and spec.timeout is not None:
-        yield ("timeout",), "is for twists; this log is of joints, which hold what they were told"
+        yield (
+            ("timeout",),
+            "this applies to twists only, but the log contains joints, which keep their last target; remove this key",
+        )
 
 
-def _csv_problems(spec: Replay, path: Path) -> SpecProblems:
+def _csv_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
     for key, value in (("topic", spec.topic), ("type", spec.type)):
         if value is not None:
-            yield (key,), "a CSV file has no topics; leave it out"
+            yield (key,), "a CSV file has no topics; remove this key"
     try:
         header = csv_log.read_header(path, spec.replay)
-        last = max(time for time, _ in csv_log.read_moments(path, spec.replay))
+        last = max(time for time, _ in csv_log.read_commands(path, spec.replay))
     except RecordingError as error:
         yield ("replay",), str(error)
         return
     if spec.start > last:
-        yield ("start",), f"the log ends before that, {last:g} s after its first row"
-    yield from kind_problems(spec, holds_twists=header.holds_twists)
+        yield ("start",), f"the log ends before that time, {last:g} s after its first row"
+    yield from _kind_problems(spec, holds_twists=header.holds_twists)
     for name in spec.only_joints or ():
         if not header.holds_twists and name not in header.joint_names:
             yield ("only_joints",), f"the log has no joint '{name}'{did_you_mean(name, header.joint_names)}"
 
 
-def _ros_problems(spec: Replay, path: Path) -> SpecProblems:
+def _ros_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
     if problem := rosbag.path_problem(path):
         yield ("replay",), f"'{spec.replay}' {problem}"
         return
     if spec.topic is None:
-        yield ("replay",), "a log of ROS has many topics: name the one to replay, such as topic: /cmd_vel"
+        yield ("replay",), "a log of ROS needs a topic to replay, such as topic: /cmd_vel"
     if spec.type is not None:
-        yield from kind_problems(spec, holds_twists=spec.type in TWISTS)
+        yield from _kind_problems(spec, holds_twists=spec.type in TWISTS)
     if find_spec(rosbag.PACKAGE) is None:
-        yield ("replay",), rosbag.INSTALLING
-
-
-_ROUNDING: Final = 1e-9
-"""In s: a command at a tick counts there, whatever the rounding of either."""
+        yield ("replay",), rosbag.INSTALL_HINT
 
 
 class Playback:
-    """One replay; it is asked at times that rise.
+    """Selects the commands of a log at each tick; the times of the ticks must rise.
 
     Args:
-        moments: the log; a command holds until the next one.
-        start: of the log's own time in s; what it says then is said at t = 0.
-        timeout: after how many s a twist holds no longer; None: it does.
+        commands: the log; a command holds until the next one.
+        start_s: time in the log, in s, that corresponds to t = 0.
+        timeout_s: time in s after which a twist expires; None: never.
     """
 
-    def __init__(self, moments: Sequence[Moment], start: float, timeout: float | None) -> None:
-        self._moments = moments
-        self._start = start
-        self._timeout = float("inf") if timeout is None else timeout
+    def __init__(self, commands: Sequence[TimedCommand], start_s: float, timeout_s: float | None) -> None:
+        self._commands = commands
+        self._start_s = start_s
+        self._timeout_s = float("inf") if timeout_s is None else timeout_s
         self._next = 0
 
     def command(self, time: float) -> Command | None:
-        """What is new at a tick, at a sim time in s; None: nothing."""
-        now = self._start + time
+        """Return the new command at a tick, at a sim time in s; None if there is none."""
+        now = self._start_s + time
         new: Command | None = None
-        while self._next < len(self._moments) and self._moments[self._next][0] <= now + _ROUNDING:
-            new = _after(new, self._moments[self._next][1])
+        while self._next < len(self._commands) and self._commands[self._next][0] <= now + _ROUNDING:
+            new = _after(new, self._commands[self._next][1])
             self._next += 1
-        last, command = self._moments[max(0, self._next - 1)]
-        if isinstance(command, Twist) and now - last > self._timeout + _ROUNDING:
+        last, command = self._commands[max(0, self._next - 1)]
+        if isinstance(command, Twist) and now - last > self._timeout_s + _ROUNDING:
             return Twist()
         return new
 
 
 def _after(earlier: Command | None, later: Command) -> Command:
-    """Both, one after the other: joints that the later one does not name keep what the earlier one told them."""
+    """Return the combination of two commands: joints that the later one does not name keep their earlier targets."""
     if isinstance(earlier, JointTargets) and isinstance(later, JointTargets):
         return earlier.updated_by(later)
     return later

@@ -1,4 +1,4 @@
-"""What a controller is told of its robot before it is asked for the first time."""
+"""The description of the robot that a controller gets before its first step."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class JointDescription:
-    """One joint of the model.
+    """A joint of the model.
 
     Attributes:
         type: "revolute", "continuous", "prismatic" or "fixed".
-        moves: whether it has a position; those that do are in `Observation.joints`.
-        lower, upper: limits in rad (m if prismatic); None where nothing stops it.
+        moves: True if it has a position; only such joints are in `Observation.joints`.
+        lower, upper: limits in rad (m if prismatic); None without a limit.
         max_effort: N m (N); None without a limit.
         max_velocity: rad/s (m/s); None without a limit.
-        mimics: name of the joint that it follows, which is the one to be told where to go; None: it moves by itself.
+        mimics: name of the joint that it mimics, which must be commanded instead; None: it moves independently.
     """
 
     type: JointType
@@ -36,7 +36,7 @@ class JointDescription:
 
     @classmethod
     def of(cls, joint: Joint) -> Self:
-        """What a model says of a joint."""
+        """Return the description of a joint."""
         return cls(
             type=joint.type,
             moves=joint.moves,
@@ -50,16 +50,16 @@ class JointDescription:
 
 @dataclass(frozen=True, slots=True)
 class RobotDescription:
-    """The robot that a controller drives, and how it is asked.
+    """The robot that a controller drives, and the rate of its steps.
 
     Attributes:
-        name: what the model calls itself.
-        base: name of the base link.
-        links: names of all links.
+        name: the name in the model.
+        base: the name of the base link.
+        links: the names of all links.
         joints: joint name -> description, in the order of the model.
-        rate: how often the controller is asked, in Hz of sim time.
-        seed: of the scenario.
-        random: random numbers that depend on the seed; every run draws the same.
+        rate: the rate of the controller's steps, in Hz of sim time.
+        seed: the seed of the scenario.
+        random: a random number generator that depends only on the seed, so that every run draws the same numbers.
     """
 
     name: str
@@ -72,7 +72,7 @@ class RobotDescription:
 
     @classmethod
     def of(cls, scene: Scene, rate: float, purpose: str) -> Self:
-        """The robot of a scene; `purpose` tells its random numbers from those of others."""
+        """Return the robot of a scene; `purpose` selects the stream of random numbers."""
         model = scene.model
         return cls(
             name=model.name,

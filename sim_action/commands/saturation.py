@@ -1,7 +1,6 @@
-"""What motors make of targets beyond their limits: as real ones, they give what they can.
+"""Clip joint targets to the limits of the motors, as real motors, Gazebo and ros_control do.
 
-So do Gazebo and the joint limits of ros_control. Physics engines do not: an effort of ten times the limit accelerates
-ten times as much there.
+Physics engines do not clip: there, an effort of ten times the limit accelerates ten times as much.
 """
 
 from __future__ import annotations
@@ -16,31 +15,31 @@ from sim_action.state.command import Answer, JointTargets
 
 
 class Saturation:
-    """Cuts efforts and velocities to the limits that a model states, and notes once a joint what was beyond them.
+    """Clips efforts and velocities to the limits of a model, and adds one note per joint and quantity.
 
     Attributes:
-        notes: for people.
+        notes: notes for the user.
     """
 
-    def __init__(self, model: RobotModel, who: str) -> None:
+    def __init__(self, model: RobotModel, source: str) -> None:
         self.notes: list[str] = []
-        self._who = who
+        self._source = source
         self._joints = model.joints_by_name
-        # Of those that have been noted, nothing more is looked at.
+        # A joint is removed once it has a note.
         self._limited = {joint.name for joint in model.moving_joints if (joint.lower, joint.upper) != (None, None)}
         moving = model.moving_joints
         self._max_effort = {joint.name: joint.max_effort for joint in moving if joint.max_effort is not None}
         self._max_velocity = {joint.name: joint.max_velocity for joint in moving if joint.max_velocity is not None}
         self._noted: set[tuple[str, Reading]] = set()
 
-    def of_answer(self, answer: Answer) -> Answer:
-        """The same, of every command in an answer that tells joints where to go."""
+    def clip_answer(self, answer: Answer) -> Answer:
+        """Return an answer with all its joint targets clipped."""
         if isinstance(answer, tuple):
-            return tuple(self.of(command) if isinstance(command, JointTargets) else command for command in answer)
-        return self.of(answer) if isinstance(answer, JointTargets) else answer
+            return tuple(self.clip(command) if isinstance(command, JointTargets) else command for command in answer)
+        return self.clip(answer) if isinstance(answer, JointTargets) else answer
 
-    def of(self, targets: JointTargets) -> JointTargets:
-        """What the motors are told. A position beyond the limits of a joint stays: the joint ends at its stop."""
+    def clip(self, targets: JointTargets) -> JointTargets:
+        """Return clipped targets. A position beyond the limits is kept: the joint stops at its limit."""
         self._note_positions(targets.position)
         velocity = self._cut(targets.velocity, "velocity", self._max_velocity)
         effort = self._cut(targets.effort, "effort", self._max_effort)
@@ -53,7 +52,9 @@ class Saturation:
         for name, position in asked.items():
             if name in self._limited and (beyond := beyond_limits(self._joints[name], position)):
                 self._limited.remove(name)
-                self.notes.append(f"{self._who} asked joint '{name}' for a position that it cannot reach: {beyond}")
+                self.notes.append(
+                    f"{self._source} commanded joint '{name}' to a position that it cannot reach: {beyond}"
+                )
 
     def _cut(self, asked: Mapping[str, float], reading: Reading, limits: Mapping[str, float]) -> Mapping[str, float]:
         beyond = {name for name, value in asked.items() if abs(value) > limits.get(name, abs(value))}
@@ -73,5 +74,5 @@ class Saturation:
         unit = self._joints[name].dimension(reading).si
         found, allowed = units.display_apart(abs(asked), limit, unit)
         self.notes.append(
-            f"{self._who} asked joint '{name}' for {found}; it got {allowed}, its limit in the model ({reading})"
+            f"{self._source} commanded {found} for joint '{name}'; it was clipped to {allowed}, its {reading} limit"
         )

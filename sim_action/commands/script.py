@@ -1,4 +1,4 @@
-"""A controller in Python: `script: controller.py`."""
+"""A controller in Python: `script: controller.py`, a function or a class."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, cast
 from pydantic import Field
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.answers import as_answer, problem_with
+from sim_action.commands.answers import answer_problem, as_answer
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import Location, ScriptError
@@ -27,42 +27,46 @@ if TYPE_CHECKING:
 
 
 _WORD: Final = 2**32 - 1
-_WHO: Final = "the controller"
+_CONTROLLER: Final = "the controller"
+
+FUNCTION: Final = "control"
+
+CLASS: Final = "Controller"
 
 
 class ScriptCommands(CommandSource):
-    """Asks a controller in Python for every command: a function, or a class that keeps state.
+    """Calls a controller in Python for each command: a function, or a class that keeps state.
 
-    A function `control(observation)` is asked at every tick. A class `Controller` is made once, without arguments; its
-    `reset(robot)`, which it need not have, is called once before the robot moves, and its `step(observation)` at every
-    tick. `function` and `class` name others; for a file that has both a `Controller` and a `control`, they say which.
+    A function `control(observation)` is called at every tick. A class `Controller` is created once, without arguments.
+    Its method `reset(robot)`, which is optional, is called once before the robot moves, and its `step(observation)` at
+    every tick. `function` and `class` select another name, or one of the two if the file has both.
 
-    Either gets a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
-    `position`, `velocity`, `effort`), `contacts` and `sensors` (by name: the latest reading). It returns a
-    `sim_action.Twist`, `sim_action.JointTargets`, both as a tuple (such as for a base and the arm on it), or None to
-    leave the last command standing.
+    Both get a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
+    `position`, `velocity`, `effort`), `contacts` and `sensors` (by name: the latest reading). They return a
+    `sim_action.Twist`, `sim_action.JointTargets`, a tuple of both (such as for a base with an arm), or None to keep the
+    last command.
 
     `reset` gets a `sim_action.RobotDescription`: `name`, `base`, `links`, `joints` (by name: `type`, `moves`, `lower`,
-    `upper`, `max_effort`, `max_velocity`, `mimics`), `rate`, `seed`, and `random`, a generator of numpy's whose numbers
-    follow from the scenario's `seed`. Python's own `random` and numpy's `numpy.random` are seeded from it, too, before
-    the file is loaded: every run draws the same.
+    `upper`, `max_effort`, `max_velocity`, `mimics`), `rate`, `seed`, and `random`, a generator of numpy with the
+    scenario's `seed`. Python's `random` and numpy's `numpy.random` are also seeded, before the file is loaded: every
+    run draws the same numbers.
 
-    Motors saturate: an effort, a velocity or a `max_effort` beyond the limit that the model states for a joint is cut
-    to it, and noted. Of a position beyond the limits of a joint, the joint reaches its stop, which is noted, too.
+    Motors saturate: an effort, a velocity or a `max_effort` beyond the limit of a joint in the model is clipped to the
+    limit, with a note. With a position beyond its limits, a joint stops at the limit, also with a note.
 
-    The file may import its neighbours and numpy; it runs in sim-action's own Python, which has nothing else of yours.
-    What it prints is kept with the outcome.
+    The file may import modules in its folder, and numpy. It runs in sim-action's own Python, without other packages of
+    yours. Its output is kept with the outcome.
     """
 
     runs_user_code: ClassVar[bool] = True
 
     script: Annotated[str, NamesFile(), Field(min_length=1, description="path of the Python file")]
     function: Annotated[
-        str | None, Field(min_length=1, description="which function of the file is asked; left out: `control`")
+        str | None, Field(min_length=1, description="name of the function to call; default: `control`")
     ] = None
     class_name: Annotated[
         str | None,
-        Field(alias="class", min_length=1, description="which class of the file is asked; left out: `Controller`"),
+        Field(alias="class", min_length=1, description="name of the class to use; default: `Controller`"),
     ] = None
 
     @property
@@ -76,16 +80,16 @@ class ScriptCommands(CommandSource):
         return self.script
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """A file that is not there, is no Python, or has no such controller. Reads it; does not run it."""
+        """Yield a problem if the file is missing, is not Python, or has no such controller. The file is not run."""
         if self.function is not None and self.class_name is not None:
-            yield ("class",), "leave it out, or 'function': a script has one controller"
+            yield ("class",), "remove either 'class' or 'function': a script has one controller"
             return
         try:
             script = read_script(workspace.file(self.script))
         except PathError as error:
             yield ("script",), str(error)
         except OSError as error:
-            yield ("script",), f"{self.script}: cannot be read: {error.strerror}"
+            yield ("script",), f"{self.script} cannot be read: {error.strerror}"
         except ScriptProblem as error:
             yield ("script",), f"{self.script}{error}"
         else:
@@ -102,12 +106,12 @@ class ScriptCommands(CommandSource):
         """See CommandSource.open. Raises ScriptError."""
         path = scene.workspace.file(self.script)
         _seed_global_generators(_seed_of(scene, self.code))
-        names = run_file(path, _WHO)
+        names = run_file(path, _CONTROLLER)
         name, ask = self._found(names, path, scene)
         return _controller(name, ask, path, scene)
 
     def _found(self, names: Mapping[str, Any], path: Path, scene: Scene) -> tuple[str, Callable[[Observation], object]]:
-        """What is asked at every tick, and how messages call it. Raises ScriptError."""
+        """Return the name of the controller in messages, and the function to call at every tick. Raises ScriptError."""
         own = [name for name in names if not name.startswith("__")]
         try:
             name = controller_name(own, self.function, self.class_name)
@@ -117,21 +121,21 @@ class ScriptCommands(CommandSource):
         if self._is_class(name):
             return f"{name}.step", self._step_of(name, found, path, scene)
         if not callable(found):
-            raise ScriptError(f"'{name}' of {path.name} is no function", Location(str(path)))
+            raise ScriptError(f"'{name}' in {path.name} is not a function", Location(str(path)))
         return name, cast("Callable[[Observation], object]", found)
 
     def _step_of(self, name: str, found: object, path: Path, scene: Scene) -> Callable[[Observation], object]:
         if not isinstance(found, type):
             hint = f"; write 'function: {name}'" if callable(found) else ""
-            raise ScriptError(f"'{name}' of {path.name} is no class{hint}", Location(str(path)))
+            raise ScriptError(f"'{name}' in {path.name} is not a class{hint}", Location(str(path)))
         robot = RobotDescription.of(scene, self.rate, f"{self.code} {name}")
-        with told_at(path, _WHO):
+        with told_at(path, _CONTROLLER):
             controller = found()
             if (reset := getattr(controller, "reset", None)) is not None:
                 reset(robot)
         step = getattr(controller, "step", None)
         if not callable(step):
-            raise ScriptError(f"class '{name}' of {path.name} has no method 'step'", Location(str(path)))
+            raise ScriptError(f"class '{name}' in {path.name} has no method 'step'", Location(str(path)))
         return cast("Callable[[Observation], object]", step)
 
     def _is_class(self, name: str) -> bool:
@@ -139,28 +143,28 @@ class ScriptCommands(CommandSource):
 
     @property
     def _key(self) -> str:
-        """The key that says which controller it is."""
+        """The YAML key that selects the controller."""
         return "function" if self.function is not None else "class" if self.class_name is not None else "script"
 
 
 def _controller(name: str, ask: Callable[[Observation], object], path: Path, scene: Scene) -> ClosedLoop:
-    """Asks, and takes what is a command for an answer."""
+    """Return a controller that calls `ask` and checks its answers."""
     motors = Saturation(scene.model, path.name)
 
     def command(observation: Observation) -> Answer:
         try:
             answer = ask(observation)
-        except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
-            raise script_error(error, path, _WHO) from None
-        if problem := problem_with(answer, scene.model):
+        except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run silently
+            raise script_error(error, path, _CONTROLLER) from None
+        if problem := answer_problem(answer, scene.model):
             raise ScriptError(f"{name}() returned {problem}", Location(str(path)))
-        return motors.of_answer(as_answer(answer))
+        return motors.clip_answer(as_answer(answer))
 
     return ClosedLoop(command, notes=motors.notes)
 
 
 def _seed_of(scene: Scene, code: str) -> int:
-    """The scenario's; another for a second source of the same file, which is loaded again."""
+    """Return the seed of the scenario; another seed for a second source with the same file."""
     return int(scene.generator(code).integers(1 << 63)) if scene.namesake else scene.seed
 
 
@@ -168,12 +172,8 @@ def _seed_global_generators(seed: int) -> None:
     import numpy as np
 
     random.seed(seed)
-    # It takes words of 32 bits.
-    np.random.seed([seed & _WORD, seed >> 32])  # noqa: NPY002 - what scripts may use, not what we do
-
-
-FUNCTION: Final = "control"
-CLASS: Final = "Controller"
+    # numpy's seed is a list of 32-bit words.
+    np.random.seed([seed & _WORD, seed >> 32])  # noqa: NPY002 - scripts may use it; we do not
 
 
 def controller_name(
@@ -182,10 +182,12 @@ def controller_name(
     class_name: str | None,
     defined: tuple[Collection[str], Collection[str]] = ((), ()),
 ) -> str:
-    """Which of the names that a script binds is its controller. Raises ScriptProblem.
+    """Return the name of the controller in a script. Raises ScriptProblem.
 
-    `function` and `class_name` are what the scenario says; neither: a class `Controller`, or a function `control`.
-    `defined`: which of the names are functions, and which classes, as far as that is plain.
+    :param names: the names that the script defines.
+    :param function: the function in the scenario, if any.
+    :param class_name: the class in the scenario; without both, it is a class `Controller` or a function `control`.
+    :param defined: the names that are certainly functions, and those that are certainly classes.
     """
     functions, classes = defined
     if function is not None:
@@ -197,7 +199,7 @@ def controller_name(
     if CLASS in names and FUNCTION in names:
         raise ScriptProblem(
             f" defines both a class '{CLASS}' and a function '{FUNCTION}'; "
-            f"write 'class: {CLASS}' or 'function: {FUNCTION}' beside 'script'"
+            f"add 'class: {CLASS}' or 'function: {FUNCTION}' next to 'script'"
         )
     if CLASS in names:
         return CLASS
@@ -211,13 +213,13 @@ def _must_have(names: Collection[str], name: str, missing: str, likely: Collecti
 
 
 def class_problem(script: Script, name: str) -> str | None:
-    """What is plainly wrong with a class that inherits nothing: it has no method `step`, or cannot be made."""
+    """Return the problem of a class without a base class: no method `step`, or an __init__ with arguments; or None."""
     found = next((each for each in script.classes if each.name == name and each.is_plain), None)
     if found is None:
         return None
     if "step" not in found.names:
         return f":{found.line}: class '{name}' has no method 'step'{did_you_mean('step', found.names)}"
     if found.asks_for is not None:
-        asks = f"its __init__ asks for '{found.asks_for}'; what it has to know of the robot, reset(self, robot) is told"
-        return f":{found.line}: class '{name}' is made without arguments, and {asks}"
+        asks = f"its __init__ requires '{found.asks_for}'; use reset(self, robot) to get data of the robot"
+        return f":{found.line}: class '{name}' is created without arguments, but {asks}"
     return None

@@ -1,4 +1,4 @@
-"""What a program writes on its standard error: passed on as it comes, and its end kept."""
+"""Forward the standard error of a program, and keep its last lines for messages."""
 
 from __future__ import annotations
 
@@ -7,43 +7,43 @@ import threading
 from contextlib import suppress
 from typing import IO, Final
 
-_MOST_BYTES: Final = 2_000
-_MOST_LINES: Final = 20
-# The last of it may still be on its way when the program is gone, and what that started may hold the pipe, in s.
-_PATIENCE: Final = 1.0
+_MAX_BYTES: Final = 2_000
+_MAX_LINES: Final = 20
+# The last output may arrive after the program has ended. A child of the program may keep the pipe open.
+_JOIN_WAIT_S: Final = 1.0
 
 
-class LastWords:
-    """Reads a pipe in a thread of its own until it ends; of what comes, so many bytes are kept at the most."""
+class StderrTail:
+    """Reads a pipe in a thread until it ends, and keeps at most the last `max_bytes` bytes."""
 
-    def __init__(self, pipe: IO[bytes], passed_on_to: int, most: int = _MOST_BYTES) -> None:
-        self._pipe, self._most = pipe, most
-        self._target = passed_on_to
+    def __init__(self, pipe: IO[bytes], forward_to: int, max_bytes: int = _MAX_BYTES) -> None:
+        self._pipe, self._max_bytes = pipe, max_bytes
+        self._target = forward_to
         self._end = b""
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
     def text(self, *, is_over: bool) -> str:
-        """The last lines that were written; all of them, if the program is gone."""
+        """Return the last lines; `is_over`: the program has ended, so wait for the rest of its output."""
         if is_over:
-            self._thread.join(_PATIENCE)
-        return "\n".join(self.all().strip().splitlines()[-_MOST_LINES:])
+            self._thread.join(_JOIN_WAIT_S)
+        return "\n".join(self.all().strip().splitlines()[-_MAX_LINES:])
 
     def all(self) -> str:
-        """All that is kept."""
+        """Return all text that is kept."""
         return self._end.decode("utf-8", errors="replace")
 
     def close(self) -> None:
-        """Waits until all is passed on, for a moment."""
-        self._thread.join(_PATIENCE)
+        """Wait a moment until all output is forwarded."""
+        self._thread.join(_JOIN_WAIT_S)
 
     def _listen(self) -> None:
         with self._pipe as pipe:
-            while said := os.read(pipe.fileno(), 65536):
-                self._end = (self._end + said)[-self._most :]
-                # It must be able to go on, whatever became of the place where its words are kept.
+            while data := os.read(pipe.fileno(), 65536):
+                self._end = (self._end + data)[-self._max_bytes :]
+                # The program must not block if our own output is closed.
                 with suppress(OSError):
-                    _write_all(self._target, said)
+                    _write_all(self._target, data)
 
 
 def _write_all(descriptor: int, data: bytes) -> None:

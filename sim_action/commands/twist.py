@@ -1,4 +1,4 @@
-"""Twists over time: `twist: [{linear: 1.0, for: 2 s}, {linear: 0.2}]`."""
+"""A sequence of twists: `twist: [{linear: 1.0, for: 2 s}, {linear: 0.2}]`."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Command
 from sim_action.world.scene import Scene
 
-# Sim time is step / rate: two ways to the same moment differ by rounding alone.
+# Sim time is step / rate, so equal times may differ by rounding.
 _ROUNDING: Final = 1e-9
 
 
 class TwistSegment(FrozenModel):
-    """One twist for some time."""
+    """A twist for a duration."""
 
     linear: Annotated[MetresPerSecond, Field(description="forward speed of the base")] = 0.0
-    lateral: Annotated[MetresPerSecond, Field(description="speed to the left; only mecanum wheels can")] = 0.0
-    angular: Annotated[RadiansPerSecond, Field(description="turning rate, to the left")] = 0.0
+    lateral: Annotated[MetresPerSecond, Field(description="speed to the left; needs mecanum wheels")] = 0.0
+    angular: Annotated[RadiansPerSecond, Field(description="turning rate to the left")] = 0.0
     duration: Annotated[
-        PositiveSeconds | None, Field(alias="for", description="left out, in the last segment: until the end")
+        PositiveSeconds | None,
+        Field(alias="for", description="duration; the last segment may omit it to last until the end"),
     ] = None
 
     @property
@@ -38,31 +39,31 @@ class TwistSegment(FrozenModel):
 
 
 class TwistCommands(CommandSource):
-    """Drives the base by twists, one after the other; after the last that has an end, it stops."""
+    """Commands twists of the base, one after the other. If the last one has a duration, the base then stops."""
 
     needs_drive: ClassVar[bool] = True
 
     twist: Annotated[tuple[TwistSegment, ...], Field(min_length=1)]
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """Segments that never end before others, and those that are over before there is a tick to command them."""
+        """Yield segments without an end before the last one, and segments too short to contain a tick."""
         endless = [index for index, segment in enumerate(self.twist[:-1]) if segment.duration is None]
         if endless:
-            yield from ((("twist", index), "only the last segment may leave out 'for'") for index in endless)
+            yield from ((("twist", index), "only the last segment may omit 'for'") for index in endless)
             return
         start = 0.0
         for index, (segment, end) in enumerate(zip(self.twist, self._ends, strict=True)):
             first_tick = math.ceil((start - _ROUNDING) * self.rate) / self.rate
             if segment.duration is not None and first_tick + _ROUNDING >= end:
-                missed = f"no tick falls between {display(start, 's')} and {display(end, 's')}, so it would be left out"
+                missed = f"no tick falls between {display(start, 's')} and {display(end, 's')}, so it has no effect"
                 apart = f"ticks are {display(1 / self.rate, 's')} apart (rate: {self.rate:g} Hz)"
-                remedy = f"make it that long, or rate: {math.ceil(1 / segment.duration - _ROUNDING)} Hz"
+                remedy = f"make it at least that long, or set rate: {math.ceil(1 / segment.duration - _ROUNDING)} Hz"
                 yield ("twist", index, "for"), f"{missed}; {apart}: {remedy}"
             start = end
 
     @property
     def _ends(self) -> tuple[float, ...]:
-        """When each segment is over, in s of sim time."""
+        """The end of each segment, in s of sim time."""
         return tuple(accumulate(math.inf if s.duration is None else s.duration for s in self.twist))
 
     def open(self, scene: Scene) -> Controller:
@@ -71,7 +72,7 @@ class TwistCommands(CommandSource):
         twists = tuple(segment.twist for segment in self.twist)
 
         def command(time: float) -> Command:
-            # A tick that falls on a segment's end belongs to the next one, whatever the rounding of either.
+            # A tick at the end of a segment belongs to the next one, also if the times differ by rounding.
             now = time + _ROUNDING
             return next((twist for end, twist in zip(ends, twists, strict=True) if now < end), Twist())
 

@@ -1,4 +1,4 @@
-"""Waypoints for a wheeled robot: `waypoints: [{x: 1, y: 0}, {x: 1, y: 1}]`."""
+"""Drive a wheeled robot through waypoints: `waypoints: [{x: 1, y: 0}, {x: 1, y: 1}]`."""
 
 from __future__ import annotations
 
@@ -24,52 +24,55 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.scene import Scene
 
-# In m: where floats no longer tell millimetres apart once they are squared.
-_FURTHEST: Final = 1e6
+# Beyond this, squared coordinates no longer resolve millimetres.
+_MAX_COORDINATE_M: Final = 1e6
 
 
 class Waypoint(FrozenModel):
-    """A point that the base link's origin passes."""
+    """A point for the base link's origin."""
 
-    x: Annotated[Metres, Field(ge=-_FURTHEST, le=_FURTHEST, description="in the world frame")]
-    y: Annotated[Metres, Field(ge=-_FURTHEST, le=_FURTHEST, description="in the world frame")]
+    x: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M, description="in the world frame")]
+    y: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M, description="in the world frame")]
 
 
 class WaypointCommands(CommandSource):
-    """Drives the base through waypoints, one after the other, in straight lines by pure pursuit; then it stops.
+    """Drives the base through waypoints in order, along straight lines by pure pursuit, and then stops.
 
-    The path begins where the robot stands at t = 0. The source sees where the robot really is: what drives
-    get wrong does not add up. It steers for the point of the path that is `lookahead` away; less keeps closer to the
-    path, more steers more calmly. It never drives backward.
+    The path starts at the position of the robot at t = 0. The source knows the true pose of the robot, so errors of
+    the drive do not accumulate. It steers to the point of the path that is `lookahead` away: a smaller value follows
+    the path more closely, a larger value steers more smoothly. It never drives backward.
 
-    A robot that can turn on the spot passes each waypoint within `tolerance`. It stops and turns where the path
-    turns by more than 45 deg, and wherever it faces that far off its way.
+    A robot that can turn in place passes each waypoint within `tolerance`. It stops and turns in place where the path
+    turns by more than 45 deg, and where its heading is off by more than 45 deg.
 
-    A car (`ackermann`) cuts corners instead: it passes each waypoint within `lookahead`, or within its smallest turning
-    radius if that is more. If steering takes it past the last waypoint, it stops beside it.
+    A car (`ackermann`) cuts corners: it passes each waypoint within `lookahead`, or within its smallest turning radius
+    if that is larger. If it drives past the last waypoint, it stops next to it.
 
-    It slows down before it has to stop, at half the acceleration of the drive, and where a curve would take more than
+    It slows down before a stop, with half the acceleration of the drive, and in curves that would need more than
     `max_turn_rate`.
     """
 
     needs_drive: ClassVar[bool] = True
 
-    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=1, description="in the order in which they are passed")]
-    speed: Annotated[PositiveMetresPerSecond, Field(description="on straight lines")] = 0.2
-    lookahead: Annotated[PositiveMetres, Field(description="how far away the point is that it steers for")] = 0.3
+    waypoints: Annotated[
+        tuple[Waypoint, ...], Field(min_length=1, description="points in the order in which they are passed")
+    ]
+    speed: Annotated[PositiveMetresPerSecond, Field(description="speed on straight lines")] = 0.2
+    lookahead: Annotated[PositiveMetres, Field(description="distance to the point of the path that it steers to")] = 0.3
     tolerance: Annotated[
-        PositiveMetres, Field(description="from the last waypoint, at rest; from each, if it can turn on the spot")
+        PositiveMetres,
+        Field(description="largest distance from the last waypoint at rest; from each one if it can turn in place"),
     ] = 0.05
-    max_turn_rate: Annotated[PositiveRadiansPerSecond, Field(description="in curves and on the spot")] = math.radians(
-        60
-    )
+    max_turn_rate: Annotated[
+        PositiveRadiansPerSecond, Field(description="largest turning rate, in curves and in place")
+    ] = math.radians(60)
     rate: Annotated[PositiveHertz, Field(description="of the ticks at which a command is given")] = 20.0
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """Waypoints on which it would stand still, and figures with which it would miss them."""
+        """Yield repeated waypoints, and values with which the robot would miss waypoints."""
         for index, (before, waypoint) in enumerate(pairwise(self.waypoints), start=1):
             if waypoint == before:
-                yield ("waypoints", index), "the same point as the one before; leave one of them out"
+                yield ("waypoints", index), "this is the same point as the one before; remove one of them"
         if self.lookahead < self.tolerance:
             yield ("lookahead",), f"must not be less than tolerance ({units.display(self.tolerance, 'm')})"
         if self.speed > self.tolerance * self.rate:
@@ -78,8 +81,8 @@ class WaypointCommands(CommandSource):
             yield (
                 ("speed",),
                 (
-                    f"from one tick to the next it would drive {step}, further than its tolerance of "
-                    f"{units.display(self.tolerance, 'm')}; give {faster}a wider tolerance"
+                    f"between two ticks the robot would drive {step}, which is more than the tolerance of "
+                    f"{units.display(self.tolerance, 'm')}; set {faster}a larger tolerance"
                 ),
             )
 

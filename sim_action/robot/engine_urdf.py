@@ -1,4 +1,9 @@
-"""A model made into what an engine cannot misread."""
+"""The URDF text that an engine gets: the model is repaired, then written with only the parts that were understood.
+
+An engine may read other parts differently from URDF, or from this reader. So they are left out, or normalised: tabs
+between numbers, missing limits, an empty <dynamics> or <axis>, elements of a dialect, namespace prefixes, a second
+<inertial>. tests/integration/test_fuzz.py compares both readers.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.robot.audit.inertia import principal_moments
-from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, trouble_of_mimic
+from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, mimic_problem
 from sim_action.robot.urdf_elements import (
     CONTACT,
     MOMENTS,
@@ -22,16 +27,16 @@ from sim_action.robot.urdf_elements import (
 )
 from sim_action.robot.xml_document import ModelDocument
 
-# Of a link that does not say what it weighs: this share of what the others weigh, as a ball of this radius in m.
+# A link without <inertial> gets this share of the mass of the others, as a ball of this radius.
 _NEGLIGIBLE_SHARE: Final = 1e-4
-_NEGLIGIBLE_RADIUS: Final = 0.05
+_NEGLIGIBLE_RADIUS_M: Final = 0.05
 _LEAST_MASS: Final = 1e-6
-# What engines are off by where they look for the principal axes: a flat plate is at the limit, and it is no mistake.
+# Engines round when they compute the principal axes. A flat plate, which is correct, lies exactly on the bound.
 _ROUNDING: Final = 1e-6
 
 
 def fill_in_inertia(document: ModelDocument) -> None:
-    """Gives links without <inertial> a negligible one; an engine would take 1 kg."""
+    """Add a negligible <inertial> to links without one; an engine would assume 1 kg."""
     stated = sum(number(mass, "value") or 0.0 for mass in document.elements("link/inertial/mass"))
     mass = max(_LEAST_MASS, _NEGLIGIBLE_SHARE * stated)
     for link in document.elements("link"):
@@ -40,7 +45,7 @@ def fill_in_inertia(document: ModelDocument) -> None:
 
 
 def _ball(mass: float) -> Element:
-    moment = f"{0.4 * mass * _NEGLIGIBLE_RADIUS**2:.6g}"
+    moment = f"{0.4 * mass * _NEGLIGIBLE_RADIUS_M**2:.6g}"
     inertial = Element("inertial")
     ET.SubElement(inertial, "mass", value=f"{mass:.6g}")
     axes = {"ixx": moment, "iyy": moment, "izz": moment, "ixy": "0", "ixz": "0", "iyz": "0"}
@@ -49,7 +54,7 @@ def _ball(mass: float) -> Element:
 
 
 def drop_zero_masses(document: ModelDocument) -> None:
-    """A mass of zero that was let go counts as left out, but for the base: it is held still."""
+    """Remove an <inertial> with a mass of 0, if the audit allowed it. The base link keeps it, which fixes the base."""
     children = {child_of(joint) for joint in document.elements("joint")}
     for link in document.elements("link"):
         inertial = link.find("inertial")
@@ -57,8 +62,8 @@ def drop_zero_masses(document: ModelDocument) -> None:
             link.remove(inertial)
 
 
-def mend_inertia(document: ModelDocument) -> None:
-    """Inertias that the engine would take for none at all, which is a body that no torque turns."""
+def repair_inertia(document: ModelDocument) -> None:
+    """Repair inertias that are impossible. An engine would ignore them, and no torque could turn the link."""
     for inertial in document.elements("link/inertial"):
         inertia = inertial.find("inertia")
         if inertia is None:
@@ -72,13 +77,13 @@ def mend_inertia(document: ModelDocument) -> None:
 
 
 def _spread(inertia: Element, moment: float) -> None:
-    """Adds as much about every axis: the principal axes stay, and with enough, each is less than the others' sum."""
+    """Add the same moment about every axis. This keeps the principal axes, and can satisfy the triangle inequality."""
     for name in ("ixx", "iyy", "izz"):
         inertia.set(name, repr((number(inertia, name) or 0.0) + moment))
 
 
 def drop_empty_root(document: ModelDocument) -> None:
-    """A floating joint from an empty root link says what is so in any case: the robot moves freely."""
+    """Remove an empty root link and its floating joint. They mean that the base is free, which is the default."""
     for joint in list(document.elements("joint")):
         if is_free_base(document, joint):
             (root,) = (link for link in document.elements("link") if link.attrib["name"] == parent_of(joint))
@@ -86,24 +91,24 @@ def drop_empty_root(document: ModelDocument) -> None:
             document.root.remove(joint)
 
 
-def hold_odd_joints(document: ModelDocument) -> None:
-    """Joints that were let go as no engine has them do not move."""
+def fix_unsupported_joints(document: ModelDocument) -> None:
+    """Make joints of unsupported types fixed, if the audit allowed them."""
     for joint in document.elements("joint"):
         if joint.attrib["type"] in UNSUPPORTED:
             joint.set("type", "fixed")
 
 
-def drop_odd_mimics(document: ModelDocument) -> None:
-    """What was let go as it follows no other moves by itself."""
+def drop_invalid_mimics(document: ModelDocument) -> None:
+    """Remove each <mimic> that cannot work, if the audit allowed it: the joint moves independently."""
     joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
-    odd = [joint for joint in joints.values() if trouble_of_mimic(joint, joints) is not None]
+    odd = [joint for joint in joints.values() if mimic_problem(joint, joints) is not None]
     for joint in odd:
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
 
 
 def engine_text(document: ModelDocument) -> str:
-    """The model on short lines: the engine's parser cuts long ones inside a token."""
+    """Return the URDF text, in short lines: the engine's parser splits long lines inside a token."""
     robot = Element("robot", name="robot")
     robot.extend(map(_link, document.elements("link")))
     robot.extend(map(_joint, document.elements("joint")))
@@ -123,7 +128,7 @@ def _link(link: Element) -> Element:
 
 
 def _inertial(inertial: Element, scaling: float | None) -> Element:
-    """`scaling`: what Bullet multiplies the moments with, done here, as an engine of another make would not."""
+    """Write <inertial>. `scaling`: Bullet's factor on the moments; applied here, because other engines ignore it."""
     written = _with_origin(Element("inertial"), inertial)
     written.append(_numbers("mass", inertial.find("mass"), "value"))
     moments = _numbers("inertia", inertial.find("inertia"), *MOMENTS)
@@ -145,7 +150,7 @@ def _collision(collision: Element) -> Element:
 
 
 def _contact(contact: Element) -> Element:
-    """All but stiffness and damping, which are of `Surface`: Bullet takes 0, too, and makes up the one left out."""
+    """Write <contact> without stiffness and damping, which are in `Surface`: Bullet would guess the missing one."""
     written = Element("contact")
     parts = (_numbers(tag, contact.find(tag), "value") for tag in CONTACT if tag not in {"stiffness", "damping"})
     written.extend(part for part in parts if part.attrib)
@@ -160,7 +165,7 @@ def _joint(joint: Element) -> Element:
     ET.SubElement(written, "parent", link=parent_of(joint))
     ET.SubElement(written, "child", link=child_of(joint))
     if kind in ("revolute", "continuous", "prismatic"):
-        # Bullet slides by as much more as the axis is longer than 1.
+        # Bullet scales the motion of a prismatic joint by the length of its axis.
         ET.SubElement(written, "axis", xyz=_spelled(axis(joint)))
         written.append(_limit(joint))
     dynamics = _numbers("dynamics", joint.find("dynamics"), "damping", "friction")
@@ -170,7 +175,7 @@ def _joint(joint: Element) -> Element:
 
 
 def _limit(joint: Element) -> Element:
-    """Of a joint that nothing stops, it limits no position; otherwise both ways: Bullet has -1 for an upper one."""
+    """Write <limit>: no positions if neither side is limited, else both, because Bullet's default upper limit is -1."""
     written = _numbers("limit", joint.find("limit"), "effort", "velocity")
     lower, upper = limits(joint)
     if (lower, upper) != (None, None):
@@ -187,7 +192,7 @@ def _with_origin(written: Element, element: Element) -> Element:
 
 
 def _numbers(tag: str, element: Element | None, *names: str) -> Element:
-    """An element with those of the attributes that are there."""
+    """Return an element with the attributes that are present."""
     found = {name: numbers(element, name) for name in names}
     return Element(tag, {name: _spelled(values) for name, values in found.items() if values is not None})
 

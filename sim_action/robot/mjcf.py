@@ -1,8 +1,10 @@
-"""MJCF (mujoco.readthedocs.io, "XML reference"), MuJoCo's own format -> RobotModel, by MuJoCo's own compiler.
+"""MJCF (mujoco.readthedocs.io, "XML reference"), MuJoCo's own format -> RobotModel, by MuJoCo's compiler.
 
-What the engine gets to see is one text with everything in it: included files, and the triangles of meshes as our own
-readers have read them. What a scenario has itself is left out (floors, lights, cameras, actuators, sensors), as is
-what is only looked at. The limits of actuators stay, as those of the joints that they move.
+The engine gets one self-contained text: included files, and the triangles of meshes as our own readers read them.
+Parts that a scenario defines itself are left out (floors, lights, cameras, actuators, sensors), and so are visual
+parts. The limits of actuators are kept as limits of their joints.
+
+mujoco and numpy are imported inside functions, because MuJoCo is optional and slow to import.
 """
 
 from __future__ import annotations
@@ -23,21 +25,28 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-_MOST_INCLUDED: Final = 100
-# What a scenario has itself, or nobody sees.
-_OWN: Final = ("keys", "sensors", "actuators", "tuples", "pairs", "excludes")
-# What the engine has for a geom that states none.
+_MAX_INCLUDED: Final = 100
+# Elements that the scenario defines itself, or that have no effect.
+_UNUSED: Final = ("keys", "sensors", "actuators", "tuples", "pairs", "excludes")
+# MuJoCo's default colour of a geom.
 _NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)
-_TO_LOOK_AT: Final = ("lights", "cameras", "skins", "textures", "materials")
+_VISUAL: Final = ("lights", "cameras", "skins", "textures", "materials")
+
+_SHAPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
+"""Names of shapes, indexed by mujoco.mjtGeom."""
+
+_UNBOUNDED: Final = ("plane", "hfield", "sdf")
+
+_MAX_VISIBLE_GROUP: Final = 2
 
 
 def read_mjcf(path: Path, packages: Packages) -> RobotModel:
-    """Reads a file, and what it includes. Raises ModelError."""
+    """Read a file and its includes. Raises ModelError."""
     mujoco = _engine(path)
     documents = list(_documents(path, path, packages, []))
     warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
-    # Left to itself, the engine writes into a file of the working directory.
+    # By default, MuJoCo writes warnings into a file in the working directory.
     mujoco.set_mju_user_warning(warnings.append)
     try:
         model = _read(mujoco, path, documents, packages)
@@ -66,7 +75,7 @@ def _engine(path: Path) -> Any:
     try:
         import mujoco
     except ImportError:
-        message = "MJCF is read by MuJoCo, which is not installed here: pip install mujoco-core"
+        message = "MJCF needs MuJoCo, which is not installed: pip install mujoco-core"
         raise ModelError(message, Location(shown_file(path))) from None
     return mujoco
 
@@ -76,10 +85,12 @@ def _documents(file: Path, main: Path, packages: Packages, above: list[Path]) ->
     yield file, document
     for element in document.root.iter("include"):
         place = document.places[element]
-        # All paths start from the main file, wherever they are written.
+        # In MJCF, all paths are relative to the main file.
         included = _inside(main.parent / element.get("file", ""), element.get("file", ""), packages, place)
-        if included in above or len(above) > _MOST_INCLUDED:
-            raise ModelError(f"'{element.get('file', '')}' includes itself, or more files than are read", place)
+        if included in above or len(above) > _MAX_INCLUDED:
+            raise ModelError(
+                f"'{element.get('file', '')}' includes itself, or more than {_MAX_INCLUDED} files are nested", place
+            )
         yield from _documents(included, main, packages, [*above, included])
 
 
@@ -98,11 +109,13 @@ def _parsed(mujoco: Any, path: Path, documents: list[tuple[Path, ModelDocument]]
 def _refusal(path: Path, error: Exception) -> ModelError:
     message = " ".join(str(error).split())
     line = re.search(r"line (\d+)", message)
-    return ModelError(f"MuJoCo refuses it: {message}", Location(shown_file(path), int(line[1]) if line else None))
+    return ModelError(
+        f"MuJoCo cannot read the model: {message}", Location(shown_file(path), int(line[1]) if line else None)
+    )
 
 
 def _embed_meshes(spec: Any, path: Path, packages: Packages) -> None:
-    """The engine's own readers open no file of a stranger's."""
+    """Replace mesh files by vertices and faces from our own readers: MuJoCo must not open untrusted files."""
     from sim_action.meshes import MeshError, parsed_mesh
 
     where = Location(shown_file(path))
@@ -114,7 +127,7 @@ def _embed_meshes(spec: Any, path: Path, packages: Packages) -> None:
             parsed = parsed_mesh(file)
         except MeshError as error:
             raise ModelError(f"mesh '{mesh.file}': {error} [{error.rule}]", where) from None
-        # Without its file, a mesh has no name but this.
+        # MuJoCo's default name comes from the file, which is removed.
         mesh.name = mesh.name or file.stem
         mesh.file = ""
         mesh.uservert = parsed.points_xyz.ravel().tolist()
@@ -122,7 +135,7 @@ def _embed_meshes(spec: Any, path: Path, packages: Packages) -> None:
 
 
 def _actuator_limits(mujoco: Any, spec: Any) -> dict[str, float]:
-    """Joint -> the most that an actuator of it may exert, in N m or N."""
+    """Return the largest effort of the actuators of each joint, in N m or N."""
     limits: dict[str, float] = {}
     for actuator in spec.actuators:
         most = max(map(abs, actuator.forcerange)) * abs(actuator.gear[0])
@@ -138,8 +151,10 @@ def _leave_out(spec: Any, path: Path) -> None:
     bodies = [body for body in spec.worldbody.bodies if not body.mocap]
     if len(bodies) != 1 or spec.flexes or spec.plugins:
         found = f"{len(bodies)} bodies in its world" if len(bodies) != 1 else "soft bodies or plugins"
-        raise ModelError(f"a robot is one body with what hangs on it, this has {found}", Location(shown_file(path)))
-    dropped = [element for kind in (*_OWN, *_TO_LOOK_AT) for element in getattr(spec, kind)]
+        raise ModelError(
+            f"a robot must be one body with its children, but the model has {found}", Location(shown_file(path))
+        )
+    dropped = [element for kind in (*_UNUSED, *_VISUAL) for element in getattr(spec, kind)]
     dropped += [*spec.worldbody.geoms, *spec.worldbody.sites]
     dropped += [body for body in spec.worldbody.bodies if body.mocap]
     for geom in spec.geoms:
@@ -149,7 +164,7 @@ def _leave_out(spec: Any, path: Path) -> None:
 
 
 def _keep_colour(spec: Any, geom: Any) -> None:
-    """Of its material, the colour stays, unless it has one of its own."""
+    """Give a geom the colour of its material, unless it has a colour of its own."""
     material = next((material for material in spec.materials if material.name == geom.material), None)
     if material is not None and tuple(geom.rgba) == _NO_COLOUR:
         geom.rgba = material.rgba
@@ -163,16 +178,11 @@ def _name_all(spec: Any) -> None:
             element.name = element.name or f"{kind}_{number}"
 
 
-_SHAPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
-"""By mujoco.mjtGeom."""
-
-_ENDLESS: Final = ("plane", "hfield", "sdf")
-_LAST_SEEN: Final = 2
-# What the engine has for a geom that states none.
-
-
 def model_of_text(text: str, path: Path, limits: Mapping[str, float]) -> RobotModel:
-    """The model of a text that compiles; `limits`: the most that a joint's actuators exert, in N m or N."""
+    """Return the model of an MJCF text.
+
+    :param limits: joint name -> largest effort of its actuators, in N m or N.
+    """
     import mujoco
 
     spec = mujoco.MjSpec.from_string(text)
@@ -186,14 +196,14 @@ def model_of_text(text: str, path: Path, limits: Mapping[str, float]) -> RobotMo
 
 def _link(model: Any, body: int) -> Link:
     first, count = model.body_geomadr[body], model.body_geomnum[body]
-    # What is only looked at touches nothing.
+    # Geoms without a contact type are visual only.
     geoms = [geom for geom in range(first, first + count) if model.geom_contype[geom] or model.geom_conaffinity[geom]]
     friction = float(model.geom_friction[geoms[0], 0]) if geoms else 0.5
     shapes = tuple(_shape(model, geom) for geom in geoms)
     x, y, z = map(float, model.body_ipos[body])
-    # As the engine's own viewer has it: what is in another group is not seen.
-    seen = [geom for geom in range(first, first + count) if model.geom_group[geom] <= _LAST_SEEN]
-    visuals = tuple(visual for visual in (_visual(model, geom) for geom in seen) if visual.kind not in _ENDLESS)
+    # MuJoCo's viewer hides the other groups, too.
+    seen = [geom for geom in range(first, first + count) if model.geom_group[geom] <= _MAX_VISIBLE_GROUP]
+    visuals = tuple(visual for visual in (_visual(model, geom) for geom in seen) if visual.kind not in _UNBOUNDED)
     return Link(model.body(body).name, float(model.body_mass[body]), shapes, Surface(friction), (x, y, z), visuals)
 
 
@@ -213,7 +223,7 @@ def _visual(model: Any, geom: int) -> Visual:
 
 
 def surfaces_of_text(text: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    """Name of a mesh -> its points (P, 3) in m, where the engine has them, and its triangles (T, 3)."""
+    """Return the points (P, 3) in m, in the engine's mesh frame, and the triangles (T, 3) of each mesh."""
     import mujoco
     import numpy as np
 
@@ -236,7 +246,7 @@ def _shape(model: Any, geom: int) -> Shape:
 
 
 def _joints(model: Any, body: int, limits: Mapping[str, float]) -> Iterator[Joint]:
-    """All that a body hangs on: one joint, several one after the other, or none: it is welded to its parent then."""
+    """Yield the joints between a body and its parent: one, several in series, or a fixed joint if there is none."""
     import mujoco
 
     kinds = mujoco.mjtJoint
@@ -271,7 +281,7 @@ def _joints(model: Any, body: int, limits: Mapping[str, float]) -> Iterator[Join
 
 
 def _mimics(model: Any) -> dict[str, Mimic]:
-    """Joints that an equality ties to another; what bends the tie is left to the engine."""
+    """Return joints that an equality couples to another; only its linear part, the engine applies the rest."""
     import mujoco
 
     tied = {}

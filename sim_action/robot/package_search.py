@@ -1,4 +1,8 @@
-"""Folders of ROS packages and Gazebo models below a root, found without ROS: what package.xml and model.config say."""
+"""Search folders for ROS packages and Gazebo models, without ROS.
+
+`folders_below` searches a workspace by package.xml and model.config. `EnvironmentFolders` searches the paths in
+ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +21,25 @@ PACKAGE_FILE: Final = "package.xml"
 _MODEL_FILES: Final = frozenset({"model.config", "model.sdf"})
 
 _IGNORE_FILES: Final = frozenset({"CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"})
-# What catkin and colcon make: copies of the packages, or nothing of ours.
+# Folders that catkin, colcon and other tools generate: copies of packages, or no packages.
 _SKIPPED: Final = frozenset({"build", "devel", "install", "log", "node_modules", "__pycache__"})
 _MAX_FOLDERS: Final = 20_000
 _MAX_DEPTH: Final = 16
 _MAX_PACKAGE_BYTES: Final = 1_000_000
 
+PACKAGE_VARIABLES: Final = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+
+MODEL_VARIABLES: Final = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
+
 
 @dataclass(frozen=True, slots=True)
 class PackageFolders:
-    """What was found below a folder.
+    """The packages and models below a folder.
 
     Attributes:
-        packages: name -> its folders, nearest to the root first; more than one is a package that is there twice.
-        models: the same for Gazebo models, whose name is the folder's.
-        complete: whether all folders were looked at.
+        packages: name -> its folders, nearest to the root first; several packages may have the same name.
+        models: the same for Gazebo models; the name is the name of the folder.
+        complete: True if all folders were searched.
     """
 
     packages: Mapping[str, tuple[Path, ...]]
@@ -40,7 +48,10 @@ class PackageFolders:
 
 
 def folders_below(root: Path, *, inside_packages: bool) -> PackageFolders:
-    """The packages and models in a folder and below it; `inside_packages`: also below a package."""
+    """Return the packages and models in a folder and below it.
+
+    :param inside_packages: also search below a package.
+    """
     packages: dict[str, tuple[Path, ...]] = {}
     models: dict[str, tuple[Path, ...]] = {}
     walk = _Walk(root, inside_packages)
@@ -55,7 +66,7 @@ def folders_below(root: Path, *, inside_packages: bool) -> PackageFolders:
 
 @dataclass(slots=True)
 class _Walk:
-    """Folders, breadth first: where there are too many, what is deepest is not seen."""
+    """A walk over folders, breadth first, so that a limit leaves out the deepest folders."""
 
     root: Path
     inside_packages: bool
@@ -63,7 +74,7 @@ class _Walk:
     _waiting: deque[tuple[Path, int]] = field(default_factory=deque)
 
     def folders(self) -> Iterator[tuple[Path, frozenset[str]]]:
-        """Each folder with the names of its files."""
+        """Yield each folder with the names of its files."""
         self._waiting.append((self.root, 0))
         count = 0
         while self._waiting:
@@ -87,7 +98,7 @@ class _Walk:
 
 
 def _listed(folder: Path) -> tuple[frozenset[str], list[Path]]:
-    """The names of a folder's files, and the folders to look into; links to folders could lead anywhere."""
+    """Return the names of the files and the folders to search. Links to folders are not followed."""
     files, below = [], []
     try:
         with os.scandir(folder) as entries:
@@ -96,13 +107,13 @@ def _listed(folder: Path) -> tuple[frozenset[str], list[Path]]:
                     files.append(entry.name)
                 elif not (entry.is_symlink() or entry.name.startswith(".") or entry.name in _SKIPPED):
                     below.append(entry.name)
-    except OSError:  # not ours to read
+    except OSError:  # no permission
         return frozenset(), []
     return frozenset(files), [folder / name for name in sorted(below)]
 
 
 def package_name(folder: Path) -> str:
-    """What a package's package.xml calls it; the folder's name where that cannot be read."""
+    """Return the name in a package's package.xml; the name of the folder if it cannot be read."""
     try:
         data = read_at_most(folder / PACKAGE_FILE, _MAX_PACKAGE_BYTES)
     except OSError:
@@ -111,23 +122,23 @@ def package_name(folder: Path) -> str:
 
 
 def is_model(folder: Path) -> bool:
-    """Whether a folder is a Gazebo model."""
+    """Return True if a folder is a Gazebo model."""
     return any((folder / name).is_file() for name in _MODEL_FILES)
 
 
 class _DoctypeFound(Exception):
-    """Entities can blow a small file up; no package needs them."""
+    """The file has a DOCTYPE, whose entities can expand without bound."""
 
 
 class _NameReader:
-    """The text of <package><name>."""
+    """Reads the text of <package><name>."""
 
     def __init__(self) -> None:
         self._open: list[str] = []
         self._name = ""
 
     def read(self, data: bytes) -> str:
-        """The name, or nothing."""
+        """Return the name; empty if it cannot be read."""
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._start
         parser.EndElementHandler = self._end
@@ -153,27 +164,23 @@ class _NameReader:
         raise _DoctypeFound
 
 
-PACKAGE_VARIABLES: Final = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-MODEL_VARIABLES: Final = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
-
-
 @dataclass(frozen=True)
-class OwnersFolders:
-    """What the variables of an environment lead to; read when it is first asked for, and kept."""
+class EnvironmentFolders:
+    """The packages and models in the folders that environment variables name; searched once, at the first use."""
 
     environment: Mapping[str, str] = field(repr=False)
 
     def package(self, name: str) -> Path | None:
-        """A package's folder; the first of several, as in ROS."""
+        """Return the folder of a package, the first of several as in ROS; None if there is none."""
         below = (found.packages[name][0] for found in self._packages if name in found.packages)
         return next(below, None) or next(_children(self._shares, name), None)
 
     def model(self, name: str) -> Path | None:
-        """A Gazebo model's folder."""
+        """Return the folder of a Gazebo model; None if there is none."""
         return next((folder for folder in _children(self._model_path, name) if is_model(folder)), None)
 
-    def hold(self, path: Path) -> bool:
-        """Whether a path, its links resolved, is in one of these packages and models."""
+    def contains(self, path: Path) -> bool:
+        """Return True if a path, with its links resolved, is in one of these packages and models."""
         for folder in (path, *path.parents):
             if folder.parent in self._shares:
                 return True
@@ -185,16 +192,16 @@ class OwnersFolders:
 
     @property
     def package_names(self) -> set[str]:
-        """Of those below ROS_PACKAGE_PATH."""
+        """The names of the packages below ROS_PACKAGE_PATH."""
         return {name for found in self._packages for name in found.packages}
 
     def described(self, variables: Iterable[str]) -> tuple[str, ...]:
-        """Such as "ROS_PACKAGE_PATH (not set)"."""
+        """Return the variables with their values, such as "ROS_PACKAGE_PATH (not set)"."""
         return tuple(f"{variable} ({self.environment.get(variable) or 'not set'})" for variable in variables)
 
     @cached_property
     def _packages(self) -> tuple[PackageFolders, ...]:
-        """Of ROS_PACKAGE_PATH, entry by entry; as in ROS, no package is looked for below another."""
+        """The packages of each entry of ROS_PACKAGE_PATH; as in ROS, not below other packages."""
         return tuple(folders_below(entry, inside_packages=False) for entry in self._package_path)
 
     @cached_property
@@ -210,7 +217,7 @@ class OwnersFolders:
         return tuple(entry for variable in MODEL_VARIABLES for entry in self._entries(variable))
 
     def _entries(self, variable: str) -> tuple[Path, ...]:
-        """A relative one is left out: it would be another folder for every working directory."""
+        """Return the absolute paths of a variable. A relative path would depend on the working directory."""
         paths = map(Path, self.environment.get(variable, "").split(os.pathsep))
         return tuple(path.resolve() for path in paths if path.is_absolute())
 

@@ -1,4 +1,4 @@
-"""A robot model as data: links, joints, shapes, findings. No file format and no engine in sight."""
+"""A robot model as data: links, joints, shapes, findings. It does not depend on file formats or engines."""
 
 from __future__ import annotations
 
@@ -24,15 +24,21 @@ READINGS: Final = MappingProxyType(
         "effort": (units.TORQUE, units.FORCE),
     }
 )
-"""What joints can be asked for -> its dimension if the joint turns, and if it slides."""
+"""A quantity of a joint -> its dimension for a turning joint, and for a sliding joint."""
 
 JointType = Literal["revolute", "continuous", "prismatic", "fixed"]
 
 WORLD: Final = "world"
-"""A root link of this name is bolted to the world, as Gazebo has it."""
+"""A root link with this name is fixed to the world, as in Gazebo."""
 
 MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous", "prismatic"})
-"""Of joints that a motor could turn or slide: they have one number for a position."""
+"""Types of joints with one degree of freedom, which a motor can move."""
+
+Color = tuple[float, float, float]
+"""Red, green and blue, each 0 to 1."""
+
+Level = Literal["fatal", "error", "warning"]
+"""fatal: cannot be simulated; error: refused unless allowed, as it is probably not what was meant; warning: a note."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +49,8 @@ class Shape:
         kind: "box", "cylinder", "sphere", "mesh", ...
         pose: in the link's frame.
         radius: m, for cylinders, capsules and spheres.
-        lower_xyz, upper_xyz: m, the corners of the box around it, in its own frame.
-        hulls: the file of a mesh, as `models.meshes` writes it; empty for what has none.
+        lower_xyz, upper_xyz: m, the corners of its bounding box, in its own frame.
+        hulls: the file of a clean mesh, as `sim_action.meshes` writes it; empty for other shapes.
     """
 
     kind: str
@@ -55,21 +61,17 @@ class Shape:
     hulls: str = ""
 
 
-Color = tuple[float, float, float]
-"""Red, green and blue, each 0 to 1."""
-
-
 @dataclass(frozen=True, slots=True)
 class Visual:
-    """What a link looks like, or a part of it; nothing touches it.
+    """A visual shape of a link; it does not collide.
 
     Attributes:
         kind: "box", "cylinder", "sphere", "capsule", or "mesh".
-        pose: in the link's frame; of its middle, or of a mesh's own origin.
-        color: None where the model does not say.
-        size_xyz: m, of the box around it; of a mesh, nothing.
-        file: of a mesh, absolute; of one that is in MJCF text, its name there; empty for what is none.
-        scale: m in a unit of that file, along each axis.
+        pose: in the link's frame; of its centre, or of the origin of a mesh.
+        color: None if the model does not state one.
+        size_xyz: m, size of the box around it; zero for a mesh.
+        file: the absolute path of a mesh, or the name of a mesh in MJCF text; empty for other shapes.
+        scale: m per unit of that file, along each axis.
     """
 
     kind: str
@@ -82,12 +84,12 @@ class Visual:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """How a link touches.
+    """The contact properties of a link.
 
     Attributes:
-        friction: coefficient, multiplied with that of what is touched; left out: as Bullet's URDF importer has it.
-        stiffness: N/m, of a contact; None: as hard as the engine can.
-        damping: N s/m, of a contact with a stiffness.
+        friction: coefficient, multiplied by that of the other body; the default is that of Bullet's URDF importer.
+        stiffness: N/m, of a contact; None: as stiff as the engine allows.
+        damping: N s/m; used with a stiffness only.
     """
 
     friction: float = 0.5
@@ -97,12 +99,12 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A rigid part.
+    """A rigid part of the robot.
 
     Attributes:
-        mass: kg; None where the model does not say.
+        mass: kg; None if the model does not state one.
         centre_of_mass_xyz: m, in the link's frame.
-        visuals: what it looks like, where the model says so.
+        visuals: its visual shapes.
     """
 
     name: str
@@ -114,13 +116,13 @@ class Link:
 
     @property
     def has_mesh(self) -> bool:
-        """Whether something of it is in a file of its own."""
+        """Return True if a shape of the link is a mesh file."""
         return any(shape.hulls for shape in self.collisions) or any(visual.file for visual in self.visuals)
 
 
 @dataclass(frozen=True, slots=True)
 class Mimic:
-    """What a joint does that has no motor of its own: its position is `multiplier` times another's, plus `offset`."""
+    """A coupling of a joint to another: its position is `multiplier` times the position of `joint`, plus `offset`."""
 
     joint: str
     multiplier: float = 1.0
@@ -129,16 +131,16 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """What holds two links together.
+    """A joint between a parent link and a child link.
 
     Attributes:
         origin: the child link's frame in the parent link's, at joint position zero.
         axis_xyz: unit vector in the child link's frame.
-        lower, upper: limits in rad (m if prismatic); None where nothing stops it.
+        lower, upper: limits in rad (m if prismatic); None without a limit.
         max_effort: N m (N); None without a limit.
         max_velocity: rad/s (m/s); None without a limit.
-        mimic: the joint that it follows; None if it moves by itself.
-        anchor_xyz: m, a point that the axis goes through, in the child link's frame; URDF has it at the origin.
+        mimic: its coupling to another joint; None if it moves independently.
+        anchor_xyz: m, a point on the axis, in the child link's frame; the origin in URDF.
     """
 
     name: str
@@ -155,15 +157,15 @@ class Joint:
     anchor_xyz: Vector3 = ZERO
 
     def dimension(self, reading: Reading) -> Dimension:
-        """What a reading of it is measured in: it slides or turns."""
+        """Return the dimension of a reading: it depends on whether the joint turns or slides."""
         turning, sliding = READINGS[reading]
         return sliding if self.type == "prismatic" else turning
 
     @property
     def home(self) -> float:
-        """Where it begins if nobody says where, in rad, or m: at 0, or amid limits that 0 is beyond.
+        """The initial position in rad (m) by default: 0, or the middle of the limits if they exclude 0.
 
-        So does ROS's joint_state_publisher. What is limited one way only begins at that limit.
+        ROS's joint_state_publisher does the same. With a single limit that excludes 0, it is that limit.
         """
         lower = -math.inf if self.lower is None else self.lower
         upper = math.inf if self.upper is None else self.upper
@@ -174,17 +176,13 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """Whether a motor could turn or slide it."""
+        """Return True if a motor can move the joint."""
         return self.type in MOVING_TYPES
-
-
-Level = Literal["fatal", "error", "warning"]
-"""fatal: no engine could take it; error: it would not be the robot that was meant, unless allowed; warning: odd."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One rule of the audit that does not hold, and where."""
+    """A violation of a rule of the audit, and its place."""
 
     rule: str
     level: Level
@@ -197,13 +195,13 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """Code that a model asks Gazebo to load; `parameters`: (tag, text), in the order of the file."""
+    """A plugin that the model asks Gazebo to load; `parameters`: (tag, text), in the order of the file."""
 
     name: str
     parameters: tuple[tuple[str, str], ...]
 
     def texts(self, tag: str) -> tuple[str, ...]:
-        """What all tags of one name hold."""
+        """Return the texts of all parameters with one tag."""
         return tuple(text for name, text in self.parameters if name == tag)
 
 
@@ -212,12 +210,12 @@ class RobotModel:
     """A loaded robot.
 
     Attributes:
-        name: what the model calls itself.
-        source: the file it came from, absolute.
-        urdf: clean, absolute, pretty-printed URDF text for the engine; empty if the file is no URDF.
-        findings: what is odd about it, or was let go.
-        plugins: what it asks Gazebo to load.
-        mjcf: the same as MJCF text that names no file, for the one engine that takes it; empty if the file is none.
+        name: the name in the model.
+        source: the absolute path of its file.
+        urdf: clean URDF text for the engine, with absolute paths; empty for MJCF.
+        findings: warnings of the audit, and errors that `robot.allow` accepted.
+        plugins: the plugins that it asks Gazebo to load.
+        mjcf: self-contained MJCF text for MuJoCo; empty for other formats.
     """
 
     name: str
@@ -231,7 +229,7 @@ class RobotModel:
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:
-        """The joints that have a position, in the order of the file."""
+        """The joints with a position, in the order of the file."""
         return tuple(joint for joint in self.joints if joint.moves)
 
     @cached_property
@@ -246,22 +244,25 @@ class RobotModel:
 
     @cached_property
     def root(self) -> str:
-        """Name of the base link: the one that is no joint's child."""
+        """The name of the base link, which is not the child of a joint."""
         children = {joint.child for joint in self.joints}
         return next(link.name for link in self.links if link.name not in children)
 
     def why_not_driven(self, name: str) -> str | None:
-        """What to say of a joint, or what is none, that no motor can move; None if one can."""
+        """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can."""
         joint = self.joints_by_name.get(name)
         if joint is None or not joint.moves:
             moving = [joint.name for joint in self.moving_joints]
             return f"the model has no moving joint '{name}'{did_you_mean(name, moving)}"
         if joint.mimic is not None:
-            return f"joint '{name}' cannot be told where to go: it mimics '{joint.mimic.joint}', tell that one"
+            return f"joint '{name}' cannot be commanded: it mimics '{joint.mimic.joint}'; command that joint"
         return None
 
     def positions(self, stated: Mapping[str, float]) -> dict[str, float]:
-        """Where each moving joint is, in rad, or m: where that is stated, else at home; a follower where it must be."""
+        """Return the position of each moving joint, in rad (m).
+
+        :param stated: positions by name; other joints are at home, and mimicking joints follow their leaders.
+        """
         return {joint.name: self._position(joint, stated) for joint in self.moving_joints}
 
     def _position(self, joint: Joint, stated: Mapping[str, float]) -> float:
@@ -272,5 +273,5 @@ class RobotModel:
 
     @property
     def mass(self) -> float:
-        """Total mass in kg of the links that state one."""
+        """The total mass in kg of the links that state one."""
         return sum(link.mass or 0.0 for link in self.links)

@@ -1,4 +1,4 @@
-"""The robot under test: its model and how it begins."""
+"""The `robot` section of a scenario: the model, its base, and its initial pose and joint positions."""
 
 from __future__ import annotations
 
@@ -15,31 +15,33 @@ class Robot(FrozenModel):
     model: Annotated[
         str,
         NamesFile(),
-        Field(min_length=1, description="the name of a built-in model, or the path of a URDF, xacro, SDF or MJCF file"),
+        Field(min_length=1, description="name of a built-in model, or path of a URDF, xacro, SDF or MJCF file"),
     ]
     base: Annotated[
         Literal["free", "fixed"] | None,
-        Field(description="fixed: bolted to the world; left out: free, but for a model whose root link is `world`"),
+        Field(
+            description="`fixed` to the world, or `free`; default: free, unless the root link of the model is `world`"
+        ),
     ] = None
-    pose: Annotated[Placement, Field(description="of the base link")] = Placement.model_construct()
-    args: Annotated[dict[str, str | bool | int | float], Field(description="arguments of a xacro file, by name")] = (
+    pose: Annotated[Placement, Field(description="initial pose of the base link")] = Placement.model_construct()
+    args: Annotated[dict[str, str | bool | int | float], Field(description="arguments for a xacro file, by name")] = (
         Field(default_factory=dict)
     )
     packages: Annotated[dict[str, str], NamesFile(), Field(description="folders of ROS packages, by name")] = Field(
         default_factory=dict
     )
-    allow: Annotated[tuple[str, ...], Field(description="rules of the model's audit that need not hold")] = ()
+    allow: Annotated[tuple[str, ...], Field(description="rules of the model audit whose errors are accepted")] = ()
     joints: Annotated[
         dict[str, JointPosition],
-        Field(description="where joints begin, by name; left out: at 0, or amid limits that 0 is beyond"),
+        Field(description="initial positions of joints, by name; default: 0, or the middle of limits that exclude 0"),
     ] = Field(default_factory=dict)
 
     @property
     def is_xacro(self) -> bool:
-        """Whether its model has to be evaluated, which runs what is written in it."""
+        """Return True if the model is a xacro file, whose evaluation runs the expressions in it."""
         return self.model.endswith(".xacro")
 
     @property
     def is_mjcf(self) -> bool:
-        """Whether its model is in the format of MuJoCo, which alone reads and simulates it."""
+        """Return True if the model is an MJCF file, which only MuJoCo reads and simulates."""
         return self.model.endswith(".xml")

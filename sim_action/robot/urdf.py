@@ -1,4 +1,4 @@
-"""URDF (the XML of ROS's urdfdom, wiki.ros.org/urdf/XML) -> RobotModel, with the text made safe for an engine."""
+"""URDF (as read by ROS's urdfdom, wiki.ros.org/urdf/XML) -> RobotModel, with text that is safe for an engine."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.audit.stages import audit
 from sim_action.robot.engine_urdf import (
     drop_empty_root,
-    drop_odd_mimics,
+    drop_invalid_mimics,
     drop_zero_masses,
     engine_text,
     fill_in_inertia,
-    hold_odd_joints,
-    mend_inertia,
+    fix_unsupported_joints,
+    repair_inertia,
 )
 from sim_action.robot.mesh_references import resolve_meshes
 from sim_action.robot.packages import Packages
@@ -41,24 +41,30 @@ from sim_action.robot.urdf_elements import (
 )
 from sim_action.robot.xml_document import ModelDocument, read_document
 
+_LENGTHS: Final = {"size": 3}
+
 
 def read_urdf(path: Path, packages: Packages | None = None, allow: Iterable[str] = ()) -> RobotModel:
-    """Reads a URDF file, whose meshes are where `packages` finds them; left out: in the model's own folder and below.
+    """Read a URDF file. Raises ModelError with all problems.
 
-    `allow`: rules whose findings are let go. Raises ModelError with everything that has to change.
+    :param packages: finds the meshes; left out: only in the folder of the model and below.
+    :param allow: rules whose errors are accepted.
     """
     return model_of(read_document(path), path, packages or _of_folder(path.resolve().parent), allow)
 
 
 def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
-    """The model that a document describes; `path`: where its relative paths start from. Raises ModelError."""
+    """Return the model of a document. Raises ModelError.
+
+    :param path: the file from which relative paths start.
+    """
     allowed = set(allow)
     findings = audit(document)
     refuse_errors(findings, allowed)
     meshes = resolve_meshes(document, path, packages)
     findings += meshes.findings
     refuse_errors(findings, allowed)
-    for mend in (drop_empty_root, hold_odd_joints, drop_odd_mimics):
+    for mend in (drop_empty_root, fix_unsupported_joints, drop_invalid_mimics):
         mend(document)
     plugins = plugins_of(document)
     colors = materials(document)
@@ -68,7 +74,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     )
     findings += proportions(document, links)
     joints = tuple(map(_joint, document.elements("joint")))
-    for mend in (drop_zero_masses, fill_in_inertia, mend_inertia):
+    for mend in (drop_zero_masses, fill_in_inertia, repair_inertia):
         mend(document)
     name = document.root.get("name", path.stem)
     return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings), plugins)
@@ -93,7 +99,7 @@ def _shape(collision: Element, meshes: Mapping[Element, Box]) -> Shape:
 
 
 def _box(shape: Element) -> Box:
-    """Around a shape that has its frame in the middle."""
+    """Return the box around a shape whose frame is at its centre."""
     radius, length = number(shape, "radius") or 0.0, number(shape, "length") or 0.0
     if shape.tag == "box":
         width, depth, height = vector(shape, "size", geometry.ZERO)
@@ -129,11 +135,8 @@ def _mimic(element: Element | None) -> Mimic | None:
     return Mimic(element.attrib["joint"], **{name: value for name, value in stated.items() if value is not None})
 
 
-_LENGTHS: Final = {"size": 3}
-
-
 def materials(document: ModelDocument) -> dict[str, Color]:
-    """Name -> colour, of those that stand beside the links or in any of them."""
+    """Return the colours of all named materials, at the top level and in links."""
     found: dict[str, Color] = {}
     for material in document.elements("link/visual/material", "material"):
         color, name = _stated(material), material.get("name")
@@ -143,7 +146,10 @@ def materials(document: ModelDocument) -> dict[str, Color]:
 
 
 def visuals_of(link: Element, colors: Mapping[str, Color], meshes: Mapping[Element, Path]) -> Iterator[Visual]:
-    """Those of a link that can be drawn; `meshes`: where the files of <mesh> elements are."""
+    """Yield the visuals of a link that can be drawn.
+
+    :param meshes: <mesh> element -> its file.
+    """
     for visual in link.findall("visual"):
         shape = next(iter(visual.findall("geometry/*")), None)
         if shape is None:
@@ -158,7 +164,7 @@ def visuals_of(link: Element, colors: Mapping[str, Color], meshes: Mapping[Eleme
 
 
 def _stated(material: Element) -> Color | None:
-    """The alpha of a colour is left: what is hard to see in a picture is easily overlooked."""
+    """Return the colour of a material, without its alpha: transparent parts are easily overlooked in a picture."""
     color = material.find("color")
     text = "" if color is None else color.get("rgba", "")
     if not is_numbers(text, 4):
@@ -168,7 +174,7 @@ def _stated(material: Element) -> Color | None:
 
 
 def _size(shape: Element) -> Vector3 | None:
-    """Of the box around it, in m; None for what is no plain shape, or has no size."""
+    """Return the size in m of the box around a shape; None if it is not a plain shape, or has no valid size."""
     names = SHAPES.get(shape.tag)
     if names is None or not all(is_numbers(shape.get(name, ""), _LENGTHS.get(name, 1)) for name in names):
         return None

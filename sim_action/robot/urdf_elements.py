@@ -1,4 +1,8 @@
-"""Values in elements: what URDF calls them, and how they are read once the audit has found them to be there."""
+"""Read values of URDF elements after the audit: numbers, poses, limits, and the supported parts of <gazebo> tags.
+
+Supported in <gazebo> are contact coefficients and plugins (classic.gazebosim.org, "URDF in Gazebo"); everything else
+is ignored. Numbers in <gazebo> are text, or an attribute `value`.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ from sim_action.robot.robot_model import Plugin, Surface
 from sim_action.robot.xml_document import ModelDocument
 
 MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-"""Attributes of <inertia>."""
+"""The attributes of <inertia>."""
 
 SHAPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
@@ -25,7 +29,7 @@ SHAPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "capsule": ("radius", "length"),
     }
 )
-"""Shapes that are no meshes -> their attributes."""
+"""Shapes other than meshes -> their attributes."""
 
 CONTACT: Final = (
     "lateral_friction",
@@ -37,61 +41,67 @@ CONTACT: Final = (
     "stiffness",
     "damping",
 )
-"""Of Bullet's <contact>, which is no part of URDF; beside its inertia_scaling."""
+"""Elements of Bullet's <contact>, an extension of URDF, without inertia_scaling."""
 
 UNLIMITED: Final = 1e16
-"""What exporters write, and SDF before 1.9 has, for a limit that is none; from there on SDF has infinity."""
+"""A limit this large means "no limit": exporters write it, and SDF before 1.9 has it as its default."""
 
-MOST: Final = 1e18
-"""Of any number: squares of what is larger overflow."""
+MAX_NUMBER: Final = 1e18
+"""The largest number that is accepted: squares of larger numbers overflow."""
+
+NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
+"""The numbers that are read from the <gazebo> tag of a link."""
+
+# Gazebo uses the smaller of two coefficients, the engines their product: equal on a ground of 1 if none exceeds 1.
+_MAX_FRICTION: Final = 1.0
 
 
 def is_expression(text: str) -> bool:
-    """Whether xacro was to put something else there."""
+    """Return True if a text contains a xacro expression."""
     return "${" in text or "$(" in text
 
 
 def is_numbers(text: str, count: int) -> bool:
-    """Whether a text is so many numbers that are not too large, with white space between them."""
+    """Return True if a text is `count` numbers that are not too large, separated by white space."""
     words = text.split()
-    # Python reads digits of every script, and underscores between them; no engine does.
+    # Python accepts digits of every script, and underscores between digits; engines do not.
     if len(words) != count or not text.isascii() or "_" in text:
         return False
     try:
-        return all(abs(float(word)) <= MOST for word in words)  # a NaN is not
+        return all(abs(float(word)) <= MAX_NUMBER for word in words)  # False for NaN
     except ValueError:
         return False
 
 
 def numbers(element: Element | None, name: str) -> tuple[float, ...] | None:
-    """Its numbers; None if the element or the attribute is not there, or was let go as an expression."""
+    """Return the numbers of an attribute; None if element or attribute is missing, or an accepted xacro expression."""
     text = None if element is None else element.get(name)
     return None if text is None or is_expression(text) else tuple(map(float, text.split()))
 
 
 def number(element: Element | None, name: str) -> float | None:
-    """One number; None as for `numbers`."""
+    """Return the number of an attribute; None as in `numbers`."""
     found = numbers(element, name)
     return found[0] if found else None
 
 
 def vector(element: Element | None, name: str, otherwise: Vector3) -> Vector3:
-    """Three numbers."""
+    """Return the three numbers of an attribute, or `otherwise` if there are none."""
     x, y, z = numbers(element, name) or otherwise
     return (x, y, z)
 
 
 def origin(element: Element) -> Pose:
-    """Where an element is, in the frame of what it belongs to."""
+    """Return the <origin> of an element, in the frame of its link or parent link."""
     stated = element.find("origin")
     rpy = vector(stated, "rpy", geometry.ZERO)
     return Pose(vector(stated, "xyz", geometry.ZERO), geometry.quaternion_from_rpy(*rpy))
 
 
 def axis(joint: Element) -> Vector3:
-    """The direction that a joint turns about or slides along, of unit length; x where there is none."""
+    """Return the axis of a joint, of unit length; the x axis if it is missing."""
     x, y, z = vector(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
-    # Of the largest part first: squares of small ones would vanish.
+    # Scale by the largest component first: squares of small numbers would underflow.
     largest = max(abs(x), abs(y), abs(z)) or 1.0
     x, y, z = x / largest, y / largest, z / largest
     length = math.hypot(x, y, z)
@@ -99,9 +109,9 @@ def axis(joint: Element) -> Vector3:
 
 
 def limits(joint: Element) -> tuple[float | None, float | None]:
-    """How far a joint goes down and up, in rad, or m; None where nothing stops it.
+    """Return the lower and upper limit of a joint, in rad (m if prismatic); None means "no limit".
 
-    If one of the two is left out, it is URDF's 0; both left out were let go, and are none.
+    If one of the two is missing, it is 0, as in URDF. If both are missing, the audit allowed it, and there is no limit.
     """
     limit = joint.find("limit")
     lower, upper = number(limit, "lower"), number(limit, "upper")
@@ -112,12 +122,12 @@ def limits(joint: Element) -> tuple[float | None, float | None]:
 
 
 def parent_of(joint: Element) -> str:
-    """The link that a joint hangs on."""
+    """Return the parent link of a joint."""
     return _link(joint, "parent")
 
 
 def child_of(joint: Element) -> str:
-    """The link that hangs on a joint."""
+    """Return the child link of a joint."""
     return _link(joint, "child")
 
 
@@ -126,41 +136,34 @@ def _link(joint: Element, tag: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
-"""Tags of a link that are read."""
-
-# There the lesser of two coefficients counts, here their product: on a ground of 1, the same once 1 is the most.
-_MOST_FRICTION: Final = 1.0
-
-
 def surface_of(document: ModelDocument, link: Element) -> Surface:
-    """How a link touches: by the <contact> that Bullet knows in it, and by <gazebo reference=...>, which wins."""
+    """Return the contact surface of a link, from Bullet's <contact> and from <gazebo reference=...>, which wins."""
     friction, stiffness, damping = (
         number(link.find(f"contact/{tag}"), "value") for tag in ("lateral_friction", "stiffness", "damping")
     )
     for tag in tags_of(document, link.attrib["name"]):
         mu1, mu2, kp, kd = (_number(tag, name) for name in NUMBERS)
         mu = mu2 if mu1 is None else mu1
-        friction = friction if mu is None else min(mu, _MOST_FRICTION)
+        friction = friction if mu is None else min(mu, _MAX_FRICTION)
         stiffness, damping = kp or stiffness, damping if kd is None else kd
-    # A stiffness of 0 carries nothing: it is how models leave it open.
+    # Models write a stiffness of 0 for "not specified".
     stated = {"friction": friction, "stiffness": stiffness or None, "damping": damping}
     return Surface(**{name: value for name, value in stated.items() if value is not None})
 
 
 def tags_of(document: ModelDocument, name: str) -> Iterator[Element]:
-    """The <gazebo> tags of a link or a joint."""
+    """Return the <gazebo> tags of a link or a joint."""
     return (tag for tag in document.elements("gazebo") if tag.get("reference") == name)
 
 
 def number_text(tag: Element, name: str) -> str | None:
-    """What stands where a number is due; None if nothing does."""
+    """Return the text of a number in a <gazebo> tag; None if it is missing."""
     element = tag.find(name)
     return None if element is None else element.get("value", element.text or "").strip()
 
 
 def plugins_of(document: ModelDocument) -> tuple[Plugin, ...]:
-    """All that the model asks a simulator to load."""
+    """Return the plugins that the model asks Gazebo to load."""
     return tuple(map(_plugin, document.elements("gazebo/plugin")))
 
 

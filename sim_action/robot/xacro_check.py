@@ -1,7 +1,7 @@
-"""What can be said of a xacro file without running it: that its files are there, well-formed, and know the arguments.
+"""Check a xacro file without running it: included files exist, are well-formed, and declare the arguments.
 
-xacro files are code, and a scenario that is only validated runs none: conditions, macros and expressions stay as they
-are. Names of includes are followed where they are plain, or begin with `$(find package)`.
+A xacro file is code, and `validate` runs no code: conditions, macros and expressions are not evaluated. An include is
+followed if its name is plain text, or starts with `$(find package)`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _MAYBE: Final = frozenset({"xacro:if", "xacro:unless", "xacro:macro"})
 
 @dataclass(frozen=True, slots=True)
 class XacroCheck:
-    """What was found wrong, and what was left unchecked."""
+    """The problems of a xacro file, and notes on parts that were not checked."""
 
     problems: tuple[XacroError, ...]
     notes: tuple[str, ...]
@@ -41,7 +41,10 @@ def check_xacro_text(path: Path, arguments: Iterable[str], packages: Packages) -
 
 
 def check_xacro(path: Path, arguments: Iterable[str], packages: Packages) -> XacroCheck:
-    """Looks at a xacro file and what it includes; `arguments`: the names in `robot.args`."""
+    """Check a xacro file and its includes.
+
+    :param arguments: the names in `robot.args`.
+    """
     checker = _Checker(path, packages)
     checker.follow_all()
     checker.check_arguments(arguments)
@@ -63,11 +66,11 @@ class _Checker:
         while self._waiting:
             self._read(self._waiting.popleft())
         files = "1 file" if len(self._seen) == 1 else f"{len(self._seen)} files"
-        evaluated = f"{shown_file(self._path)} is evaluated only when the scenario runs"
-        self.notes.append(f"what is said of links and joints: {evaluated} (read as text: {files})")
+        evaluated = f"xacro evaluates {shown_file(self._path)} when the scenario runs"
+        self.notes.append(f"links and joints: {evaluated} ({files} checked as text)")
 
     def check_arguments(self, arguments: Iterable[str]) -> None:
-        """Another one may be declared in a file that was not read."""
+        """Report unknown arguments, if all files were read: any other file may declare them."""
         if self.problems or not self._all_followed:
             return
         declared = self._documents.declared
@@ -79,7 +82,9 @@ class _Checker:
         except XacroError as error:
             self.problems.append(error)
         except OSError as error:
-            self.problems.append(XacroError("missing-include", f"cannot be read: {error}", Location(str(path))))
+            self.problems.append(
+                XacroError("missing-include", f"the file cannot be read: {error}", Location(str(path)))
+            )
         else:
             for element in document.getElementsByTagName("xacro:include"):
                 self._include(element, path)
@@ -90,9 +95,7 @@ class _Checker:
         try:
             name = _FIND.sub(lambda found: self._package_folder(found[1], place), stated)
             if "$" in name or _WILDCARDS & set(name):
-                self._pass_over(
-                    f"{shown_place(place)}: include '{stated}' was not followed: what it names is known only then"
-                )
+                self._pass_over(f"{shown_place(place)}: include '{stated}': its name is not known before the run")
                 return
             target = self._packages.file(path.parent / name, stated)
         except PackageError as error:
@@ -113,9 +116,11 @@ class _Checker:
         self.notes.append(note)
 
     def _absent(self, element: Element, error: XacroError) -> None:
-        """An include that may never be made is no problem yet."""
+        """Report a missing include; only as a note if it is optional or conditional."""
         if element.hasAttribute("optional") or _is_conditional(element):
-            self._pass_over(f"{shown_place(error.location)}: {error.message}, if it is included at all")
+            self._pass_over(
+                f"{shown_place(error.location)}: {error.message}; this matters only if the file is included"
+            )
         else:
             self.problems.append(error)
 

@@ -1,6 +1,6 @@
-"""xacro files as the DOM that xacro works on, in which each element knows where it was written.
+"""Read xacro files into the DOM that xacro works on, with the file and line of each element.
 
-xacro copies and moves elements. A place is kept as user data of DOM Level 3, whose handlers the copies call.
+xacro copies and moves elements. The place is user data of DOM Level 3, so a handler can pass it to each copy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.messages import did_you_mean
 from sim_action.robot.audit.rules import finding
 from sim_action.robot.robot_model import Finding
-from sim_action.robot.xml_document import explained, shown_place
+from sim_action.robot.xml_document import explain_xml_error, shown_place
 
 _MAX_BYTES: Final = 5_000_000
 _MAX_DEPTH: Final = 100
@@ -26,9 +26,9 @@ _KEY: Final = "place"
 
 
 class XacroError(Exception):
-    """A xacro file that does not expand, and where its author has to change something.
+    """A problem in a xacro file, with its place.
 
-    `rule` is bad-xml, bad-xacro, unknown-argument, missing-include, or one of PackageError's.
+    `rule` is bad-xml, bad-xacro, unknown-argument, missing-include, or a rule of PackageError.
     """
 
     def __init__(self, rule: str, message: str, location: Location) -> None:
@@ -43,13 +43,13 @@ class XacroError(Exception):
 
 
 def unknown_argument(name: str, declared: set[str], path: Path) -> XacroError:
-    """What is said of one of `robot.args` that the files do not know."""
-    message = f"robot.args: no <xacro:arg> is named '{name}'{did_you_mean(name, declared)}"
+    """Return the error for a name in `robot.args` that no file declares."""
+    message = f"robot.args: no <xacro:arg> has the name '{name}'{did_you_mean(name, declared)}"
     return XacroError("unknown-argument", message, Location(str(path)))
 
 
 def place_of(node: object) -> Location | None:
-    """Where a node, or else what it is in, was written."""
+    """Return the place of a node, or of its nearest parent with a place."""
     while isinstance(node, Node):
         place = node.getUserData(_KEY)
         if isinstance(place, Location):
@@ -59,25 +59,25 @@ def place_of(node: object) -> Location | None:
 
 
 class XacroDocuments:
-    """Reads the files of one expansion, and bounds how many they are and how much macros make of them."""
+    """Reads the files of one expansion. Bounds their number, and the number of elements that macros create."""
 
     def __init__(self) -> None:
         self.declared: set[str] = set()
-        """Names of all <xacro:arg>, also of those that no evaluation came by."""
+        """The names of all <xacro:arg>, also in parts that were not evaluated."""
         self._files = 0
         self._copies = 0
 
     def read(self, path: Path) -> Document:
-        """Parses a file. Raises XacroError for what is in it, and OSError if it cannot be read."""
+        """Parse a file. Raises XacroError for its content, and OSError if it cannot be read."""
         where = Location(str(path))
         self._files += 1
         if self._files > _MAX_FILES:
-            raise XacroError("bad-xacro", f"more than {_MAX_FILES} files were included", where)
+            raise XacroError("bad-xacro", f"more than {_MAX_FILES} files are included", where)
         data = read_bytes(path)
         try:
             document = _Builder(path, self).parseString(data)
         except expat.ExpatError as error:
-            raise XacroError("bad-xml", explained(error, data), Location(str(path), error.lineno)) from None
+            raise XacroError("bad-xml", explain_xml_error(error, data), Location(str(path), error.lineno)) from None
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
             raise XacroError("bad-xml", f"{error}; save the file as UTF-8", Location(str(path), 1)) from None
         arguments = document.getElementsByTagName("xacro:arg")
@@ -85,25 +85,25 @@ class XacroDocuments:
         return document
 
     def handle(self, _operation: int, key: str, data: Location, _source: Node, copy: Node | None) -> None:
-        """What a copied element calls: the copy was written where it was."""
+        """Copy the place to a copied element; DOM calls this method."""
         self._copies += 1
         if self._copies > _MAX_COPIES:
-            raise XacroError("bad-xacro", f"macros make more than {_MAX_COPIES:,} elements of this model", data)
+            raise XacroError("bad-xacro", f"macros create more than {_MAX_COPIES:,} elements", data)
         if copy is not None:
             copy.setUserData(key, data, self)
 
 
 def read_bytes(path: Path) -> bytes:
-    """A file's content. Raises OSError, and XacroError if it is too large."""
+    """Return the content of a file. Raises OSError, and XacroError if it is too large."""
     if (data := read_at_most(path, _MAX_BYTES)) is None:
         raise XacroError(
-            "bad-xacro", f"a file of more than {_MAX_BYTES // 1_000_000} MB is not read", Location(str(path))
+            "bad-xacro", f"the file is too large: at most {_MAX_BYTES // 1_000_000} MB are allowed", Location(str(path))
         )
     return data
 
 
 class _Builder(ExpatBuilderNS):
-    """What minidom itself parses with, and xacro through it."""
+    """The parser of minidom, which xacro uses, extended by places and a limit on depth."""
 
     def __init__(self, path: Path, documents: XacroDocuments) -> None:
         super().__init__()

@@ -1,7 +1,7 @@
-"""What xacro raises -> what the author of a file has to change, and the way by macros and includes that led there.
+"""Turn exceptions of xacro into messages with a place, and the macros and includes that led there.
 
-xacro's exceptions say what, but not where. Its frames do: those that work on an element hold it as `node` or `elt`.
-Where a later xacro names them otherwise, the message stays and the line is lost.
+xacro's exceptions have no place. The stack frames of xacro have one: they hold the current element as `node` or `elt`.
+If a later version of xacro renames these variables, the message stays and the line is lost.
 """
 
 from __future__ import annotations
@@ -22,14 +22,17 @@ from sim_action.robot.xacro_documents import XacroError, place_of
 from sim_action.robot.xml_document import shown_place
 
 _STEPS_SHOWN: Final = 4
-_LIKENESS: Final = 0.8  # all of `math` can be seen: less, and 'foo' may mean 'floor'
+_LIKENESS: Final = 0.8  # all names of `math` are candidates: with a lower value, 'foo' would match 'floor'
 _UNDEFINED_ARGUMENT: Final = "ArgException"
 _UNKNOWN_MACRO: Final = "unknown macro name: xacro:"
 _IN_PLAIN_WORDS: Final = ("XacroException", "RuntimeError", "SubstitutionException")
 
 
-def explained(error: BaseException, path: Path) -> XacroError:
-    """The error as its reader needs it; `path`: the file that was to be expanded."""
+def explain_xacro_error(error: BaseException, path: Path) -> XacroError:
+    """Return an error with a message, a rule and a place.
+
+    :param path: the file that xacro was expanding.
+    """
     trail = _trail(error)
     cause = _cause(error)
     place = cause.location if isinstance(cause, XacroError) else trail[-1].place if trail else Location(str(path))
@@ -39,7 +42,7 @@ def explained(error: BaseException, path: Path) -> XacroError:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A frame of xacro's that worked on an element."""
+    """A stack frame of xacro that was working on an element."""
 
     frame: FrameType
     node: Node
@@ -47,7 +50,7 @@ class _Step:
 
 
 def _trail(error: BaseException) -> list[_Step]:
-    """The outermost first."""
+    """Return the frames of xacro that worked on elements, the outermost first."""
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     of_xacro = (frame for frame in frames if str(frame.f_globals.get("__name__")).startswith("xacro"))
     return [step for frame in of_xacro if (step := _step(frame))]
@@ -60,15 +63,15 @@ def _step(frame: FrameType) -> _Step | None:
 
 
 def _cause(error: BaseException) -> BaseException:
-    """What a chain of xacro's exceptions began with."""
+    """Return the first exception of a chain of xacro's exceptions."""
     while isinstance(inner := getattr(error, "exc", None), Exception):
         error = inner
     return error
 
 
 def _way(trail: list[_Step], end: Location) -> str:
-    """Such as ", in macro 'wheel' called at robot.xacro:12, included at robot.urdf.xacro:3": the innermost first."""
-    # The error's own place needs no second mention; macros that call each other come by the same ones again and again.
+    """Return a text such as ", in macro 'wheel' called at robot.xacro:12, included at robot.urdf.xacro:3"."""
+    # The place of the error itself is already known. Recursive macros repeat the same steps.
     outer = trail[:-1] if trail and trail[-1].place == end else trail
     said = list(dict.fromkeys(filter(None, map(_said, reversed(outer)))))
     more = len(said) - _STEPS_SHOWN
@@ -95,14 +98,14 @@ def _rule(cause: BaseException) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Explanation:
-    """One error while it is put into words."""
+    """One error, with all that its message is made from."""
 
     error: BaseException
     cause: BaseException
     trail: list[_Step]
 
     def message(self) -> str:
-        """What was found, and what to change."""
+        """Return the message: the cause and the next step."""
         match self.cause:
             case XacroError(message=message):
                 return message
@@ -111,18 +114,18 @@ class _Explanation:
             case NameError(name=str(name)):
                 return f"property '{name}' is not defined{self._near(name, 'symbols')}{self._expression()}"
             case RecursionError():
-                return "macros call each other without end, or too deep; one that calls itself needs an <xacro:if>"
+                return "macros call each other without end, or too deeply; end a recursive macro with an <xacro:if>"
             case MemoryError():
-                return "there is not enough memory for what its macros make"
+                return "out of memory: the macros create too many elements"
         return self._of_xacro()
 
     def _of_xacro(self) -> str:
-        """In xacro's own words, which are meant for people, or in Python's with the kind of error."""
+        """Return xacro's own message if it is written for users, else Python's message with the type of the error."""
         cause = self.cause
         text, kind = cause.msg if isinstance(cause, SyntaxError) else str(cause), type(cause).__name__
         if text.startswith(_UNKNOWN_MACRO):
             name = text.removeprefix(_UNKNOWN_MACRO)
-            return f"there is no macro '{name}'{self._near(name, 'macros')}; it may be in a file that is not included"
+            return f"unknown macro '{name}'{self._near(name, 'macros')}; check that its file is included"
         if kind == _UNDEFINED_ARGUMENT:
             return _undefined_argument(text)
         called = "".join(f"macro '{macro.body.getAttribute('name')}': " for macro in getattr(self.error, "macros", ()))
@@ -133,7 +136,7 @@ class _Explanation:
         return f", {suffix.strip()}" if isinstance(suffix, str) else ""
 
     def _near(self, name: str, table: str) -> str:
-        """The nearest of the names that could be seen from there."""
+        """Return a hint with the nearest name in scope."""
         if not self.trail:
             return ""
         known = list(islice(_names(self.trail[-1].frame.f_locals.get(table)), 10_000))
@@ -142,7 +145,7 @@ class _Explanation:
 
 
 def _names(table: object) -> Iterator[str]:
-    """The names of a scope and of those around it; a block's has a * or two before it."""
+    """Yield the names in a scope and in its parents; names of blocks start with one or two *, which are removed."""
     while isinstance(table, dict):
         yield from (str(name).lstrip("*") for name in table)
         table = getattr(table, "parent", None)
@@ -150,4 +153,4 @@ def _names(table: object) -> Iterator[str]:
 
 def _undefined_argument(name: str) -> str:
     declaration = f'<xacro:arg name="{name}" default="..."/>'
-    return f"argument '{name}' has no value: give it one in robot.args, or declare it before its use with {declaration}"
+    return f"argument '{name}' has no value: set it in robot.args, or declare it before its use with {declaration}"

@@ -1,11 +1,12 @@
-"""xacro -> URDF by the package `xacro`, without ROS. A xacro file is code: `expand` runs in a scenario's child only.
+"""Expand xacro to URDF with the package `xacro`, without ROS.
 
-xacro is left as it is but for four things, for as long as one expansion lasts:
-- `xacro.parse`, which reads what is included: ours keeps to the workspace, and each element's line;
-- `open` in the module xacro, with which `load_yaml` reads: ours keeps to the workspace;
-- `ament_index_python.packages`, which xacro imports for `$(find package)`: ours asks `Packages`;
-- `os.environ` as `xacro.substitution_args` sees it.
-The tests expand files that need each of them: a xacro that works otherwise fails there, before it is released.
+A xacro file is code: `expand` runs only in the child process of a scenario. During an expansion, four parts of xacro
+are replaced:
+- `xacro.parse`, which reads included files: our version stays in the workspace and records the line of each element;
+- `open` in the module xacro, which `load_yaml` uses: our version stays in the workspace;
+- `ament_index_python.packages`, which xacro imports for `$(find package)`: our version asks `Packages`;
+- `os.environ` in `xacro.substitution_args`.
+The tests need each of them, so they fail if a new version of xacro works differently.
 """
 
 from __future__ import annotations
@@ -27,26 +28,26 @@ from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of, read_bytes, unknown_argument
-from sim_action.robot.xacro_errors import explained
+from sim_action.robot.xacro_errors import explain_xacro_error
 from sim_action.robot.xml_document import ModelDocument, shown_file, shown_place
 
 Argument = str | bool | int | float
 
-_MAX_OUTPUT: Final = 20_000_000
-_MAX_CHATTER: Final = 20_000
+_MAX_OUTPUT_CHARS: Final = 20_000_000
+_MAX_WARNINGS_CHARS: Final = 20_000
 _MAX_NESTING: Final = 10
-# How xacro's lines go on that say where the line before them came from.
+# Beginnings of lines in which xacro prints the place of the warning in the line before.
 _LOCATION_LINES: Final = ("when ", "in file:", "included from:", "instantiated from:")
 
 
 @dataclass(frozen=True, slots=True)
 class Expansion:
-    """What became of a xacro file.
+    """The result of expanding a xacro file.
 
     Attributes:
         text: the URDF.
-        places: where each of its elements was written, in the order in which they begin.
-        notes: what xacro warned of, one line each.
+        places: the place of each of its elements, in document order.
+        notes: the warnings of xacro, one line each.
     """
 
     text: str
@@ -73,12 +74,12 @@ def read_xacro(
 
 
 def expand(path: Path, arguments: Mapping[str, Argument], packages: Packages) -> Expansion:
-    """Evaluates a xacro file with the environment of `packages`. Raises XacroError."""
+    """Evaluate a xacro file with the environment of `packages`. Raises XacroError."""
     return _Expander(path, _Arguments(arguments), packages).expansion()
 
 
 class _Arguments(dict[str, str]):
-    """The arguments as xacro has them, as text; it adds the defaults of those that nobody gave."""
+    """The arguments as text, as xacro needs them; xacro adds the defaults of missing arguments."""
 
     def __init__(self, given: Mapping[str, Argument]) -> None:
         super().__init__({name: _as_text(value) for name, value in given.items()})
@@ -94,10 +95,10 @@ def _as_text(value: Argument) -> str:
 
 
 class _Expander:
-    """One file while it is expanded."""
+    """The expansion of one file."""
 
     def __init__(self, path: Path, arguments: _Arguments, packages: Packages) -> None:
-        # Not before it is needed: this is the scenario's child, and most scenarios have no xacro.
+        # Imported here because most scenarios have no xacro.
         import xacro
         import xacro.substitution_args
 
@@ -109,17 +110,17 @@ class _Expander:
         self._warnings: dict[str, None] = {}
 
     def expansion(self) -> Expansion:
-        chatter = _Bounded(_MAX_CHATTER)
-        with self._standing_in(), redirect_stdout(chatter), redirect_stderr(chatter):
+        printed = _Bounded(_MAX_WARNINGS_CHARS)
+        with self._standing_in(), redirect_stdout(printed), redirect_stderr(printed):
             try:
                 document = self._processed()
                 self._check_arguments()
                 text = _written(document, self._path)
             except (Exception, SystemExit) as error:  # noqa: BLE001 - expressions raise anything
-                raise explained(error, self._path) from None
+                raise explain_xacro_error(error, self._path) from None
         elements = document.getElementsByTagName("*")
         places = tuple(place_of(element) or Location(str(self._path)) for element in elements)
-        return Expansion(text, places, (*self._warnings, *_as_notes(chatter.getvalue())))
+        return Expansion(text, places, (*self._warnings, *_warnings(printed.getvalue())))
 
     def _processed(self) -> Document:
         self._xacro.init_stacks(str(self._path))
@@ -131,7 +132,7 @@ class _Expander:
         if unknown := sorted(self._arguments.unused - self._documents.declared):
             raise unknown_argument(unknown[0], self._documents.declared, self._path)
 
-    # --- what stands in for xacro's own ---
+    # --- replacements for parts of xacro ---
 
     @contextmanager
     def _standing_in(self) -> Iterator[None]:
@@ -153,11 +154,11 @@ class _Expander:
         return str(found.path)
 
     def _parse(self, _text: None, filename: str) -> Document:
-        """As xacro's: a file that is not there is off the stack of files when this raises."""
+        """Parse an included file, as xacro.parse does: a missing file is removed from the stack of files."""
         stack: list[str] = self._xacro.filestack
         if stack.count(filename) > _MAX_NESTING:
             circle = " -> ".join(Path(name).name for name in _circle(stack))
-            raise self._xacro.XacroException(f"files include each other without end: {circle}")
+            raise self._xacro.XacroException(f"files include each other in a loop: {circle}")
         try:
             return self._documents.read(self._admitted(filename, included_by=Path(stack[-2])))
         except OSError as error:
@@ -169,13 +170,15 @@ class _Expander:
         try:
             return io.StringIO(read_bytes(path).decode("utf-8-sig"))
         except UnicodeDecodeError:
-            raise XacroError("bad-xacro", "not UTF-8 text; save the file as UTF-8", Location(filename)) from None
+            raise XacroError("bad-xacro", "the file is not UTF-8 text; save it as UTF-8", Location(filename)) from None
 
     def _admitted(self, filename: str, *, included_by: Path) -> Path:
-        """Raises OSError for what is not there, so that an include may be optional."""
+        """Return the path of a file that may be read. Raises OSError if it is missing: an include may be optional."""
         stated = filename.removeprefix(f"{included_by.parent}/")
         if "://" in stated:
-            raise self._xacro.XacroException(f"'{stated}': in xacro, a package's file is $(find name)/path/of/the/file")
+            raise self._xacro.XacroException(
+                f"'{stated}': in xacro, write $(find name)/path/of/the/file for a file of a package"
+            )
         try:
             return self._packages.file(Path(filename), stated)
         except PackageError as error:
@@ -202,7 +205,7 @@ def _replaced(names: dict[str, Any], name: str, value: object) -> Iterator[None]
 
 
 class _Bounded(io.StringIO):
-    """Keeps the beginning of what is written."""
+    """A text buffer that keeps the first `size` characters."""
 
     def __init__(self, size: int) -> None:
         super().__init__()
@@ -216,23 +219,25 @@ class _Bounded(io.StringIO):
 
 def _written(document: Document, path: Path) -> str:
     root = document.documentElement
-    assert root is not None  # xacro changes what is in it, and never removes it
-    file = _Bounded(_MAX_OUTPUT)
+    assert root is not None  # xacro changes the root element, but never removes it
+    file = _Bounded(_MAX_OUTPUT_CHARS)
     root.writexml(file, "", "  ", "\n")
     if file.left < 0:
-        raise XacroError("bad-xacro", f"expands to more than {_MAX_OUTPUT // 1_000_000} MB", Location(str(path)))
+        raise XacroError(
+            "bad-xacro", f"the file expands to more than {_MAX_OUTPUT_CHARS // 1_000_000} MB", Location(str(path))
+        )
     return file.getvalue()
 
 
 def _circle(stack: list[str]) -> list[str]:
-    """From one time that a file is included to the next."""
+    """Return the files from the previous inclusion of the last file to the last one."""
     before = len(stack) - 2 - stack[-2::-1].index(stack[-1])
     return stack[before:]
 
 
-def _as_notes(chatter: str) -> list[str]:
+def _warnings(printed: str) -> list[str]:
     notes: list[str] = []
-    for line in filter(None, map(str.strip, chatter.splitlines())):
+    for line in filter(None, map(str.strip, printed.splitlines())):
         if notes and line.startswith(_LOCATION_LINES):
             notes[-1] += f", {line}"
         else:

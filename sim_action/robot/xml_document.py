@@ -1,4 +1,7 @@
-"""XML of a model with the place of each element, read from bytes that may be a stranger's."""
+"""Read the XML of a model, with the file and line of each element, and explain XML errors.
+
+The input is not trusted: its size, depth and number of elements are bounded, and a DOCTYPE is refused.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +22,48 @@ from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.robot_model import Finding
 
 MAX_BYTES: Final = 20_000_000
-"""Of a model, with all the files that it is made of."""
+"""The largest size of a model, all its files together."""
 
 _MAX_DEPTH: Final = 100
-# A model of as many links as the engine takes has 300 for each. Read in the caller's process, each takes 300 bytes.
+# With the largest number of links that the engine supports, this is 300 elements per link. Each takes 300 bytes.
 MAX_ELEMENTS: Final = 50_000
-"""Of a model, with all that it includes."""
+"""The largest number of elements of a model, all included files together."""
 
 _MAX_ATTRIBUTES: Final = 500_000
+
+_CODES: Final = expat.errors.codes
+
+_MISPLACED: Final = _CODES[expat.errors.XML_ERROR_MISPLACED_XML_PI]
+
+_MISMATCHED: Final = _CODES[expat.errors.XML_ERROR_TAG_MISMATCH]
+
+_NO_TEXT_OF_XML: Final = _CODES[expat.errors.XML_ERROR_SYNTAX]
+
+_NO_CHARACTER: Final = _CODES[expat.errors.XML_ERROR_INVALID_TOKEN]
+
+_NO_ENTITY: Final = _CODES[expat.errors.XML_ERROR_UNDEFINED_ENTITY]
+
+_UNBOUND: Final = _CODES[expat.errors.XML_ERROR_UNBOUND_PREFIX]
+
+# An image or an archive has a NUL within this many bytes.
+_HEAD: Final = 64
+
+_MAX_SHOWN_CHARS: Final = 60
+
+_REFERENCE: Final = re.compile(rb"&[^;&<>]{0,40}.$")
+
+_CLOSING: Final = re.compile(rb"</([^\s>]*)")
 
 
 @dataclass(frozen=True, eq=False)
 class ModelDocument:
-    """A parsed file.
+    """A parsed file, or a document that was generated.
 
     Attributes:
-        root: of all elements.
-        places: where each element was written.
-        files: the file from which relative paths of an element start, where that is not the model's own.
-        size: of the file, in bytes; 0 for what was made here.
+        root: the root element.
+        places: the file and line of each element.
+        files: for elements whose relative paths do not start from the model's own file: the file that they start from.
+        size: size of the file in bytes; 0 for a generated document.
     """
 
     root: Element
@@ -46,28 +72,28 @@ class ModelDocument:
     size: int = 0
 
     def finding(self, rule: str, element: Element, message: str) -> Finding:
-        """A finding at an element."""
+        """Return a finding at an element."""
         return finding(rule, message, self.places[element])
 
     def elements(self, *paths: str) -> Iterator[Element]:
-        """All elements at paths below the root, in the order of the paths."""
+        """Yield all elements at the paths below the root, in the order of the paths."""
         for path in paths:
             yield from self.root.findall(path)
 
 
 def read_document(path: Path) -> ModelDocument:
-    """Reads and parses a file. Raises ModelError."""
+    """Read and parse a file. Raises ModelError."""
     file = shown_file(path)
     return _Parser(file).parse(_bytes(path, Location(file)))
 
 
 def shown_file(path: Path) -> str:
-    """How reports call a file: as people name it, seen from the current folder."""
+    """Return the name of a file for reports: relative to the current folder if it lies below it."""
     return file_name(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def shown_place(place: Location) -> Location:
-    """How reports call a place in a file, likewise."""
+    """Return a place with the name of its file as in `shown_file`."""
     return Location(shown_file(Path(place.file)), place.line, place.column)
 
 
@@ -77,12 +103,12 @@ def _bytes(path: Path, where: Location) -> bytes:
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}", where) from None
     if data is None:
-        raise ModelError(f"a model of more than {MAX_BYTES // 1_000_000} MB is not read", where)
+        raise ModelError(f"the file is too large: a model may have at most {MAX_BYTES // 1_000_000} MB", where)
     return data
 
 
 class _Parser:
-    """One file while it is parsed: elements, and the place of each."""
+    """The state of parsing one file."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -94,13 +120,13 @@ class _Parser:
         self._depth = 0
 
     def parse(self, data: bytes) -> ModelDocument:
-        if data.count(b"=") > _MAX_ATTRIBUTES:  # all those of an element are in memory before it is seen
+        if data.count(b"=") > _MAX_ATTRIBUTES:  # expat holds all attributes of an element in memory before it calls us
             self._refuse(f"more than {_MAX_ATTRIBUTES:,} attributes", 1)
         try:
             self._expat.Parse(data, True)
             return ModelDocument(self._builder.close(), self._places, size=len(data))
         except expat.ExpatError as error:
-            self._refuse(explained(error, data), error.lineno)
+            self._refuse(explain_xml_error(error, data), error.lineno)
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
             self._refuse(f"{error}; save the model as UTF-8", 1)
         raise AssertionError("unreachable")
@@ -125,52 +151,37 @@ class _Parser:
         refuse_errors([finding("bad-xml", message, Location(self._file, line))])
 
 
-_CODES: Final = expat.errors.codes
-_MISPLACED: Final = _CODES[expat.errors.XML_ERROR_MISPLACED_XML_PI]
-_MISMATCHED: Final = _CODES[expat.errors.XML_ERROR_TAG_MISMATCH]
-_NO_TEXT_OF_XML: Final = _CODES[expat.errors.XML_ERROR_SYNTAX]
-_NO_CHARACTER: Final = _CODES[expat.errors.XML_ERROR_INVALID_TOKEN]
-_NO_ENTITY: Final = _CODES[expat.errors.XML_ERROR_UNDEFINED_ENTITY]
-_UNBOUND: Final = _CODES[expat.errors.XML_ERROR_UNBOUND_PREFIX]
-
-# Of bytes in which an image or an archive has a zero.
-_HEAD: Final = 64
-_LONGEST_SHOWN: Final = 60
-_REFERENCE: Final = re.compile(rb"&[^;&<>]{0,40}.$")
-_CLOSING: Final = re.compile(rb"</([^\s>]*)")
-
-
-def explained(error: expat.ExpatError, data: bytes) -> str:
-    """What the parser says of a whole file, and what to do; also of what other tools let pass."""
+def explain_xml_error(error: expat.ExpatError, data: bytes) -> str:
+    """Return a message with the cause of a parser error, and the next step."""
     return f"not well-formed XML: {_trouble(error, data)}"
 
 
 def _trouble(error: expat.ExpatError, data: bytes) -> str:
     said, line, code = expat.errors.messages[error.code], _line(error, data), error.code
     if code == _MISPLACED:
-        return "something stands before <?xml ...?>, which must be the first in a file; remove either"
+        return "there is text before <?xml ...?>, which must come first in the file; remove the text or <?xml ...?>"
     if error.lineno == 1 and b"\0" in data[:_HEAD]:
-        return f"{said}; it does not even begin as text: is this a model?"
+        return f"{said}; the file is not text: is it a model?"
     if line[error.offset : error.offset + 1] == b"\0":
         return "a NUL character; remove it"
     if code == _MISMATCHED:
         return f"{said}{_unclosed(error, data, line)}"
     if code == _UNBOUND:
         example = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
-        return f"{said}; a prefix is declared in the first element, as in {example}"
+        return f"{said}; declare the prefix in the root element, as in {example}"
     return f"{said}{_hint(code, line[: error.offset + 1])}"
 
 
 def _hint(code: int, line: bytes) -> str:
-    """`line`: up to where the error is."""
+    """Return the next step; `line` ends at the error."""
     if code == _NO_TEXT_OF_XML:
-        return "; a model is a .urdf, .xacro or .sdf file, or an .xml file of MuJoCo's"
+        return "; a model is a .urdf, .xacro or .sdf file, or an .xml file for MuJoCo"
     last = line[-1:]
     if code == _NO_CHARACTER and last > b"\x7f":
-        return f"; the byte 0x{last.hex()} is not UTF-8 text: save the file as UTF-8"
+        return f"; the byte 0x{last.hex()} is not UTF-8: save the file as UTF-8"
     if code == _NO_ENTITY or (code == _NO_CHARACTER and _REFERENCE.search(line)):
-        return "; a & that stands for itself is written &amp;"
-    return "; a < that stands for itself is written &lt;" if code == _NO_CHARACTER and b"<" in line[-2:] else ""
+        return "; write a literal & as &amp;"
+    return "; write a literal < as &lt;" if code == _NO_CHARACTER and b"<" in line[-2:] else ""
 
 
 def _line(error: expat.ExpatError, data: bytes) -> bytes:
@@ -179,21 +190,22 @@ def _line(error: expat.ExpatError, data: bytes) -> bytes:
 
 
 def _unclosed(error: expat.ExpatError, data: bytes, line: bytes) -> str:
-    """Which end there is, and which one is due."""
+    """Return the end tag that was found, and the one that was expected."""
     found = next((end for end in _CLOSING.finditer(line) if end.end() >= error.offset), None)
     opened = _open_elements(data)
     if found is None or not opened:
         return ""
     name, begun = opened[-1]
-    return f": </{_shown(found[1].decode(errors='replace'))}> where the <{_shown(name)}> of line {begun} is to end"
+    end = _shown(found[1].decode(errors="replace"))
+    return f": found </{end}>, expected the end of <{_shown(name)}> from line {begun}"
 
 
 def _shown(name: str) -> str:
-    return name if len(name) <= _LONGEST_SHOWN else f"{name[:_LONGEST_SHOWN]}..."
+    return name if len(name) <= _MAX_SHOWN_CHARS else f"{name[:_MAX_SHOWN_CHARS]}..."
 
 
 def _open_elements(data: bytes) -> list[tuple[str, int]]:
-    """What is open where a parser stops: names, and lines on which they begin."""
+    """Return the elements that are open where the parser stops: their names and first lines."""
     parser, opened = expat.ParserCreate(), list[tuple[str, int]]()
     parser.StartElementHandler = lambda name, _: opened.append((name, parser.CurrentLineNumber))
     parser.EndElementHandler = lambda _: opened.pop()

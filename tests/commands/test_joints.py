@@ -251,8 +251,8 @@ def test_before_0_positions_are_held_and_velocities_braked_whatever_the_points_s
     ("data", "message"),
     [
         ({"joints": ()}, "at least 1 item"),
-        ({"joints": ({"at": 1},)}, "a point names at least one joint"),
-        ({"joints": ({"at": 1, "position": {}},)}, "a point names at least one joint"),
+        ({"joints": ({"at": 1},)}, "a point must name at least one joint"),
+        ({"joints": ({"at": 1, "position": {}},)}, "a point must name at least one joint"),
         ({"joints": ({"position": {"a": 1}},)}, "Field required"),
         ({"joints": ({"at": -1, "position": {"a": 1}},)}, "greater than or equal to 0"),
         ({"joints": ({"at": 1, "position": {"a": "1 rad/s"}},)}, "'rad/s' is not a unit of angle or length"),
@@ -284,7 +284,7 @@ WRONG = {
     "fixed": ("[{at: 1, effort: {wrist: 1}}]", "0.effort.wrist: the model has no moving joint 'wrist'"),
     "follows": (
         "[{at: 1, position: {right_finger_joint: 1 mm}}]",
-        "0.position.right_finger_joint: joint 'right_finger_joint' cannot be told where to go: it mimics 'left_",
+        "0.position.right_finger_joint: joint 'right_finger_joint' cannot be commanded: it mimics 'left_",
     ),
     "beyond": (
         "[{at: 9, position: {elbow: 2.5}}]",
@@ -308,7 +308,7 @@ WRONG = {
     ),
     "short": (
         "[{at: 1, position: {elbow: -1}}, {at: 1.5, position: {elbow: 1}}]",
-        "1.position.elbow: too little time from 1 s to here: 229.2 deg/s is more than the joint's velocity limit, 171.",
+        "1.position.elbow: the time since 1 s is too short: 229.2 deg/s is more than the joint's velocity limit, 171.",
     ),
     "not in order": (
         "[{at: 1, position: {elbow: 1}}, {at: 1, position: {elbow: -1}}]",
@@ -316,7 +316,7 @@ WRONG = {
     ),
     "two kinds": (
         "[{at: 1, position: {elbow: 1}}, {at: 2, velocity: {elbow: 1}}, {at: 3, effort: {elbow: 1}}]",
-        "1.velocity.elbow: joint 'elbow' is given a position as well, at 1 s; a joint is moved by position, by",
+        "1.velocity.elbow: joint 'elbow' also has a position target, at 1 s; use only one of position, velocity",
     ),
 }
 
@@ -332,14 +332,14 @@ def test_the_first_way_begins_where_the_joint_does(tmp_path: Path) -> None:
     points = "[{at: 1, position: {elbow: 2}}]"
     assert load(tmp_path, scenario(tmp_path, points))
     (found,) = told(tmp_path, scenario(tmp_path, points, robot=", joints: {elbow: -2}"))
-    assert "too little time from 0 s to here" in found
+    assert "the time since 0 s is too short" in found
 
 
 def test_minimum_jerk_needs_more_time_and_a_step_none(tmp_path: Path) -> None:
     points = "[{at: 1, position: {elbow: 2}}]"
     assert load(tmp_path, scenario(tmp_path, points, "  interpolation: linear\n"))
     (found,) = told(tmp_path, scenario(tmp_path, points, "  interpolation: minimum_jerk\n"))
-    assert "214.9 deg/s is more than the joint's velocity limit, 171.9 deg/s; it takes 1.25 s" in found
+    assert "214.9 deg/s is more than the joint's velocity limit, 171.9 deg/s; allow 1.25 s" in found
     points = "[{at: 0.01, position: {elbow: 2}}]"
     assert load(tmp_path, scenario(tmp_path, points, "  interpolation: hold\n"))
 
@@ -356,7 +356,7 @@ def test_a_joint_that_hardly_moves_takes_days(tmp_path: Path) -> None:
     arm = (tmp_path / "arm.urdf").read_text()
     (tmp_path / "arm.urdf").write_text(arm.replace('velocity="3"', 'velocity="1e-320"'))
     (found,) = told(tmp_path, text)
-    assert found.endswith("; it takes days")
+    assert found.endswith("; the joint would need days")
 
 
 def test_a_joint_may_begin_with_a_step(tmp_path: Path) -> None:

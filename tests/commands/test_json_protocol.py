@@ -16,7 +16,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim_action.commands.json_protocol import AnswerError, answer_of, observation_json, robot_json
+from sim_action.commands.json_protocol import AnswerError, observation_json, parse_answer, robot_json
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.geometry import Pose, Twist
 from sim_action.state.command import JointTargets, commands_of, is_finite
@@ -171,7 +171,7 @@ MANY = '"{}":1'
     ],
 )
 def test_what_an_answer_means(line: bytes, command: object) -> None:
-    assert answer_of(line) == command
+    assert parse_answer(line) == command
 
 
 @pytest.mark.parametrize(
@@ -187,18 +187,18 @@ def test_what_an_answer_means(line: bytes, command: object) -> None:
         (b"[1, 2]", "it is a list of 2; expected an object"),
         (b'"forward"', "it is 'forward'; expected an object"),
         (b"true", "it is true; expected an object"),
-        (b'{"twits": {}}', "it has the unknown key 'twits'; did you mean 'twist'?"),
-        (b'{"twist": {"liner": 1}}', "'twist' has the unknown key 'liner'; did you mean 'linear'?"),
+        (b'{"twits": {}}', "it contains the unknown key 'twits'; did you mean 'twist'?"),
+        (b'{"twist": {"liner": 1}}', "'twist' contains the unknown key 'liner'; did you mean 'linear'?"),
         (
             b'{"twist": {}, "x": 1}',
-            "it has the unknown key 'x' (allowed: effort, max_effort, position, twist, velocity)",
+            "it contains the unknown key 'x' (allowed: effort, max_effort, position, twist, velocity)",
         ),
-        (b'{"twist": {"linear": 1, "linear": 2}}', "has the key 'linear' twice"),
-        (b'{"a": 1, "b": 1, "b": 1, "a": 1}', "has the key 'b' twice"),
+        (b'{"twist": {"linear": 1, "linear": 2}}', "contains the key 'linear' twice"),
+        (b'{"a": 1, "b": 1, "b": 1, "a": 1}', "contains the key 'b' twice"),
         # As many keys as a line may have: to compare each with all others would take minutes.
         (
             f"{{{','.join(map(MANY.format, range(90_000)))},{MANY.format(89_999)}}}".encode(),
-            "has the key '89999' twice",
+            "contains the key '89999' twice",
         ),
         (b'{"twist": 1}', "'twist' is 1; expected an object of numbers by name"),
         (b'{"twist": null}', "'twist' is null; expected an object of numbers by name"),
@@ -207,16 +207,16 @@ def test_what_an_answer_means(line: bytes, command: object) -> None:
         (b'{"position": {"a": true}}', "'position.a' is true; expected a number"),
         (b'{"position": {"a": null}}', "'position.a' is null; expected a number"),
         (b'{"position": {"a": {}}}', "'position.a' is an object; expected a number"),
-        (b'{"twist": {"linear": NaN}}', "has NaN, which is no number that a motor can be given"),
-        (b'{"twist": {"linear": -Infinity}}', "has -Infinity, which is no number"),
-        (b'{"twist": {"linear": 1e999}}', "'twist.linear' is too large a number"),
-        (b'{"twist": {"linear": 1' + b"0" * 400 + b"}}", "'twist.linear' is too large a number"),
+        (b'{"twist": {"linear": NaN}}', "contains NaN, which is neither JSON nor a valid target"),
+        (b'{"twist": {"linear": -Infinity}}', "contains -Infinity, which is neither JSON nor"),
+        (b'{"twist": {"linear": 1e999}}', "'twist.linear' is too large"),
+        (b'{"twist": {"linear": 1' + b"0" * 400 + b"}}", "'twist.linear' is too large"),
         (b'{"twist": {"linear": 1' + b"0" * 5000 + b"}}", "cannot be read: "),
     ],
 )
 def test_why_an_answer_is_none(line: bytes, why: str) -> None:
     with pytest.raises(AnswerError) as raised:
-        answer_of(line)
+        parse_answer(line)
     assert why in str(raised.value)
 
 
@@ -230,7 +230,7 @@ json_values = st.recursive(
 @example(b'{"twist": {"linear": 1e308}}')
 def test_whatever_is_answered_is_a_command_or_an_error(line: bytes) -> None:
     try:
-        answer = answer_of(line)
+        answer = parse_answer(line)
     except AnswerError:
         return
     assert all(is_finite(command) for command in commands_of(answer))
@@ -242,13 +242,13 @@ numbers = st.floats(allow_nan=False, allow_infinity=False)
 @given(st.dictionaries(st.text(), numbers), st.dictionaries(st.text(), numbers))
 def test_targets_come_through_as_they_are(position: dict[str, float], effort: dict[str, float]) -> None:
     line = json.dumps({"position": position, "effort": effort}).encode()
-    assert answer_of(line) == JointTargets(position=position, effort=effort)
+    assert parse_answer(line) == JointTargets(position=position, effort=effort)
 
 
 @given(numbers, numbers, numbers)
 def test_twists_come_through_as_they_are(linear: float, angular: float, lateral: float) -> None:
     speeds: dict[str, Any] = {"linear": linear, "angular": angular, "lateral": lateral}
-    command = answer_of(json.dumps({"twist": speeds}).encode())
+    command = parse_answer(json.dumps({"twist": speeds}).encode())
     assert command == Twist.planar(linear, angular, lateral=lateral)
     assert isinstance(command, Twist)
     assert math.copysign(1, command.linear_xyz[0]) == math.copysign(1, linear)

@@ -13,37 +13,37 @@ from typing import Final
 
 import pytest
 
-from sim_action.commands.line_protocol import MOST_BYTES, Lockstep, Patience
+from sim_action.commands.line_protocol import MAX_LINE_BYTES, AnswerLimit, LineProcess
 from sim_action.core.errors import ScriptError
 
 pytestmark = pytest.mark.process
 
-PATIENCE: Final = Patience(30.0, "answer_within")
-SHORT: Final = Patience(0.3, "answer_within")
+PATIENCE: Final = AnswerLimit(30.0, "answer_within")
+SHORT: Final = AnswerLimit(0.3, "answer_within")
 
 ECHO: Final = "for line in sys.stdin: print(line.strip().upper(), flush=True)"
 
 
 @contextmanager
-def running(program: str, folder: Path) -> Iterator[Lockstep]:
+def running(program: str, folder: Path) -> Iterator[LineProcess]:
     text = f"import os, signal, sys, time\n{program}"
-    lockstep = Lockstep([sys.executable, "-c", text], folder, "ctl")
+    lockstep = LineProcess([sys.executable, "-c", text], folder, "ctl")
     try:
         yield lockstep
     finally:
         lockstep.close()
 
 
-def refusal(program: str, folder: Path, patience: Patience = PATIENCE) -> ScriptError:
+def refusal(program: str, folder: Path, limit: AnswerLimit = PATIENCE) -> ScriptError:
     """What is said of the first question at which it fails."""
     with running(program, folder) as lockstep, pytest.raises(ScriptError) as raised:
-        ask_often(lockstep, patience)
+        ask_often(lockstep, limit)
     return raised.value
 
 
-def ask_often(lockstep: Lockstep, patience: Patience) -> None:
+def ask_often(lockstep: LineProcess, limit: AnswerLimit) -> None:
     for _ in range(100):
-        lockstep.ask(b"question", patience)
+        lockstep.ask(b"question", limit)
 
 
 def test_each_line_is_answered_by_the_next(tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_it_runs_in_its_folder(tmp_path: Path) -> None:
         assert lockstep.ask(b"where", PATIENCE) == str(tmp_path).encode()
 
 
-@pytest.mark.parametrize("length", [10, 200_000, MOST_BYTES])
+@pytest.mark.parametrize("length", [10, 200_000, MAX_LINE_BYTES])
 def test_lines_of_any_length_come_whole(length: int, tmp_path: Path) -> None:
     with running(ECHO, tmp_path) as lockstep:
         assert lockstep.ask(b"a" * length, PATIENCE) == b"A" * length
@@ -71,18 +71,24 @@ def test_a_line_that_comes_in_pieces_is_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("program", "why"),
     [
-        ("sys.exit(3)", "ended by itself, with exit code 3, before the run was over"),
-        ("sys.exit('no such sensor')", "with exit code 1, before the run was over; the last that it said: no such sen"),
-        ("raise KeyError('x')", "with exit code 1, before the run was over; the last that it said: KeyError: 'x'"),
-        ("os.kill(os.getpid(), signal.SIGKILL)", "was ended by SIGKILL"),
-        ("input(); os.kill(os.getpid(), signal.SIGSEGV)", "was ended by SIGSEGV"),
-        ("input(); os.kill(os.getpid(), signal.SIGRTMIN + 1)", "was ended by signal "),
-        ("input(); print('half', end='', flush=True)", "ended by itself, with exit code 0"),
-        ("os.close(1); time.sleep(600)", "closed its standard output, and goes on"),
-        ("input(); print('x' * 1_000_001, flush=True)\ninput()", "answered a line of more than 1 MB"),
-        ("while True: sys.stdout.write('x' * 65536)", "answered a line of more than 1 MB"),
-        ("while True: print('{}')", "wrote a line that nobody had asked for, '{}'; each line"),
-        ("for line in sys.stdin: print('a'); print('b', flush=True)", "wrote a line that nobody had asked for, "),
+        ("sys.exit(3)", "exited with code 3 before the end of the run"),
+        (
+            "sys.exit('no such sensor')",
+            "exited with code 1 before the end of the run; its last line on standard error: no such sen",
+        ),
+        (
+            "raise KeyError('x')",
+            "exited with code 1 before the end of the run; its last line on standard error: KeyError: 'x'",
+        ),
+        ("os.kill(os.getpid(), signal.SIGKILL)", "was killed by SIGKILL"),
+        ("input(); os.kill(os.getpid(), signal.SIGSEGV)", "was killed by SIGSEGV"),
+        ("input(); os.kill(os.getpid(), signal.SIGRTMIN + 1)", "was killed by signal "),
+        ("input(); print('half', end='', flush=True)", "exited with code 0"),
+        ("os.close(1); time.sleep(600)", "closed its standard output, but is still running"),
+        ("input(); print('x' * 1_000_001, flush=True)\ninput()", "answered with a line of more than 1 MB"),
+        ("while True: sys.stdout.write('x' * 65536)", "answered with a line of more than 1 MB"),
+        ("while True: print('{}')", "wrote an unexpected line, '{}'; it must answer each line"),
+        ("for line in sys.stdin: print('a'); print('b', flush=True)", "wrote an unexpected line, "),
     ],
 )
 def test_a_program_that_misbehaves_is_told_with_the_cause(program: str, why: str, tmp_path: Path) -> None:
@@ -94,13 +100,19 @@ def test_a_program_that_misbehaves_is_told_with_the_cause(program: str, why: str
 @pytest.mark.parametrize(
     ("program", "why"),
     [
-        ("time.sleep(600)", "within 0.3 s of wall time (answer_within); does it flush its output after each line?"),
-        ("out = open(1, 'w')\nfor line in sys.stdin: out.write(line)", "does it flush its output after each line?"),
+        (
+            "time.sleep(600)",
+            "within 0.3 s of wall time (answer_within); check that it flushes its output after each line",
+        ),
+        (
+            "out = open(1, 'w')\nfor line in sys.stdin: out.write(line)",
+            "check that it flushes its output after each line",
+        ),
         (
             "input(); print('a', flush=True)\ntime.sleep(600)",
-            "gave no answer within 0.3 s of wall time (answer_within)",
+            "did not answer within 0.3 s of wall time (answer_within)",
         ),
-        ("signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: pass", "gave no answer within 0.3 s"),
+        ("signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: pass", "did not answer within 0.3 s"),
     ],
 )
 def test_a_program_that_is_silent_is_not_waited_for(program: str, why: str, tmp_path: Path) -> None:
@@ -108,7 +120,7 @@ def test_a_program_that_is_silent_is_not_waited_for(program: str, why: str, tmp_
 
 
 def test_a_program_that_never_reads_is_not_waited_for(tmp_path: Path) -> None:
-    with running("time.sleep(600)", tmp_path) as lockstep, pytest.raises(ScriptError, match="gave no answer"):
+    with running("time.sleep(600)", tmp_path) as lockstep, pytest.raises(ScriptError, match="did not answer"):
         lockstep.ask(b"x" * 10_000_000, SHORT)
 
 
@@ -118,14 +130,14 @@ def test_one_that_has_ended_while_what_it_started_holds_its_output_is_told_so(tm
         # Until it is about to end, however slow the machine is.
         lockstep.ask(b"x", PATIENCE)
         # No test waits for so long: it is told when it is gone.
-        with pytest.raises(ScriptError, match="ended by itself, with exit code 4"):
-            lockstep.ask(b"y", Patience(3600.0, "answer_within"))
+        with pytest.raises(ScriptError, match="exited with code 4"):
+            lockstep.ask(b"y", AnswerLimit(3600.0, "answer_within"))
 
 
 def test_an_answer_that_it_left_when_it_ended_counts(tmp_path: Path) -> None:
     child = "input()\nif os.fork() == 0: time.sleep(600)\nprint('a', flush=True)\nos._exit(0)"
     with running(child, tmp_path) as lockstep:
-        assert lockstep.ask(b"x", Patience(3600.0, "answer_within")) == b"a"
+        assert lockstep.ask(b"x", AnswerLimit(3600.0, "answer_within")) == b"a"
 
 
 def test_lines_that_nobody_asked_for_are_told_at_the_end_at_the_latest(tmp_path: Path) -> None:
@@ -134,7 +146,7 @@ def test_lines_that_nobody_asked_for_are_told_at_the_end_at_the_latest(tmp_path:
     with running(late, tmp_path) as lockstep:
         lockstep.ask(b"x", PATIENCE)
     assert (lockstep.unasked() or "").startswith(
-        "the process 'ctl' wrote more lines than it was asked for, such as 'second'; if those came between its answers"
+        "the process 'ctl' wrote more lines than it received, such as 'second'; if they came between its answers"
     )
     with running(ECHO, tmp_path) as lockstep:
         lockstep.ask(b"x", PATIENCE)
@@ -188,7 +200,7 @@ def test_a_program_that_does_not_leave_is_ended_with_its_group(stays: str, tmp_p
 
 
 def test_what_it_does_to_its_group_does_not_end_us(tmp_path: Path) -> None:
-    assert "was ended by SIGKILL" in str(refusal("os.kill(0, signal.SIGKILL)", tmp_path))
+    assert "was killed by SIGKILL" in str(refusal("os.kill(0, signal.SIGKILL)", tmp_path))
 
 
 def test_what_it_answers_is_quoted_without_what_acts_on_a_terminal(tmp_path: Path) -> None:
@@ -199,8 +211,8 @@ def test_what_it_answers_is_quoted_without_what_acts_on_a_terminal(tmp_path: Pat
 
 def test_what_a_silent_program_says_elsewhere_goes_with_the_error(tmp_path: Path) -> None:
     text = "print('waiting for a robot', file=sys.stderr, flush=True)\ninput(); print(flush=True); input(); input()"
-    error = refusal(text, tmp_path, Patience(1.0, "answer_within"))
-    assert "gave no answer within" in str(error)
+    error = refusal(text, tmp_path, AnswerLimit(1.0, "answer_within"))
+    assert "did not answer within" in str(error)
     assert "waiting" not in str(error)
     assert error.details == "waiting for a robot"
 
@@ -219,10 +231,12 @@ def test_a_program_that_cannot_be_started_is_told(tmp_path: Path) -> None:
     broken = tmp_path / "broken"
     broken.write_bytes(b"\x00\x01 no program")
     broken.chmod(0o700)
-    with pytest.raises(ScriptError, match=r"'ctl' cannot be started: Exec format error; does its first line name"):
-        Lockstep([str(broken)], tmp_path, "ctl")
+    with pytest.raises(
+        ScriptError, match=r"'ctl' could not be started: Exec format error; check that its first line names"
+    ):
+        LineProcess([str(broken)], tmp_path, "ctl")
     broken.write_text("#!/no/such/python\nprint()\n")
-    with pytest.raises(ScriptError, match=r"No such file .*: it is there, but not .* names, '#!/no/such/python'"):
-        Lockstep([str(broken)], tmp_path, "ctl")
-    with pytest.raises(ScriptError, match=r"'x{57}\.\.\.' cannot be started: No such file"):
-        Lockstep([str(tmp_path / "absent")], tmp_path, "x" * 100)
+    with pytest.raises(ScriptError, match=r"No such file .*: its first line names a missing .*, '#!/no/such/python'"):
+        LineProcess([str(broken)], tmp_path, "ctl")
+    with pytest.raises(ScriptError, match=r"'x{57}\.\.\.' could not be started: No such file"):
+        LineProcess([str(tmp_path / "absent")], tmp_path, "x" * 100)

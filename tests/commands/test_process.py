@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from sim_action.commands import ClosedLoop
-from sim_action.commands.process import ProcessCommands, program_of
+from sim_action.commands.process import ProcessCommands, find_program
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
 from sim_action.core.workspace import PathError, Workspace
@@ -88,9 +88,9 @@ def test_an_answer_is_a_command(answer: str, command: object, tmp_path: Path) ->
     ("answer", "why"),
     [
         ("forward", "answered 'forward': it is not JSON: Expecting value (column 1)"),
-        ('{"twist": {"linear": NaN}}', ": it has NaN, which is no number that a motor can be given"),
+        ('{"twist": {"linear": NaN}}', ": it contains NaN, which is neither JSON nor a valid target"),
         ('{"velocity": {"wheel_lft_joint": 1}}', "no moving joint 'wheel_lft_joint'; did you mean 'wheel_left_joint'?"),
-        ('{"max_effort": {"wheel_left_joint": -1}}', "a max_effort below 0 for joint 'wheel_left_joint'"),
+        ('{"max_effort": {"wheel_left_joint": -1}}', "a negative max_effort for joint 'wheel_left_joint'"),
     ],
 )
 def test_any_other_answer_is_an_error_that_quotes_it(answer: str, why: str, tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_it_hears_of_its_robot_and_then_what_there_is_to_see(tmp_path: Path) -> 
 @pytest.mark.process
 def test_the_first_line_is_no_time_for_commands(tmp_path: Path) -> None:
     with (
-        pytest.raises(ScriptError, match=r"reset is answered by \{\}"),
+        pytest.raises(ScriptError, match=r"answer reset with \{\}"),
         opened(tmp_path, ANSWERS.format("""'{"twist": {}}'""")),
     ):
         pass
@@ -150,7 +150,7 @@ def test_motors_saturate_and_that_is_noted(tmp_path: Path) -> None:
     assert controller.command(START) == JointTargets(effort={"wheel_left_joint": 2.0})
     controller.close()
     (note,) = controller.notes
-    assert "asked joint 'wheel_left_joint' for 9 N m; it got 2 N m" in note
+    assert "commanded 9 N m for joint 'wheel_left_joint'; it was clipped to 2 N m" in note
 
 
 def test_text_is_split_as_a_shell_would_and_a_list_is_not() -> None:
@@ -165,15 +165,15 @@ def test_text_is_split_as_a_shell_would_and_a_list_is_not() -> None:
 @pytest.mark.parametrize(
     ("entry", "problem"),
     [
-        ("no-such-program x", "5:3: commands.process: no program 'no-such-program' is on PATH"),
-        ("[no-such-program, x]", "5:3: commands.process: no program 'no-such-program' is on PATH"),
+        ("no-such-program x", "5:3: commands.process: program 'no-such-program' was not found on PATH"),
+        ("[no-such-program, x]", "5:3: commands.process: program 'no-such-program' was not found on PATH"),
         ("./absent", "'./absent' does not exist (looked for "),
         ("'\"open'", "cannot be split into words: No closing quotation"),
         ("''", "must not be empty"),
         ("[]", "must not be empty"),
         ("[sleep, 3]", "expected text, found 3; put it in quotes"),
         ("{a: b}", "expected a list, found a map of keys"),
-        ('["a\\0b"]', "a NUL cannot be part of a command"),
+        ('["a\\0b"]', "a command cannot contain a NUL character"),
         ("sh\n  answer_within: 0", "6:3: commands.answer_within: must be greater than 0, found 0"),
         ("sh\n  answer_within: 1e12", "6:3: commands.answer_within: must be at most 86,400 s"),
         ("sh\n  start_within: 1e12", "6:3: commands.start_within: must be at most 86,400 s"),
@@ -199,7 +199,7 @@ def test_a_program_that_has_gone_since_is_an_error(tmp_path: Path) -> None:
 
 
 def found(folder: Path, word: str) -> Path:
-    return program_of(word, Workspace(folder, folder))
+    return find_program(word, Workspace(folder, folder))
 
 
 def test_a_word_is_looked_for_on_path(tmp_path: Path) -> None:
@@ -225,9 +225,12 @@ def test_a_link_is_run_under_its_own_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("word", "why"),
     [
-        ("no-such-program", "no program 'no-such-program' is on PATH"),
-        ("controller", "no program 'controller' is on PATH; the file beside the scenario is './controller'"),
-        ("./controller", "'./controller' may not be executed; chmod +x, or begin with what runs it"),
+        ("no-such-program", "program 'no-such-program' was not found on PATH"),
+        (
+            "controller",
+            "program 'controller' was not found on PATH; for the file next to the scenario, write './controller'",
+        ),
+        ("./controller", "'./controller' is not executable; run chmod +x, or start it with an interpreter"),
         ("./absent", "'./absent' does not exist"),
         ("../out", "outside the workspace"),
         ("/bin/sh", "outside the workspace"),

@@ -19,8 +19,8 @@ from sim_action.commands.pure_pursuit import (
     Pursuit,
     braking_speed,
     curvature_to,
-    seen_from,
-    turns,
+    in_robot_frame,
+    turn_angles,
 )
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.robot.kinematics import Mobility
@@ -93,7 +93,7 @@ def test_a_leg_of_no_length_is_a_point(end: Point, point: Point, lookahead: floa
 
 
 def test_a_point_seen_from_a_robot() -> None:
-    assert seen_from((1.0, 1.0), math.pi / 2, (0.0, 4.0)) == pytest.approx((3.0, 1.0))
+    assert in_robot_frame((1.0, 1.0), math.pi / 2, (0.0, 4.0)) == pytest.approx((3.0, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -126,9 +126,9 @@ def test_both_ends_of_an_arc_are_as_far_from_its_centre(ahead: float, left: floa
 def test_how_far_a_path_turns() -> None:
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, -1.0), (0.0, 0.0), (0.5, 0.5)]
     path = [Leg(*ends) for ends in pairwise(corners)]
-    assert [math.degrees(turn) for turn in turns(path)] == pytest.approx([90.0, 135.0, 90.0])
+    assert [math.degrees(turn) for turn in turn_angles(path)] == pytest.approx([90.0, 135.0, 90.0])
     back = [Leg((0.0, 0.0), (-1.0, 0.1)), Leg((-1.0, 0.1), (-2.0, 0.0))]
-    assert turns(back) == pytest.approx([2 * math.atan(0.1)])
+    assert turn_angles(back) == pytest.approx([2 * math.atan(0.1)])
 
 
 def test_who_brakes_evenly_stands_still_in_time() -> None:
@@ -170,7 +170,7 @@ class Robot:
         step = TICK / SUBSTEPS
         for _ in range(SUBSTEPS):
             self.speed = ramped(self.speed, speed, self.mobility.acceleration * step)
-            if self.mobility.turns_on_the_spot:
+            if self.mobility.turns_in_place:
                 self.turn = ramped(self.turn, turn, self.mobility.turn_acceleration * step)
             elif speed:
                 assert abs(turn / speed) <= self.mobility.tightest
@@ -224,7 +224,7 @@ mobilities = st.builds(
 
 @settings(deadline=None)
 @given(anywhere, angles, mobilities)
-def test_who_turns_on_the_spot_passes_any_waypoints_and_rests_at_the_last(
+def test_who_turns_in_place_passes_any_waypoints_and_rests_at_the_last(
     waypoints: list[Point], yaw: float, mobility: Mobility
 ) -> None:
     robot = Robot(mobility, yaw=yaw)
@@ -282,7 +282,7 @@ def test_a_car_never_circles_for_ever(waypoints: list[Point], yaw: float) -> Non
     assert math.dist(place, waypoints[-1]) <= CAR.turning_radius + to_stand_still
 
 
-def test_it_turns_on_the_spot_to_a_path_that_is_behind_it_and_then_drives() -> None:
+def test_it_turns_in_place_to_a_path_that_is_behind_it_and_then_drives() -> None:
     robot = Robot(SPOT, yaw=3.0)
     twists = [twist for _, twist in driven(robot, [(2.0, 0.0)], PURSUIT, 60)]
     turning = [twist for twist in twists if twist.linear_xyz[0] == 0 and twist.angular_xyz[2] != 0]

@@ -14,7 +14,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.commands import OpenLoop
-from sim_action.commands.logs import Moment
+from sim_action.commands.logs import TimedCommand
 from sim_action.commands.replay import Playback, ReplayCommands
 from sim_action.core.errors import BadSource, RecordingError
 from sim_action.core.geometry import Twist
@@ -82,19 +82,19 @@ def test_of_a_log_of_many_joints_those_that_are_named_move(tmp_path: Path) -> No
     assert given_at(0.0, tmp_path, **log, only_joints=("wheel_left_joint",)) == JointTargets(
         velocity={"wheel_left_joint": 1.0}
     )
-    with pytest.raises(RecordingError, match=r"^a\.bag: the model has no moving joint 'strange'.*'only_joints' names"):
+    with pytest.raises(RecordingError, match=r"^a\.bag: the model has no moving joint 'strange'.*in 'only_joints'"):
         given_at(0.0, tmp_path, **log)
-    with pytest.raises(RecordingError, match=r"a\.bag: it has no joint 'wheel_right_joint'; did you mean"):
+    with pytest.raises(RecordingError, match=r"a\.bag: the log has no joint 'wheel_right_joint'; did you mean"):
         given_at(0.0, tmp_path, **log, only_joints=("wheel_right_joint",))
 
 
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("only_joints", ("wheel_left_joint",), "the log drives the base and names no joints"),
-        ("start", 2.0, "it ends before that, 1.5 s after its first message"),
-        ("topic", "/odom", "it has no topic '/odom'"),
-        ("type", bags.JOINTS, "where the scenario says sensor_msgs/msg/JointState"),
+        ("only_joints", ("wheel_left_joint",), "the log contains twists, not joints"),
+        ("start", 2.0, "the log ends before that time, 1.5 s after its first message"),
+        ("topic", "/odom", "the log has no topic '/odom'"),
+        ("type", bags.JOINTS, "but the scenario requires sensor_msgs/msg/JointState"),
     ],
 )
 def test_what_a_log_of_ros_does_not_hold_is_told_when_it_is_opened(
@@ -146,11 +146,11 @@ def test_a_log_is_csv_if_the_scenario_calls_it_so(tmp_path: Path) -> None:
 CSV_PROBLEMS = [
     ({"replay": "b.csv"}, "8:3", "'b.csv' does not exist"),
     ({"replay": "bad.csv"}, "8:3", "bad.csv:3: column 'linear': expected a finite number, found 'fast'"),
-    ({"replay": "a.csv", "topic": "/cmd_vel"}, "9:3", "a CSV file has no topics; leave it out"),
-    ({"replay": "a.csv", "type": bags.TWIST}, "9:3", "a CSV file has no topics; leave it out"),
-    ({"replay": "a.csv", "start": "2 s"}, "9:3", "the log ends before that, 1.5 s after its first row"),
-    ({"replay": "a.csv", "only_joints": "[wheel_left_joint]"}, "9:3", "names no joints; leave it out"),
-    ({"replay": "wheels.csv", "timeout": "1 s"}, "9:3", "is for twists"),
+    ({"replay": "a.csv", "topic": "/cmd_vel"}, "9:3", "a CSV file has no topics; remove this key"),
+    ({"replay": "a.csv", "type": bags.TWIST}, "9:3", "a CSV file has no topics; remove this key"),
+    ({"replay": "a.csv", "start": "2 s"}, "9:3", "the log ends before that time, 1.5 s after its first row"),
+    ({"replay": "a.csv", "only_joints": "[wheel_left_joint]"}, "9:3", "twists, not joints; remove this key"),
+    ({"replay": "wheels.csv", "timeout": "1 s"}, "9:3", "this applies to twists only"),
     (
         {"replay": "wheels.csv", "only_joints": "[wheel_lift_joint]"},
         "9:3",
@@ -175,13 +175,13 @@ def test_what_is_wrong_with_csv_is_told_at_load(
 
 
 ROS_PROBLEMS = [
-    ({"replay": "a.bag"}, "name the one to replay, such as topic: /cmd_vel"),
-    ({"replay": "notes.txt"}, "is no log that can be replayed (allowed: .csv, .bag, .db3, .mcap, the folder"),
+    ({"replay": "a.bag"}, "needs a topic to replay, such as topic: /cmd_vel"),
+    ({"replay": "notes.txt"}, "is not a log that can be replayed (allowed: .csv, .bag, .db3, .mcap, the folder"),
     ({"replay": "folder", "topic": "/cmd_vel"}, "is a folder without metadata.yaml"),
     ({"replay": "a%2f.db3", "topic": "/cmd_vel"}, "rename it"),
     ({"replay": "a.bag", "topic": "/cmd_vel", "type": "geometry_msgs/Twist"}, "geometry_msgs/msg/Twist"),
-    ({"replay": "a.bag", "topic": "/j", "type": bags.JOINTS, "timeout": 1}, "is for twists"),
-    ({"replay": "a.bag", "topic": "/cmd_vel", "type": bags.TWIST, "only_joints": "[a]"}, "names no joints"),
+    ({"replay": "a.bag", "topic": "/j", "type": bags.JOINTS, "timeout": 1}, "this applies to twists only"),
+    ({"replay": "a.bag", "topic": "/cmd_vel", "type": bags.TWIST, "only_joints": "[a]"}, "twists, not joints"),
     ({"replay": "a.bag", "topic": "/j", "only_joints": "[wheel_lift_joint]"}, "the model has no moving joint"),
 ]
 
@@ -287,10 +287,12 @@ def test_loading_a_log_imports_neither_numpy_nor_rosbags(tmp_path: Path) -> None
 
 
 SLOW, FAST = Twist.planar(0.1), Twist.planar(0.9)
-LOG: list[Moment] = [(0.0, SLOW), (1.0, FAST), (2.0, SLOW)]
+LOG: list[TimedCommand] = [(0.0, SLOW), (1.0, FAST), (2.0, SLOW)]
 
 
-def played_at(times: list[float], log: list[Moment], start: float = 0.0, timeout: float | None = None) -> list[object]:
+def played_at(
+    times: list[float], log: list[TimedCommand], start: float = 0.0, timeout: float | None = None
+) -> list[object]:
     playback = Playback(log, start, timeout)
     return [playback.command(time) for time in times]
 
@@ -305,7 +307,7 @@ def test_of_what_falls_between_two_ticks_the_last_is_given_at_the_later_one() ->
 
 
 def test_a_tick_on_a_moment_counts_whatever_the_rounding_of_either() -> None:
-    log: list[Moment] = [(n * 0.1, Twist.planar(float(n))) for n in range(30)]
+    log: list[TimedCommand] = [(n * 0.1, Twist.planar(float(n))) for n in range(30)]
     assert played_at([n / 10 for n in range(30)], log) == [Twist.planar(float(n)) for n in range(30)]
 
 
@@ -328,7 +330,7 @@ def test_a_twist_may_be_too_old_at_the_start() -> None:
 
 
 def test_joints_that_a_later_row_does_not_name_keep_what_they_were_told_between_two_ticks() -> None:
-    log: list[Moment] = [
+    log: list[TimedCommand] = [
         (0.0, JointTargets(position={"a": 1.0, "b": 1.0})),
         (0.1, JointTargets(position={"a": 2.0})),
         (0.2, JointTargets(velocity={"b": 3.0})),

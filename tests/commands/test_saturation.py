@@ -37,7 +37,7 @@ def limited(max_effort: float | None = 2.0, max_velocity: float | None = 6.0) ->
 )
 def test_what_is_within_limits_stays_as_it_is(targets: JointTargets) -> None:
     motors = Saturation(limited(), "ctl.py")
-    assert motors.of(targets) is targets
+    assert motors.clip(targets) is targets
     assert motors.notes == []
 
 
@@ -53,22 +53,22 @@ def test_what_is_within_limits_stays_as_it_is(targets: JointTargets) -> None:
     ],
 )
 def test_what_is_beyond_a_limit_is_cut_to_it(targets: JointTargets, taken: JointTargets) -> None:
-    assert Saturation(limited(), "ctl.py").of(targets) == taken
+    assert Saturation(limited(), "ctl.py").clip(targets) == taken
 
 
 def test_of_several_commands_those_for_joints_are_cut() -> None:
     answer = (Twist.planar(1e9), JointTargets(effort={LEFT: 2.5}))
-    assert Saturation(limited(), "ctl.py").of_answer(answer) == (Twist.planar(1e9), JointTargets(effort={LEFT: 2.0}))
+    assert Saturation(limited(), "ctl.py").clip_answer(answer) == (Twist.planar(1e9), JointTargets(effort={LEFT: 2.0}))
 
 
 def test_a_joint_is_noted_once_for_each_of_its_limits() -> None:
     motors = Saturation(limited(), "ctl.py")
     for effort in (2.5, 50.0):
-        motors.of(JointTargets(effort={LEFT: -effort}))
-    motors.of(JointTargets(velocity={LEFT: 7.0}))
+        motors.clip(JointTargets(effort={LEFT: -effort}))
+    motors.clip(JointTargets(velocity={LEFT: 7.0}))
     assert motors.notes == [
-        "ctl.py asked joint 'wheel_left_joint' for 2.5 N m; it got 2 N m, its limit in the model (effort)",
-        "ctl.py asked joint 'wheel_left_joint' for 401.1 deg/s; it got 343.8 deg/s, its limit in the model (velocity)",
+        "ctl.py commanded 2.5 N m for joint 'wheel_left_joint'; it was clipped to 2 N m, its effort limit",
+        "ctl.py commanded 401.1 deg/s for joint 'wheel_left_joint'; it was clipped to 343.8 deg/s, its velocity limit",
     ]
 
 
@@ -78,11 +78,11 @@ def test_a_position_beyond_the_limits_of_a_joint_is_noted_once_and_stays() -> No
     motors = Saturation(replace(model, joints=tuple(joints)), "ctl.py")
     for position in (2.0, -1.5, 3.0):
         targets = JointTargets(position={LEFT: position, RIGHT: 1e9})
-        assert motors.of(targets) is targets
+        assert motors.clip(targets) is targets
     beyond = "-85.94 deg is outside the limits of the joint, -57.3 deg to 114.6 deg"
-    assert motors.notes == [f"ctl.py asked joint 'wheel_left_joint' for a position that it cannot reach: {beyond}"]
+    assert motors.notes == [f"ctl.py commanded joint 'wheel_left_joint' to a position that it cannot reach: {beyond}"]
 
 
 def test_a_model_without_limits_limits_nothing() -> None:
     targets = JointTargets(effort={LEFT: 1e9}, velocity={LEFT: 1e9}, max_effort={LEFT: 1e9})
-    assert Saturation(limited(None, None), "ctl.py").of(targets) is targets
+    assert Saturation(limited(None, None), "ctl.py").clip(targets) is targets

@@ -180,21 +180,27 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("return 1.0", "control() returned a float; it may return a Twist, JointTargets, both as a tuple, or None"),
-        ("return (1.0, 0.0)", "control() returned a tuple with a float; it may return"),
-        ("return [sim.Twist(), (1, 2)]", "control() returned a list with a tuple; it may return"),
-        ("return sim.Twist(), sim.Twist()", "control() returned more than one Twist at once; one of each kind goes"),
-        ("return 2 * [sim.JointTargets()]", "control() returned more than one JointTargets at once"),
-        ("return sim.Twist(), sim.JointTargets(effort={'x': 1})", "a tuple with a target that no motor can take: "),
-        ("return sim.Twist", "control() returned a type; it may return"),
-        ("return sim.Twist(1.0, 0.5)", "Twist.planar(linear, angular) makes one"),
-        ("return sim.Twist((1.0, 0.0), (0.0, 0.0, 0.0))", "Twist.planar(linear, angular) makes one"),
-        ("return sim.Twist((1.0, 0.0, 0.0), (0.5,))", "Twist.planar(linear, angular) makes one"),
+        ("return 1.0", "control() returned a float; allowed are a Twist, JointTargets, a tuple of both, or None"),
+        ("return (1.0, 0.0)", "control() returned a tuple with a float; allowed are"),
+        ("return [sim.Twist(), (1, 2)]", "control() returned a list with a tuple; allowed are"),
+        (
+            "return sim.Twist(), sim.Twist()",
+            "control() returned more than one Twist in a tuple; it may have one of each kind",
+        ),
+        ("return 2 * [sim.JointTargets()]", "control() returned more than one JointTargets in a tuple"),
+        (
+            "return sim.Twist(), sim.JointTargets(effort={'x': 1})",
+            "a tuple with a target for a joint that cannot be driven: ",
+        ),
+        ("return sim.Twist", "control() returned a type; allowed are"),
+        ("return sim.Twist(1.0, 0.5)", "Twist.planar(linear, angular) creates one"),
+        ("return sim.Twist((1.0, 0.0), (0.0, 0.0, 0.0))", "Twist.planar(linear, angular) creates one"),
+        ("return sim.Twist((1.0, 0.0, 0.0), (0.5,))", "Twist.planar(linear, angular) creates one"),
         ("return sim.Twist(('a', 'b', 'c'))", "whose values are not numbers"),
-        ("return sim.Twist.planar(float('nan'))", "in which not every value is finite"),
+        ("return sim.Twist.planar(float('nan'))", "which has a value that is not finite"),
         ("return sim.JointTargets(velocity={'wheel_left_joint': None})", "whose values are not numbers"),
         ("return sim.JointTargets(velocity=[1, 2])", "whose values are not numbers"),
-        ("return sim.JointTargets(effort={'wheel_left_joint': 1e999})", "in which not every value is finite"),
+        ("return sim.JointTargets(effort={'wheel_left_joint': 1e999})", "which has a value that is not finite"),
         ("return sim.JointTargets(effort={'wheel_left_joint': 10**400})", "whose values are too large"),
         (
             "return sim.JointTargets(effort=type('Mine', (dict,), {'values': lambda self: 1 / 0})(arm=1))",
@@ -212,15 +218,18 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
         ),
         (
             "return sim.JointTargets(position={1: 1.0})",
-            "no motor can take: the model has no moving joint '1'",
+            "cannot be driven: the model has no moving joint '1'",
         ),
         ("return sim.JointTargets(position={None: 1.0})", "the model has no moving joint 'None'"),
         ("return sim.JointTargets(max_effort={'arm': 1.0})", "the model has no moving joint 'arm'"),
         ("return sim.JointTargets(position={'scan_joint': 1.0})", "the model has no moving joint 'scan_joint'"),
-        ("return sim.JointTargets(max_effort={'wheel_left_joint': -1})", "a max_effort below 0 for joint 'wheel_left_"),
+        (
+            "return sim.JointTargets(max_effort={'wheel_left_joint': -1})",
+            "a negative max_effort for joint 'wheel_left_",
+        ),
         (
             "return sim.JointTargets(base=sim.state.command.BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0))",
-            "a push of the base, which is for drives alone; motors move a robot",
+            "a push of the base, which only drives may command; use joint targets",
         ),
     ],
 )
@@ -261,7 +270,7 @@ def test_an_error_in_a_neighbour_is_told_with_the_line_that_called_it(tmp_path: 
         ("\nimport absent_module\n", "ModuleNotFoundError: No module named 'absent_module'", 2),
         ("import sys\nsys.exit(3)\n", "SystemExit: 3", 2),
         ("x = 1\ndef control(:\n", "SyntaxError: ", 2),
-        ("control = 5\n", "'control' of controller.py is no function", None),
+        ("control = 5\n", "'control' in controller.py is not a function", None),
         ("", "controller.py defines no function 'control'", None),
     ],
 )
@@ -331,7 +340,7 @@ def test_of_a_class_and_a_function_the_scenario_says_which(text: str, tmp_path: 
     assert path == ("script",)
     assert message == (
         "controller.py defines both a class 'Controller' and a function 'control'; "
-        "write 'class: Controller' or 'function: control' beside 'script'"
+        "add 'class: Controller' or 'function: control' next to 'script'"
     )
 
 
@@ -355,7 +364,9 @@ STEP = "    def step(self, seen): ...\n"
 def test_class_and_function_exclude_each_other(tmp_path: Path) -> None:
     written(tmp_path, BOTH)
     spec = ScriptCommands.model_validate({"script": "controller.py", "class": "Controller", "function": "control"})
-    assert problems(tmp_path, spec) == [(("class",), "leave it out, or 'function': a script has one controller")]
+    assert problems(tmp_path, spec) == [
+        (("class",), "remove either 'class' or 'function': a script has one controller")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -365,9 +376,9 @@ def test_class_and_function_exclude_each_other(tmp_path: Path) -> None:
         ("class Controler:\n    def step(self, seen): ...", "no class 'Controller'; did you mean 'Controler'?"),
         (
             f"class Controller:\n    def __init__(self, robot): ...\n{STEP}",
-            ":1: class 'Controller' is made without arg",
+            ":1: class 'Controller' is created without arg",
         ),
-        (f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}", "its __init__ asks for 'bot'"),
+        (f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}", "its __init__ requires 'bot'"),
     ],
 )
 def test_a_class_that_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
@@ -396,9 +407,9 @@ def test_what_may_well_work_is_no_problem(text: str, tmp_path: Path) -> None:
     [
         ("class Controller:\n    def __init__(self, speed): ...", "missing 1 required positional argument", None),
         ("class Controller:\n    def reset(self, robot):\n        robot.speed", "AttributeError", 3),
-        ("class Controller:\n    reset = None", "class 'Controller' of controller.py has no method 'step'", None),
-        ("Controller = print", "'Controller' of controller.py is no class; write 'function: Controller'", None),
-        ("Controller = 5", "'Controller' of controller.py is no class", None),
+        ("class Controller:\n    reset = None", "class 'Controller' in controller.py has no method 'step'", None),
+        ("Controller = print", "'Controller' in controller.py is not a class; write 'function: Controller'", None),
+        ("Controller = 5", "'Controller' in controller.py is not a class", None),
     ],
 )
 def test_a_class_that_cannot_be_asked_is_an_error(text: str, message: str, line: int | None, tmp_path: Path) -> None:

@@ -96,13 +96,15 @@ def test_a_segment_that_no_tick_falls_into_is_told_with_what_helps(
     found = list(commands.problems(Workspace(tmp_path, tmp_path)))
     assert [path for path, _ in found] == [("twist", index, "for") for index, *_ in told]
     for (_, message), (_, start, end, period, remedy) in zip(found, told, strict=True):
-        assert message.startswith(f"no tick falls between {start} and {end}, so it would be left out; ")
-        assert message.endswith(f"{period} apart (rate: {rate:g} Hz): make it that long, or rate: {remedy}")
+        assert message.startswith(f"no tick falls between {start} and {end}, so it has no effect; ")
+        assert message.endswith(
+            f"{period} apart (rate: {rate:g} Hz): make it at least that long, or set rate: {remedy}"
+        )
 
 
 def test_a_segment_that_never_ends_is_the_last(tmp_path: Path) -> None:
     found = spec({"linear": 1, "for": 1}, {"linear": 1}, {"linear": 2}).problems(Workspace(tmp_path, tmp_path))
-    assert list(found) == [(("twist", 1), "only the last segment may leave out 'for'")]
+    assert list(found) == [(("twist", 1), "only the last segment may omit 'for'")]
 
 
 @given(st.lists(st.floats(0.001, 0.5), min_size=1, max_size=8))

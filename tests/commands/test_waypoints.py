@@ -55,7 +55,11 @@ def test_figures_may_have_units_and_may_be_left_out(tmp_path: Path) -> None:
         ("[{x: 1, y: .inf}]", "", "expected a finite length such as '1 m'"),
         ("[{x: 1, y: 1e7}]", "", "waypoints.0.y: must be at most 1,000,000 m"),
         ("[[1, 2]]", "", "waypoints.0: expected a map of keys"),
-        ("[{x: 1, y: 2}, {x: 3, y: 2}, {x: 300 cm, y: 2}]", "", "waypoints.2: the same point as the one before"),
+        (
+            "[{x: 1, y: 2}, {x: 3, y: 2}, {x: 300 cm, y: 2}]",
+            "",
+            "waypoints.2: this is the same point as the one before",
+        ),
         ("[{x: 1, y: 2}]", "lookahead: 0 m", "lookahead: must be greater than 0"),
         ("[{x: 1, y: 2}]", "lookahead: 4 cm", "lookahead: must not be less than tolerance (0.05 m)"),
         ("[{x: 1, y: 2}]", "tolerance: 0", "tolerance: must be greater than 0"),
@@ -65,10 +69,13 @@ def test_figures_may_have_units_and_may_be_left_out(tmp_path: Path) -> None:
         (
             "[{x: 1, y: 2}]",
             "speed: 2 m/s",
-            "speed: from one tick to the next it would drive 0.1 m, further than its tolerance of 0.05 m; give a rate",
+            (
+                "speed: between two ticks the robot would drive 0.1 m, which is more than the tolerance of 0.05 m; "
+                "set a rate"
+            ),
         ),
-        ("[{x: 1, y: 2}]", "speed: 1e300", "further than its tolerance of 0.05 m; give a wider tolerance"),
-        ("[{x: 1, y: 2}]", "tolerance: 1e-320", "further than its tolerance of 1e-320 m; give a wider tolerance"),
+        ("[{x: 1, y: 2}]", "speed: 1e300", "more than the tolerance of 0.05 m; set a larger tolerance"),
+        ("[{x: 1, y: 2}]", "tolerance: 1e-320", "more than the tolerance of 1e-320 m; set a larger tolerance"),
     ],
 )
 def test_a_path_to_nowhere_is_refused_with_its_place(

@@ -245,7 +245,7 @@ def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:
     (tmp_path / "bad.urdf").write_text('<robot>\n<link name="a"/>\n<link/>\n<joint/>\n</robot>')
     refused = sim_action(tmp_path, "inspect", "bad.urdf")
     assert refused.returncode == 2
-    assert "sim-action: bad.urdf:3: <link> without 'name' [missing-part]\n" in refused.stderr
+    assert "sim-action: bad.urdf:3: <link> has no attribute 'name' [missing-part]\n" in refused.stderr
     assert "sim-action: bad.urdf:4: <joint> without 'type' [missing-part]\n" in refused.stderr
 
 

@@ -11,7 +11,7 @@ import pytest
 from sim_action.core.errors import RefusedModel
 from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES
-from sim_action.robot.audit.kinematic_tree import MOST_JOINTS, MOST_MOVING_JOINTS
+from sim_action.robot.audit.kinematic_tree import MAX_JOINTS, MAX_MOVING_JOINTS
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
 from sim_action.state.command import JointTargets
@@ -67,7 +67,7 @@ def after(folder: Path, urdf: str, base: str, steps: int) -> list[Observation]:
 
 @pytest.mark.parametrize("base", ["free", "fixed"])
 @pytest.mark.parametrize(
-    ("fixed", "moving"), [(0, MOST_MOVING_JOINTS), (MOST_JOINTS - MOST_MOVING_JOINTS, MOST_MOVING_JOINTS), (126, 1)]
+    ("fixed", "moving"), [(0, MAX_MOVING_JOINTS), (MAX_JOINTS - MAX_MOVING_JOINTS, MAX_MOVING_JOINTS), (126, 1)]
 )
 def test_as_many_joints_as_there_may_be_are_where_they_should_be(
     fixed: int, moving: int, base: str, tmp_path: Path
@@ -84,11 +84,11 @@ def test_as_many_joints_as_there_may_be_are_where_they_should_be(
     assert turned.twist.linear_xyz == pytest.approx((0, 0, 0), abs=1e-3)
 
 
-@pytest.mark.parametrize(("fixed", "moving"), [(0, MOST_MOVING_JOINTS + 1), (MOST_JOINTS, 1), (MOST_JOINTS + 1, 0)])
+@pytest.mark.parametrize(("fixed", "moving"), [(0, MAX_MOVING_JOINTS + 1), (MAX_JOINTS, 1), (MAX_JOINTS + 1, 0)])
 def test_one_more_is_refused(fixed: int, moving: int, tmp_path: Path) -> None:
     path = tmp_path / "comb.urdf"
     path.write_text(comb(fixed, moving))
-    with pytest.raises(RefusedModel, match=r"and the engine takes 12[17]: make one link of those"):
+    with pytest.raises(RefusedModel, match=r"the engine supports at most 12[17]: merge links"):
         read_urdf(path)
 
 
@@ -110,12 +110,12 @@ def raw(folder: Path, urdf: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_engine_is_silently_wrong_of_one_more_that_moves(tmp_path: Path) -> None:
-    right, wrong = (raw(tmp_path, comb(0, MOST_MOVING_JOINTS + more)).stderr.split()[-3:] for more in (0, 1))
+    right, wrong = (raw(tmp_path, comb(0, MAX_MOVING_JOINTS + more)).stderr.split()[-3:] for more in (0, 1))
     assert right == ["120", "0.25", "0.0"]
     assert wrong == ["121", "0.0", "0.25"], "the position of a joint is told as a velocity of the base"
 
 
 def test_the_engine_answers_nothing_of_one_more_link(tmp_path: Path) -> None:
-    assert raw(tmp_path, comb(MOST_JOINTS - 1, 1)).stderr.split()[-3:] == ["126", "0.25", "0.0"]
-    refused = raw(tmp_path, comb(MOST_JOINTS, 1))
+    assert raw(tmp_path, comb(MAX_JOINTS - 1, 1)).stderr.split()[-3:] == ["126", "0.25", "0.0"]
+    refused = raw(tmp_path, comb(MAX_JOINTS, 1))
     assert "getJointState failed" in refused.stderr

@@ -214,18 +214,18 @@ LEAVE: Final = "if os.fork() == 0:\n    os.setsid()\n    os.fork()\n    time.sle
 
 # Name -> what it does after three answers, the kind of the failure, and its cause.
 BAD: Final = {
-    "too slow": ("time.sleep(600)", "script", "gave no answer within 1 s of wall time (answer_within)"),
+    "too slow": ("time.sleep(600)", "script", "did not answer within 1 s of wall time (answer_within)"),
     "raises": (
         "print('hm', file=sys.stderr); {}['speed']",
         "script",
-        "exit code 1, before the run was over; the last that it said: KeyError: 'speed'",
+        "exited with code 1 before the end of the run; its last line on standard error: KeyError: 'speed'",
     ),
     "a gigabyte on stdout": ("while True: sys.stdout.write('x' * 65536)", "script", "a line of more than 1 MB"),
     "a gigabyte of lines": (
         # Many at once: each for itself might be the answer to a later question.
         "while True: os.write(1, b'{}\\n' * 3000)",
         "script",
-        "wrote a line that nobody had asked for, '{}'",
+        "wrote an unexpected line, '{}'",
     ),
     "a gigabyte on stderr": (
         "while True: sys.stderr.write('x' * 65536)",
@@ -240,25 +240,25 @@ BAD: Final = {
     "not a number": (
         "sys.stdin.readline(); print(json.dumps({'twist': {'linear': float('nan')}}), flush=True)\nanswers(900)",
         "script",
-        ": it has NaN, which is no number that a motor can be given",
+        ": it contains NaN, which is neither JSON nor a valid target",
     ),
     "unknown joint": (
         "sys.stdin.readline(); print(json.dumps({'velocity': {'wheel_lft_joint': 1}}), flush=True)\nanswers(900)",
         "script",
         "no moving joint 'wheel_lft_joint'; did you mean 'wheel_left_joint'?",
     ),
-    "exits early": ("sys.exit(0)", "script", "ended by itself, with exit code 0, before the run was over"),
-    "killed": ("os.kill(os.getpid(), signal.SIGSEGV)", "script", "was ended by SIGSEGV"),
-    "kills its group": ("os.kill(0, signal.SIGKILL)", "script", "was ended by SIGKILL"),
+    "exits early": ("sys.exit(0)", "script", "exited with code 0 before the end of the run"),
+    "killed": ("os.kill(os.getpid(), signal.SIGSEGV)", "script", "was killed by SIGSEGV"),
+    "kills its group": ("os.kill(0, signal.SIGKILL)", "script", "was killed by SIGKILL"),
     "kills its parent": ("os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(600)", "crash", "ended by SIGKILL"),
-    "leaves children": (LEAVE + "sys.exit(7)", "script", "ended by itself, with exit code 7"),
+    "leaves children": (LEAVE + "sys.exit(7)", "script", "exited with code 7"),
     "ignores SIGTERM": (
         "signal.signal(signal.SIGTERM, signal.SIG_IGN)\nwhile True: time.sleep(1)",
         "script",
-        "gave no answer within 1 s of wall time (answer_within)",
+        "did not answer within 1 s of wall time (answer_within)",
     ),
-    "closes stdout": ("os.close(1)\ntime.sleep(600)", "script", "closed its standard output, and goes on"),
-    "stops": ("os.kill(os.getpid(), signal.SIGSTOP)", "script", "gave no answer within 1 s"),
+    "closes stdout": ("os.close(1)\ntime.sleep(600)", "script", "closed its standard output, but is still running"),
+    "stops": ("os.kill(os.getpid(), signal.SIGSTOP)", "script", "did not answer within 1 s"),
 }
 NEVER_READS: Final = "import time\ntime.sleep(600)\n"
 
@@ -297,7 +297,7 @@ def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_pa
     (failure,) = outcomes["never reads"].failures
     assert failure.message.startswith("the process")
     assert failure.location == Location("never reads.sim.yml", 4, 12)
-    assert "gave no answer within 5 s of wall time (start_within); does it flush its output" in failure.message
+    assert "did not answer within 5 s of wall time (start_within); check that it flushes its output" in failure.message
     assert "KeyError: 'speed'" in outcomes["raises"].failures[0].details
     assert outcomes["raises"].output.startswith("hm\n")
     assert len(outcomes["a gigabyte on stderr"].output) < 100_000
@@ -306,11 +306,14 @@ def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_pa
 
 # Name -> what it does before it has answered anything, and its cause.
 BAD_STARTS: Final = {
-    "raises": ("import nowhere_to_be_found", "exit code 1, before the run was over; the last that it said: Modul"),
-    "exits early": ("", "ended by itself, with exit code 0, before the run was over"),
+    "raises": (
+        "import nowhere_to_be_found",
+        "exited with code 1 before the end of the run; its last line on standard error: Modul",
+    ),
+    "exits early": ("", "exited with code 0 before the end of the run"),
     "nonsense": ("print('ready', flush=True)\ninput()\ninput()", "'ready'"),
-    "commands": ("input()\nprint('{\"twist\": {}}', flush=True)\ninput()", "reset is answered by {}"),
-    "forks": (f"import os, time\n{LEAVE}os._exit(7)", "ended by itself, with exit code 7"),
+    "commands": ("input()\nprint('{\"twist\": {}}', flush=True)\ninput()", "answer reset with {}"),
+    "forks": (f"import os, time\n{LEAVE}os._exit(7)", "exited with code 7"),
 }
 
 

@@ -128,10 +128,10 @@ def test_what_only_the_log_tells_is_an_invalid_scenario_on_its_line(tmp_path: Pa
     (failure,) = found["topic"]["failures"]
     assert failure["kind"] == "invalid"
     assert failure["location"] == {"file": "topic.sim.yml", "line": 6, "column": 3}
-    assert failure["message"].startswith("commands.topic: a.bag: it has no topic '/odom'")
+    assert failure["message"].startswith("commands.topic: a.bag: the log has no topic '/odom'")
     (failure,) = found["listed"]["failures"]
     assert failure["location"] == {"file": "listed.sim.yml", "line": 4, "column": 21}
-    assert failure["message"].startswith("commands.0.topic: a.bag: it has no topic")
+    assert failure["message"].startswith("commands.0.topic: a.bag: the log has no topic")
     (failure,) = found["garbage"]["failures"]
     assert failure["kind"] == "invalid"
     assert failure["message"].startswith("commands.replay: garbage.mcap: cannot be read: ")
@@ -146,7 +146,9 @@ def test_a_bomb_costs_its_own_scenario_and_no_other(tmp_path: Path) -> None:
     assert found["good"]["status"] == "passed"
     (failure,) = found["bomb"]["failures"]
     assert failure["kind"] == "memory"
-    assert failure["message"].startswith("bomb.mcap: what it unpacks to is too large, or it is damaged; it needs more")
+    assert failure["message"].startswith(
+        "bomb.mcap: the log is too large when it is unpacked, or it is damaged; it needs more"
+    )
     assert "1 GiB of memory" in failure["message"]
 
 
@@ -181,5 +183,5 @@ def test_validate_leaves_logs_of_ros_alone_and_says_so(tmp_path: Path) -> None:
     write(tmp_path, BURGER, "csv", replay="monday.csv")
     ran = sim_action(tmp_path, "validate", ".")
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert "any.sim.yml: not checked: a.bag is read when it runs" in ran.stdout
+    assert "any.sim.yml: not checked: topics of a.bag: the log is read when the scenario runs" in ran.stdout
     assert "csv.sim.yml: not checked" not in ran.stdout

@@ -49,8 +49,8 @@ def test_an_effort_beyond_the_limit_turns_a_wheel_as_the_limit_does(engine: str,
     # 2 N m turn 0.5 kg m^2 by 4 rad/s in each second.
     assert beyond.trace.joint_velocity[-1, 0] == pytest.approx(4.0, rel=0.01)
     assert beyond.digest == most.digest
-    assert any("asked joint 'axle' for 50 N m; it got 2 N m" in note for note in beyond.notes)
-    assert not any("asked joint" in note for note in most.notes)
+    assert any("commanded 50 N m for joint 'axle'; it was clipped to 2 N m" in note for note in beyond.notes)
+    assert not any("commanded " in note for note in most.notes)
 
 
 @pytest.mark.parametrize("engine", installed())
@@ -70,7 +70,7 @@ def test_a_log_saturates_as_a_script_does(engine: str, column: str, tmp_path: Pa
     loaded = load(tmp_path, SCENARIO.format(engine=engine).replace("script: ctl.py", "replay: log.csv"))
     replayed = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
     assert replayed.digest == scripted.digest
-    (note,) = (note for note in scripted.notes if "asked joint" in note)
+    (note,) = (note for note in scripted.notes if "commanded " in note)
     assert note.replace("ctl.py", "log.csv") in replayed.notes
 
 

@@ -209,14 +209,14 @@ def named(model: Path) -> RobotModel:
 
 @pytest.mark.parametrize("name", sdf_files())
 def test_a_world_is_refused_in_clear_words(name: str) -> None:
-    with pytest.raises(RefusedModel, match=r"sdf:[0-9]+: this SDF describes a world, whose models are '.*move it out"):
+    with pytest.raises(RefusedModel, match=r"sdf:[0-9]+: this SDF describes a world with the models '.*move it out"):
         named(DATA / name)
 
 
 OUTCOMES: Final = {
-    "plane_stadium.sdf": ["a <plane> is not simulated"],
-    "stadium.sdf": ["", "a <plane> is not simulated", ""],
-    "stadium_no_collision.sdf": ["", "a <plane> is not simulated", ""],
+    "plane_stadium.sdf": ["<plane> is not supported"],
+    "stadium.sdf": ["", "<plane> is not supported", ""],
+    "stadium_no_collision.sdf": ["", "<plane> is not supported", ""],
     "kuka_iiwa/kuka_world.sdf": ["'meshes/coarse/link_0.stl' does not exist"],
     "kuka_iiwa/model2.sdf": ["'meshes/coarse/link_0.stl' does not exist"] * 2,
     "kuka_iiwa/kuka_with_gripper.sdf": ["'/meshes/link_0.stl' does not exist"],

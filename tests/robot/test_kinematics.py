@@ -136,11 +136,11 @@ def test_a_joint_without_limits_can_do_anything(value: float) -> None:
     assert (beyond_limits(FREE, value), too_fast(FREE, value), too_strong(FREE, value)) == (None, None, None)
 
 
-def test_who_turns_on_the_spot_has_no_turning_radius() -> None:
-    assert Mobility().turns_on_the_spot
+def test_who_turns_in_place_has_no_turning_radius() -> None:
+    assert Mobility().turns_in_place
     assert Mobility().turning_radius == 0
 
 
 def test_a_turning_radius_is_that_of_the_tightest_curve() -> None:
-    assert not Mobility(tightest=2.0).turns_on_the_spot
+    assert not Mobility(tightest=2.0).turns_in_place
     assert Mobility(tightest=2.0).turning_radius == 0.5

@@ -64,16 +64,16 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
     [
         ("turtlebot3", "unknown robot 'turtlebot3'; did you mean 'turtlebot3_burger'?"),
         ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf, .xacro, .sdf or .xml file"),
-        ("package://a/b.urdf", "refers to the package 'a', which is not there"),
+        ("package://a/b.urdf", "refers to the package 'a', which was not found"),
         ("absent.xacro", "'absent.xacro' does not exist"),
         ("absent.urdf", "'absent.urdf' does not exist"),
         ("../box.urdf", "is outside the workspace"),
         (".", "'.' is a folder"),
         ("a\0.urdf", "is not a valid path"),
-        ("model://absent", "refers to the model 'absent', which is not there"),
+        ("model://absent", "refers to the model 'absent', which was not found"),
         ("model://", "names no file"),
-        ("ant.xml", "a robot is one body with what hangs on it, this has 0 bodies in its world"),
-        ("robot.sdf", "a URDF begins with <robot>, this file with <model>"),
+        ("ant.xml", "a robot must be one body with its children, but the model has 0 bodies in its world"),
+        ("robot.sdf", "the root element of a URDF is <robot>, but this file has <model>"),
     ],
 )
 def test_what_is_no_model_is_told_with_what_would_be(name: str, message: str, tmp_path: Path) -> None:
@@ -243,7 +243,7 @@ def test_arguments_that_there_are_not(tmp_path: Path) -> None:
 def test_nothing_is_evaluated_when_it_is_read_as_text(tmp_path: Path) -> None:
     text = MODEL.replace("${2 / 2}", "${1 / 0}")
     notes = check_text(robot(tmp_path, text), Workspace(tmp_path, tmp_path))
-    assert any("evaluated only when the scenario runs" in note for note in notes)
+    assert any("links and joints: xacro evaluates" in note for note in notes)
 
 
 def test_a_scenario_says_what_was_left_unchecked_and_checks_it_where_it_runs(tmp_path: Path) -> None:
@@ -252,7 +252,7 @@ def test_a_scenario_says_what_was_left_unchecked_and_checks_it_where_it_runs(tmp
     path.write_text(SCENARIO)
     loaded = load_scenario(path)
     assert loaded.scenario.runs_user_code
-    assert "what is said of links and joints: " in loaded.unchecked[0]
+    assert "links and joints: " in loaded.unchecked[0]
     assert len(loaded.unchecked) == 1
     with pytest.raises(InvalidScenario, match="no moving joint 'elbow'"):
         load_scenario(path, evaluate=True)

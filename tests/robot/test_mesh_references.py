@@ -87,9 +87,13 @@ def test_the_size_of_a_mesh_that_is_known_costs_no_second_look_at_it(
 @pytest.mark.parametrize(
     ("scale", "rule", "message"),
     [
-        ("100 100 100", "absurd-size", 'measures 100 m: is it in millimetres? then write scale="0.1 0.1 0.1"'),
-        ("-1 -51 1", "absurd-size", 'measures 51 m: is it in millimetres? then write scale="-0.001 -0.051 0.001"'),
-        ("1e-4 2e-4 1e-4", "tiny-mesh", 'measures 0.0002 m: is it in metres already? then write scale="0.1 0.2 0.1"'),
+        ("100 100 100", "absurd-size", 'is 100 m large: if it is in millimetres, write scale="0.1 0.1 0.1"'),
+        ("-1 -51 1", "absurd-size", 'is 51 m large: if it is in millimetres, write scale="-0.001 -0.051 0.001"'),
+        (
+            "1e-4 2e-4 1e-4",
+            "tiny-mesh",
+            'is only 0.0002 m large: if it is already in metres, write scale="0.1 0.2 0.1"',
+        ),
     ],
 )
 def test_millimetres_that_were_taken_for_metres_are_told_where_the_mesh_is_named(

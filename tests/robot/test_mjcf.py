@@ -138,15 +138,18 @@ BODY = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
     ("text", "message"),
     [
         ("", "robot.xml:1: not well-formed XML"),
-        ("<mujoco/>", "a robot is one body with what hangs on it, this has 0 bodies in its world"),
+        ("<mujoco/>", "a robot must be one body with its children, but the model has 0 bodies in its world"),
         (
             f"<mujoco>{BODY}{BODY}</mujoco>",
-            "a robot is one body with what hangs on it, this has 2 bodies in its world",
+            "a robot must be one body with its children, but the model has 2 bodies in its world",
         ),
-        ("<mujoco>\n<worldbody><body typ='x'/></worldbody></mujoco>", "robot.xml:2: MuJoCo refuses it: XML Error"),
+        (
+            "<mujoco>\n<worldbody><body typ='x'/></worldbody></mujoco>",
+            "robot.xml:2: MuJoCo cannot read the model: XML Error",
+        ),
         (
             "<mujoco>\n<worldbody><body><freejoint/></body></worldbody></mujoco>",
-            "robot.xml:2: MuJoCo refuses it: Error: mass",
+            "robot.xml:2: MuJoCo cannot read the model: Error: mass",
         ),
         (f"<mujoco>{BODY}</mujoco>".replace("'1'", "'1' friction='nan'"), "MuJoCo warns: XML contains a 'NaN'"),
         (f"<mujoco>{BODY}\n<include file='absent.xml'/></mujoco>", "robot.xml:2: 'absent.xml' does not exist"),

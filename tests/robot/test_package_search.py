@@ -55,7 +55,7 @@ def test_a_pipe_in_place_of_package_xml_holds_nobody_up(tmp_path: Path) -> None:
 def test_too_many_folders_are_said_to_be_too_many(ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(package_search, "_MAX_FOLDERS", 4)
     assert not folders_below(ros.root, inside_packages=True).complete
-    with pytest.raises(PackageError, match=r"not all of its folders, there are too many"):
+    with pytest.raises(PackageError, match=r"only some of its folders: there are too many"):
         ros.packages().find("rover_arm", ros.rover)
 
 

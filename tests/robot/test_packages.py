@@ -59,12 +59,12 @@ def test_a_mapped_folder_needs_no_package_xml(ros: RosWorkspace) -> None:
         (
             "../vendor",
             "missing-package",
-            r"'rover: \.\./vendor' of robot\.packages is no folder \(looked for .*/vendor",
+            r"'rover: \.\./vendor' in robot\.packages is not a folder \(looked for .*/vendor",
         ),
-        ("drive.sim.yml", "missing-package", "is no folder"),
+        ("drive.sim.yml", "missing-package", "is not a folder"),
         ("../../elsewhere", "outside-workspace", r"is outside the workspace .*; allow it with --allow-outside"),
-        ("a\0b", "missing-package", "cannot be a folder: .*embedded null"),
-        ("a" * 300, "missing-package", "cannot be a folder|is no folder"),
+        ("a\0b", "missing-package", "is not a valid path: .*embedded null"),
+        ("a" * 300, "missing-package", "is not a valid path|is not a folder"),
     ],
 )
 def test_a_map_to_no_folder_is_refused(
@@ -84,7 +84,7 @@ def test_a_file_means_its_own_package_whatever_else_has_its_name(ros: RosWorkspa
 
 def test_a_folder_without_package_xml_is_no_package_whatever_its_name(ros: RosWorkspace) -> None:
     robot = ros.write("rover_arm/urdf/robot.urdf", "<robot/>")
-    with pytest.raises(PackageError, match="refers to the package 'rover_arm', which is not there"):
+    with pytest.raises(PackageError, match="refers to the package 'rover_arm', which was not found"):
         ros.packages().find("rover_arm", robot)
 
 
@@ -94,8 +94,8 @@ def test_of_two_packages_of_one_name_the_nearer_wins_with_a_warning(ros: RosWork
     found = ros.packages().find("rover_arm", ros.rover)
     assert found.path == near
     assert found.warning == (
-        f"2 packages of one name: {near} was taken, as the nearest to rover.urdf.xacro, and not {far}; "
-        "robot.packages says which is meant"
+        f"2 packages have the same name: {near} is used, because it is nearest to rover.urdf.xacro, not {far}; "
+        "set robot.packages to choose one"
     )
     assert ros.packages().find("rover_arm", ros.root / "another/robot.urdf").path == far
 
@@ -193,11 +193,11 @@ def test_a_missing_package_is_told_with_who_refers_to_it_and_where_it_was_looked
         packages.find("rover_sensor", ros.rover)
     assert raised.value.rule == "missing-package"
     assert str(raised.value) == (
-        "src/rover_description/urdf/rover.urdf.xacro refers to the package 'rover_sensor', which is not there; "
+        "src/rover_description/urdf/rover.urdf.xacro refers to the package 'rover_sensor', which was not found; "
         "did you mean 'rover_sensors'? "
-        f"(looked for in robot.packages, {ros.root} (2 packages), ROS_PACKAGE_PATH (not set), "
+        f"(searched: robot.packages, {ros.root} (2 packages), ROS_PACKAGE_PATH (not set), "
         "AMENT_PREFIX_PATH (/nowhere/ros)); "
-        "add it to the repository, or say where it is: robot.packages: {rover_sensor: path/to/rover_sensor}"
+        "add it to the repository, or set its folder: robot.packages: {rover_sensor: path/to/rover_sensor}"
     )
 
 
@@ -293,11 +293,19 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
         ("package://rover_description/meshes/Base.STL", "missing-file", r"does not exist .*did you mean 'base.stl'\?$"),
         ("package://rover_description/absent/a.stl", "missing-file", r"does not exist \(looked for .*absent/a.stl\)$"),
         ("../meshes", "missing-file", r"'\.\./meshes' is a folder"),
-        ("package://rover_description", "bad-reference", "names no file: write package://name/path/of/the/file"),
+        ("package://rover_description", "bad-reference", "names no file; write package://name/path/of/the/file"),
         ("package:///meshes/base.stl", "bad-reference", "names no file"),
         ("model://rover_description/", "bad-reference", "names no file"),
-        ("http://example.org/a.stl", "bad-reference", "files are named by package://name/path, model://name/path, "),
-        ("file://meshes/a.stl", "bad-reference", "takes an absolute path: file:///meshes/a.stl, or 'meshes/a.stl'"),
+        (
+            "http://example.org/a.stl",
+            "bad-reference",
+            "is not a valid reference; allowed are package://name/path, model://name/path, ",
+        ),
+        (
+            "file://meshes/a.stl",
+            "bad-reference",
+            "needs an absolute path; write file:///meshes/a.stl, or 'meshes/a.stl'",
+        ),
         ("a\0b", "bad-reference", "is not a valid path: .*embedded null"),
         ("a" * 300, "bad-reference", "is not a valid path: .*File name too long"),
         ("package://rover_description/../../../elsewhere/a.stl", "outside-workspace", "is outside the workspace"),
@@ -309,13 +317,13 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
         (
             "file:///etc/passwd",
             "outside-workspace",
-            "with --allow-outside; a path from the file that refers to it, or of a package",
+            "with --allow-outside; better: a path relative to the referring file, or package://",
         ),
-        ("/etc/passwd", "outside-workspace", "or of a package, is there on every machine$"),
+        ("/etc/passwd", "outside-workspace", "or package://, works on every machine$"),
         ("link.stl", "outside-workspace", "is outside"),
-        ("package:/arm/a.stl", "bad-reference", r"one slash too few; did you mean 'package://arm/a.stl'\?$"),
+        ("package:/arm/a.stl", "bad-reference", r"lacks a slash; did you mean 'package://arm/a.stl'\?$"),
         ("file:/arm/a.stl", "bad-reference", r"did you mean 'file:///arm/a.stl'\?$"),
-        ("pipe.stl", "missing-file", r"'pipe.stl' is no regular file \(looked for .*/urdf/pipe.stl\)$"),
+        ("pipe.stl", "missing-file", r"'pipe.stl' is not a regular file \(looked for .*/urdf/pipe.stl\)$"),
     ],
 )
 def test_what_leads_to_no_file_is_refused(
@@ -444,7 +452,7 @@ def test_where_all_are_newer_the_newest_counts(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("inside", "reference", "rule", "words"),
     [
-        ("", "rover", "missing-file", "names no <sdf> file"),
+        ("", "rover", "missing-file", "has no <sdf> element"),
         ("<sdf>a.sdf</sdf>", "rover", "missing-file", "'rover/a.sdf' does not exist"),
         ("<sdf>../../a.sdf</sdf>", "model://rover", "outside-workspace", "is outside the workspace"),
         ("<sdf/>", "rover", "missing-file", "is a folder"),
@@ -452,7 +460,7 @@ def test_where_all_are_newer_the_newest_counts(tmp_path: Path) -> None:
         ("", "rovr", "missing-package", "did you mean 'rover'?"),
         ("", "..", "outside-workspace", "is outside the workspace"),
         ("", "model:///rover", "bad-reference", "names no file"),
-        ("", "a\0b", "missing-package", "is not there"),
+        ("", "a\0b", "missing-package", "was not found"),
         ("", "a" * 300 + ".sdf", "bad-reference", "is not a valid path"),
         ("", "package://rover", "missing-package", "the package 'rover'"),
     ],

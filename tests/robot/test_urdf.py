@@ -201,11 +201,11 @@ def test_the_burger_weighs_and_is_what_is_published() -> None:
     [
         ("", "not well-formed XML: no element found"),
         ("robot", "not well-formed XML"),
-        ('\n<?xml version="1.0"?><robot/>', ":2: not well-formed XML: something stands before <?xml ...?>"),
+        ('\n<?xml version="1.0"?><robot/>', ":2: not well-formed XML: there is text before <?xml ...?>"),
         ("<robot>\n</robot>\0", ":2: not well-formed XML: a NUL character; remove it"),
-        ("<sdf/>", "a URDF begins with <robot>, this file with <sdf>"),
-        ("<mujoco/>", "it is MJCF, which MuJoCo alone reads"),
-        ("<robot/>", "a model has at least one <link>, this one has none"),
+        ("<sdf/>", "the root element of a URDF is <robot>, but this file has <sdf>"),
+        ("<mujoco/>", "it is MJCF, which only MuJoCo reads"),
+        ("<robot/>", "the model has no <link>; at least one is required"),
         ("<robot>" + "<a>" * 5000, "more than 100 elements inside each other"),
         (b"\xff\xfe\x00", "not well-formed XML"),
         (b"\x00" * 100, "not well-formed XML"),
@@ -220,14 +220,14 @@ def test_files_that_are_no_urdf_are_refused(text: str | bytes, message: str, tmp
 def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
     with (tmp_path / "robot.urdf").open("wb") as file:
         file.truncate(100_000_000)
-    with pytest.raises(ModelError, match="a model of more than 20 MB is not read"):
+    with pytest.raises(ModelError, match="a model may have at most 20 MB"):
         read_urdf(tmp_path / "robot.urdf")
 
 
 def test_very_many_problems_are_told_in_few_lines(tmp_path: Path) -> None:
     told = str(refusal(tmp_path, "<robot>\n" + "<link/>\n" * 1000 + "</robot>")).splitlines()
     assert len(told) == 101
-    assert told[99].endswith(":101: <link> without 'name' [missing-part]")
+    assert told[99].endswith(":101: <link> has no attribute 'name' [missing-part]")
     assert "robot.urdf:102: 900 more problems like these" in told[100]
 
 

@@ -20,14 +20,14 @@ def ros(tmp_path: Path) -> RosWorkspace:
 def test_a_sound_robot_has_no_problems_and_says_that_it_was_not_run(ros: RosWorkspace) -> None:
     check = check_xacro(ros.rover, ["mass"], ros.packages())
     assert check.problems == ()
-    when = f"{ros.rover} is evaluated only when the scenario runs"
-    assert check.notes == (f"what is said of links and joints: {when} (read as text: 4 files)",)
+    when = f"xacro evaluates {ros.rover} when the scenario runs"
+    assert check.notes == (f"links and joints: {when} (4 files checked as text)",)
 
 
 def checked(ros: RosWorkspace, body: str, *arguments: str) -> tuple[list[str], list[str]]:
     """The problems, and the notes but for the one that always is."""
     check = check_xacro(ros.robot(body), arguments, ros.packages())
-    assert "is evaluated only when the scenario runs" in check.notes[-1]
+    assert "when the scenario runs (" in check.notes[-1]
     notes = [note.replace(f"{ros.root}/{URDF}/", "") for note in check.notes[:-1]]
     return [f"{told(ros, problem)} [{problem.rule}]" for problem in check.problems], notes
 
@@ -49,7 +49,7 @@ def test_all_missing_includes_are_told(ros: RosWorkspace) -> None:
     assert whel.startswith("test.urdf.xacro:3: 'whel.xacro' does not exist (looked for ")
     assert "[missing-include]" in whel
     assert arm.startswith("test.urdf.xacro:4: ")
-    assert "refers to the package 'arm', which is not there" in arm
+    assert "refers to the package 'arm', which was not found" in arm
     assert "[missing-package]" in arm
     assert "[outside-workspace]" in passwd
     assert absent.startswith("inner.xacro:2: 'absent.xacro' does not exist")
@@ -59,7 +59,10 @@ def test_bad_xml_is_told(ros: RosWorkspace) -> None:
     ros.write(f"{URDF}/inner.xacro", "<robot>\n<a></robot>")
     problems, _ = checked(ros, '<xacro:include filename="inner.xacro"/>')
     assert problems == [
-        "inner.xacro:2: not well-formed XML: mismatched tag: </robot> where the <a> of line 2 is to end [bad-xml]"
+        (
+            "inner.xacro:2: not well-formed XML: mismatched tag: found </robot>, expected the end of <a> from line 2 "
+            "[bad-xml]"
+        )
     ]
 
 
@@ -69,7 +72,7 @@ def test_bad_xml_is_told(ros: RosWorkspace) -> None:
 def test_what_depends_on_an_evaluation_is_noted(name: str, ros: RosWorkspace) -> None:
     problems, notes = checked(ros, f'\n<xacro:include filename="{name}"/>', "unknown")
     assert problems == []
-    assert notes == [f"test.urdf.xacro:3: include '{name}' was not followed: what it names is known only then"]
+    assert notes == [f"test.urdf.xacro:3: include '{name}': its name is not known before the run"]
 
 
 @pytest.mark.parametrize(
@@ -85,14 +88,14 @@ def test_an_include_that_may_never_be_made_is_no_problem(body: str, ros: RosWork
     problems, (note,) = checked(ros, body)
     assert problems == []
     assert "'absent.xacro' does not exist" in note
-    assert note.endswith("if it is included at all")
+    assert note.endswith("this matters only if the file is included")
 
 
 def test_unknown_arguments_are_told_when_all_files_were_read(ros: RosWorkspace) -> None:
     problems, _ = checked(ros, '<xacro:arg name="mass" default="1"/>', "mas")
     assert problems == [
         (
-            "test.urdf.xacro: robot.args: no <xacro:arg> is named 'mas'; did you mean 'mass'? (allowed: mass) "
+            "test.urdf.xacro: robot.args: no <xacro:arg> has the name 'mas'; did you mean 'mass'? (allowed: mass) "
             "[unknown-argument]"
         )
     ]
@@ -103,8 +106,10 @@ def test_a_package_that_is_there_twice_is_noted(ros: RosWorkspace) -> None:
     for place in ("vendor", "src"):
         written(ros_package(ros.root / place / "arm") / "arm.xacro", "<robot/>")
     problems, (note,) = checked(ros, '<xacro:include filename="$(find arm)/arm.xacro"/>', "mas")
-    assert note.startswith("test.urdf.xacro:2: 2 packages of one name: ")
-    assert problems == ["test.urdf.xacro: robot.args: no <xacro:arg> is named 'mas' (allowed: none) [unknown-argument]"]
+    assert note.startswith("test.urdf.xacro:2: 2 packages have the same name: ")
+    assert problems == [
+        "test.urdf.xacro: robot.args: no <xacro:arg> has the name 'mas' (allowed: none) [unknown-argument]"
+    ]
 
 
 def test_a_circle_is_walked_once(ros: RosWorkspace) -> None:

@@ -11,7 +11,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.robot import xacro_documents, xacro_expansion
 from sim_action.robot.xacro_documents import XacroError
-from sim_action.robot.xacro_errors import explained
+from sim_action.robot.xacro_errors import explain_xacro_error
 from sim_action.robot.xacro_expansion import expand
 from tests.robot.xacro_models import URDF, element, refusal, told
 from tests.ros_workspace import NAMESPACE, RosWorkspace, ros_workspace, written
@@ -41,10 +41,7 @@ def ros(tmp_path: Path) -> RosWorkspace:
         (
             '<xacro:include filename="wheel.xacro"/>\n<xacro:whel side="left"/>',
             "bad-xacro",
-            (
-                "test.urdf.xacro:3: there is no macro 'whel'; did you mean 'wheel'?; "
-                "it may be in a file that is not included"
-            ),
+            ("test.urdf.xacro:3: unknown macro 'whel'; did you mean 'wheel'?; check that its file is included"),
         ),
         (
             '<xacro:include filename="wheel.xacro"/>\n<xacro:wheel side="left"/>',
@@ -79,14 +76,14 @@ def ros(tmp_path: Path) -> RosWorkspace:
             "bad-xacro",
             (
                 "test.urdf.xacro:2: 'package://rover_sensors/urdf/lidar.xacro': "
-                "in xacro, a package's file is $(find name)/path/of/the/file"
+                "in xacro, write $(find name)/path/of/the/file for a file of a package"
             ),
         ),
         (
             '\n<a x="$(arg size)"/>',
             "unknown-argument",
             (
-                "test.urdf.xacro:3: argument 'size' has no value: give it one in robot.args, "
+                "test.urdf.xacro:3: argument 'size' has no value: set it in robot.args, "
                 'or declare it before its use with <xacro:arg name="size" default="..."/>'
             ),
         ),
@@ -112,13 +109,16 @@ def ros(tmp_path: Path) -> RosWorkspace:
         (
             "<a>",
             "bad-xml",
-            "test.urdf.xacro:3: not well-formed XML: mismatched tag: </robot> where the <a> of line 2 is to end",
+            (
+                "test.urdf.xacro:3: not well-formed XML: mismatched tag: found </robot>, "
+                "expected the end of <a> from line 2"
+            ),
         ),
         (
             "<gazebo:a/>",
             "bad-xml",
             (
-                "test.urdf.xacro:2: not well-formed XML: unbound prefix; a prefix is declared in the first element, "
+                "test.urdf.xacro:2: not well-formed XML: unbound prefix; declare the prefix in the root element, "
                 'as in <robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
             ),
         ),
@@ -141,7 +141,7 @@ def test_the_way_to_an_error_goes_through_macros_and_files(ros: RosWorkspace) ->
 
 def test_an_error_that_no_frame_has_a_place_for_is_told_of_the_file() -> None:
     """As all would be if a later xacro held its elements by other names."""
-    error = explained(NameError("no matter", name="width"), Path("robot.xacro"))
+    error = explain_xacro_error(NameError("no matter", name="width"), Path("robot.xacro"))
     assert str(error) == "robot.xacro: property 'width' is not defined"
 
 
@@ -158,7 +158,7 @@ def test_an_unknown_argument_is_told_with_those_that_there_are(ros: RosWorkspace
         expand(ros.rover, {"with_lidr": True}, ros.packages())
     assert raised.value.rule == "unknown-argument"
     assert told(ros, raised.value) == (
-        "rover.urdf.xacro: robot.args: no <xacro:arg> is named 'with_lidr'; did you mean 'with_lidar'? "
+        "rover.urdf.xacro: robot.args: no <xacro:arg> has the name 'with_lidr'; did you mean 'with_lidar'? "
         "(allowed: mass, with_lidar)"
     )
 
@@ -167,7 +167,7 @@ def test_a_missing_package_is_told_as_packages_tells_it(ros: RosWorkspace) -> No
     error = refusal(ros, '\n<xacro:include filename="$(find rover_sensor)/urdf/lidar.xacro"/>')
     assert error.rule == "missing-package"
     assert error.location.line == 3
-    assert "refers to the package 'rover_sensor', which is not there; did you mean 'rover_sensors'?" in error.message
+    assert "refers to the package 'rover_sensor', which was not found; did you mean 'rover_sensors'?" in error.message
 
 
 @pytest.mark.parametrize(
@@ -201,9 +201,7 @@ def test_files_that_include_each_other_without_end_are_told(ros: RosWorkspace) -
     ros.write(f"{URDF}/b.xacro", f'<robot {NAMESPACE}>\n<xacro:include filename="a.xacro"/></robot>')
     error = refusal(ros, '<xacro:include filename="a.xacro"/>')
     assert error.rule == "bad-xacro"
-    assert told(ros, error).startswith(
-        "b.xacro:2: files include each other without end: a.xacro -> b.xacro -> a.xacro,"
-    )
+    assert told(ros, error).startswith("b.xacro:2: files include each other in a loop: a.xacro -> b.xacro -> a.xacro,")
     assert len(error.message) < 2000
 
 
@@ -212,7 +210,7 @@ def test_includes_that_multiply_are_bounded(ros: RosWorkspace) -> None:
         fourfold = f'<xacro:include filename="{inner}.xacro"/>' * 4
         ros.write(f"{URDF}/{name}.xacro", f"<robot {NAMESPACE}>{fourfold}</robot>")
     ros.write(f"{URDF}/f.xacro", "<robot><a/></robot>")
-    assert "more than 1000 files were included" in str(refusal(ros, '<xacro:include filename="a.xacro"/>'))
+    assert "more than 1000 files are included" in str(refusal(ros, '<xacro:include filename="a.xacro"/>'))
 
 
 def test_macros_that_call_themselves_without_end_are_told(ros: RosWorkspace) -> None:
@@ -228,12 +226,12 @@ def test_macros_that_multiply_are_bounded(ros: RosWorkspace, monkeypatch: pytest
         f'<xacro:macro name="m{n}"><xacro:m{n - 1}/><xacro:m{n - 1}/></xacro:macro>\n' for n in range(1, 30)
     )
     error = refusal(ros, f'<xacro:macro name="m0"><link/></xacro:macro>\n{calls}<xacro:m29/>')
-    assert "macros make more than 1,000 elements of this model" in error.message
+    assert "macros create more than 1,000 elements" in error.message
 
 
 def test_what_it_expands_to_is_bounded(ros: RosWorkspace) -> None:
     assert "expands to more than 20 MB" in str(refusal(ros, "<a x=\"${'x' * 21000000}\"/>"))
-    assert "not enough memory" in str(refusal(ros, "<a x=\"${'x' * 10**14}\"/>"))
+    assert "out of memory" in str(refusal(ros, "<a x=\"${'x' * 10**14}\"/>"))
 
 
 def test_an_expression_that_ends_the_process_is_an_error(ros: RosWorkspace) -> None:
@@ -250,7 +248,7 @@ def test_an_expression_that_ends_the_process_is_an_error(ros: RosWorkspace) -> N
         (b"\xff\xfe\x00", "not well-formed XML"),
         (b'<?xml version="1.0" encoding="nonsense"?><robot/>', "unknown encoding: nonsense; save the file as UTF-8"),
         (b'<?xml version="1.0" encoding="utf-7"?><robot/>', "save the file as UTF-8"),
-        (b" " * 6_000_000, "a file of more than 5 MB is not read"),
+        (b" " * 6_000_000, "the file is too large: at most 5 MB are allowed"),
     ],
 )
 def test_files_that_are_no_xacro_are_refused(data: bytes, message: str, ros: RosWorkspace) -> None:
@@ -263,7 +261,7 @@ def test_files_that_are_no_xacro_are_refused(data: bytes, message: str, ros: Ros
 
 def test_yaml_that_is_no_text_is_refused(ros: RosWorkspace) -> None:
     (ros.root / URDF / "odd.yaml").write_bytes(b"\xff\xfe")
-    assert "save the file as UTF-8" in str(refusal(ros, "<a x=\"${xacro.load_yaml('odd.yaml')}\"/>"))
+    assert "save it as UTF-8" in str(refusal(ros, "<a x=\"${xacro.load_yaml('odd.yaml')}\"/>"))
 
 
 def test_a_pipe_holds_nobody_up(ros: RosWorkspace) -> None:

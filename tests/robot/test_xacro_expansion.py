@@ -126,7 +126,9 @@ def test_of_two_packages_of_one_name_the_nearer_is_included_with_a_note(ros: Ros
     expansion = expanded(ros, '<xacro:include filename="$(find arm)/arm.xacro"/><b x="$(find arm)"/>')
     assert element(expansion).get("x") == "src"
     assert len(expansion.notes) == 1
-    assert expansion.notes[0].startswith(f"2 packages of one name: {near} was taken, as the nearest to test.urdf.xacro")
+    assert expansion.notes[0].startswith(
+        f"2 packages have the same name: {near} is used, because it is nearest to test.urdf.xacro"
+    )
 
 
 def test_a_package_is_found_from_the_file_that_is_being_included(ros: RosWorkspace) -> None:
@@ -194,4 +196,4 @@ def test_an_ament_that_is_there_is_put_back(ros: RosWorkspace, monkeypatch: pyte
 def test_one_expansion_leaves_nothing_to_the_next(ros: RosWorkspace) -> None:
     expanded(ros, '<xacro:property name="p" value="1"/><xacro:macro name="m"><a/></xacro:macro><b/>')
     assert "'p' is not defined" in str(refusal(ros, '<a x="${p}"/>'))
-    assert "no macro 'm'" in str(refusal(ros, "<xacro:m/>"))
+    assert "unknown macro 'm'" in str(refusal(ros, "<xacro:m/>"))

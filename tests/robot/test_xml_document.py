@@ -8,27 +8,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.robot.xml_document import explained
+from sim_action.robot.xml_document import explain_xml_error
 
 
 def said(data: bytes) -> str:
     with pytest.raises(expat.ExpatError) as raised:
         expat.ParserCreate().Parse(data, True)
-    return explained(raised.value, data).removeprefix("not well-formed XML: ")
+    return explain_xml_error(raised.value, data).removeprefix("not well-formed XML: ")
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<a>\n<b>\n<c/></a>", "mismatched tag: </a> where the <b> of line 2 is to end"),
-        ("<a><b></b></c ></a>", "mismatched tag: </c> where the <a> of line 1 is to end"),
-        ("<a></aa>", "mismatched tag: </aa> where the <a> of line 1 is to end"),
-        ('<a b="r & d"/>', "not well-formed (invalid token); a & that stands for itself is written &amp;"),
-        ("<a>R&D</a>", "not well-formed (invalid token); a & that stands for itself is written &amp;"),
-        ("<a>&auml;</a>", "undefined entity; a & that stands for itself is written &amp;"),
-        ('<a b="1 < 2"/>', "not well-formed (invalid token); a < that stands for itself is written &lt;"),
-        ("name: a\n", "syntax error; a model is a .urdf, .xacro or .sdf file, or an .xml file of MuJoCo's"),
-        ("solid a\n", "syntax error; a model is a .urdf, .xacro or .sdf file, or an .xml file of MuJoCo's"),
+        ("<a>\n<b>\n<c/></a>", "mismatched tag: found </a>, expected the end of <b> from line 2"),
+        ("<a><b></b></c ></a>", "mismatched tag: found </c>, expected the end of <a> from line 1"),
+        ("<a></aa>", "mismatched tag: found </aa>, expected the end of <a> from line 1"),
+        ('<a b="r & d"/>', "not well-formed (invalid token); write a literal & as &amp;"),
+        ("<a>R&D</a>", "not well-formed (invalid token); write a literal & as &amp;"),
+        ("<a>&auml;</a>", "undefined entity; write a literal & as &amp;"),
+        ('<a b="1 < 2"/>', "not well-formed (invalid token); write a literal < as &lt;"),
+        ("name: a\n", "syntax error; a model is a .urdf, .xacro or .sdf file, or an .xml file for MuJoCo"),
+        ("solid a\n", "syntax error; a model is a .urdf, .xacro or .sdf file, or an .xml file for MuJoCo"),
         ("", "no element found"),
     ],
 )
@@ -39,12 +39,12 @@ def test_what_to_mend_is_said(text: str, message: str) -> None:
 def test_another_encoding_is_named() -> None:
     text = '<a>\n<b name="fl\xfcgel"/></a>'.encode("latin-1")
     reason = "not well-formed (invalid token)"
-    assert said(text) == f"{reason}; the byte 0xfc is not UTF-8 text: save the file as UTF-8"
+    assert said(text) == f"{reason}; the byte 0xfc is not UTF-8: save the file as UTF-8"
 
 
 def test_a_long_name_is_cut() -> None:
     assert said(b"<" + b"a" * 10_000 + b"></b>") == (
-        f"mismatched tag: </b> where the <{'a' * 60}...> of line 1 is to end"
+        f"mismatched tag: found </b>, expected the end of <{'a' * 60}...> from line 1"
     )
 
 

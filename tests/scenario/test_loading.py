@@ -242,7 +242,7 @@ def test_a_broken_model_is_told_with_its_own_line(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(LEAST.replace("turtlebot3_burger", "bad.urdf"))
     with pytest.raises(InvalidScenario) as refused:
         load_scenario(tmp_path / "a.sim.yml")
-    assert str(refused.value) == f"{tmp_path}/bad.urdf:2: <link> without 'name' [missing-part]"
+    assert str(refused.value) == f"{tmp_path}/bad.urdf:2: <link> has no attribute 'name' [missing-part]"
 
 
 def test_a_joint_of_an_expectation_is_looked_up_in_the_model(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def test_what_a_program_says_at_the_end_is_noted(tmp_path: Path) -> None:
     loaded = driven_by_a_program(tmp_path)
     scenario = loaded.scenario.model_copy(update={"time_limit": 0.2})
     notes = simulate(scenario, build_scene(loaded), lambda _: None).notes
-    assert "the process './ctl.py' wrote more lines than it was asked for, such as 'farewell'; if " in notes[-1]
+    assert "the process './ctl.py' wrote more lines than it received, such as 'farewell'; if " in notes[-1]
 
 
 WORLD = World.model_validate(

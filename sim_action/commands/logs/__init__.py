@@ -1,7 +1,6 @@
-"""Recorded logs: the commands that a robot was once given, with their times.
+"""Recorded logs as commands with times: CSV (`csv_log.py`) and ROS (`rosbag.py`).
 
-A log is read as moments: pairs of a time in s since its first message and the command that was given then. Times do not
-fall. What cannot be read raises RecordingError.
+Times never decrease. A log that cannot be read raises RecordingError.
 """
 
 from __future__ import annotations
@@ -11,24 +10,24 @@ from typing import Final, Literal, NamedTuple
 
 from sim_action.state.command import Command, JointTargets
 
-Moment = tuple[float, Command]
-"""Time in s since the first message of the log, and the command that was given then."""
+TimedCommand = tuple[float, Command]
+"""The time in s since the first message of the log, and the command at that time."""
 
 
 Kind = Literal["position", "velocity", "effort"]
 KINDS: Final[tuple[Kind, ...]] = ("position", "velocity", "effort")
-"""In the order in which they count: a robot that is told where to be is not told how fast as well."""
+"""Kinds of targets, in the order of their priority: a position overrides a velocity, which overrides an effort."""
 
 
 class JointColumn(NamedTuple):
-    """One number of a row: of which joint, and what of it."""
+    """The meaning of a number in a row: a quantity of a joint."""
 
     kind: Kind
     joint: str
 
 
-def followed(columns: Iterable[JointColumn]) -> Iterator[int]:
-    """The places of the columns that count: of each joint the first kind that there is."""
+def used_columns(columns: Iterable[JointColumn]) -> Iterator[int]:
+    """Return the indices of the columns that are used: for each joint, those of the kind with the highest priority."""
     listed = list(columns)
     best: dict[str, JointColumn] = {}
     for column in sorted(listed, key=lambda column: KINDS.index(column.kind)):
@@ -36,8 +35,8 @@ def followed(columns: Iterable[JointColumn]) -> Iterator[int]:
     return (index for index, column in enumerate(listed) if best[column.joint] == column)
 
 
-def targets(row: Iterable[tuple[JointColumn, float]]) -> JointTargets:
-    """The command of one row, of columns that count; rad, rad/s and N m, or m, m/s and N."""
+def row_targets(row: Iterable[tuple[JointColumn, float]]) -> JointTargets:
+    """Return the command in a row of used columns; in rad, rad/s and N m, or m, m/s and N."""
     groups: dict[Kind, dict[str, float]] = {kind: {} for kind in KINDS}
     for column, value in row:
         groups[column.kind][column.joint] = value

@@ -1,10 +1,10 @@
-"""CSV: a header, then a row for each command. `time` in s, and the twist of a base or targets of joints beside it.
+"""Logs in CSV: a header, then one row per command, with `time` in s, and a twist or joint targets.
 
     time,linear,angular
     0.0,0.2,0
     1.5,0.2,0.5
 
-Strangers write such files: what is read is bounded, and nothing in it is more than a number or a name.
+The input is not trusted: its size is bounded, and it contains only numbers and names.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Final
 
-from sim_action.commands.logs import KINDS, JointColumn, Moment, followed, targets
+from sim_action.commands.logs import KINDS, JointColumn, TimedCommand, row_targets, used_columns
 from sim_action.core.errors import Location, RecordingError
 from sim_action.core.files import open_regular
 from sim_action.core.geometry import Twist
 from sim_action.core.messages import did_you_mean, escaped_line, shown
 from sim_action.state.command import Command
 
-MOST_BYTES: Final = 25_000_000
-MOST_ROWS: Final = 250_000
-# Digits are bounded: no number of a log has so many, and conversions take the longer the more there are.
+MAX_BYTES: Final = 25_000_000
+MAX_ROWS: Final = 250_000
+# The count of digits is bounded, because long numbers are slow to convert.
 _DIGITS: Final = r"[-+]?(?:[0-9]{1,40}(?:\.[0-9]{0,40})?|\.[0-9]{1,40})(?:[eE][-+]?[0-9]{1,3})?"
 _NUMBER: Final = re.compile(_DIGITS)
 _NUMBERS: Final = re.compile(f"{_DIGITS}(?:,{_DIGITS})*")
@@ -38,22 +38,30 @@ _NUMBERS: Final = re.compile(f"{_DIGITS}(?:,{_DIGITS})*")
 Line = tuple[int, list[str]]
 """The number of a line, from 1, and its cells."""
 
+MAX_COLUMNS: Final = 1_000
+
+TIME: Final = "time"
+
+TWIST: Final = ("linear", "lateral", "angular")
+
+_ALLOWED: Final = (TIME, *TWIST, *(f"{kind}.<joint>" for kind in KINDS))
+
 
 def read_header(path: Path, name: str) -> Header:
-    """What a file holds; `name`: how messages call it. Raises RecordingError."""
+    """Read the header of a file; `name` is its name in messages. Raises RecordingError."""
     with _lines(path, name) as lines:
         return _header(lines, name)
 
 
-def read_moments(path: Path, name: str) -> Iterator[Moment]:
-    """The commands of a file, as they follow one another; at least one. Raises RecordingError."""
+def read_commands(path: Path, name: str) -> Iterator[TimedCommand]:
+    """Yield the commands of a file, at least one. Raises RecordingError."""
     with _lines(path, name) as lines:
         header = _header(lines, name)
         command = _twists(header) if header.holds_twists else _joint_targets(header)
         clock, time_column = _Clock(), header.columns.index(TIME)
         for count, (line, cells) in enumerate(lines):
-            if count == MOST_ROWS:
-                raise _error(name, line, f"more than {MOST_ROWS:,} rows are not read: cut out what is to be replayed")
+            if count == MAX_ROWS:
+                raise _error(name, line, f"the log has more than {MAX_ROWS:,} rows: keep only the part to replay")
             try:
                 row = _numbers(cells, header)
                 time = clock.since_first(cells[time_column])
@@ -61,23 +69,23 @@ def read_moments(path: Path, name: str) -> Iterator[Moment]:
                 raise _error(name, line, str(error)) from None
             yield time, command(row)
         if clock.first is None:
-            raise RecordingError(f"{name}: no row follows the header: nothing to replay")
+            raise RecordingError(f"{name}: there is no row after the header, so nothing to replay")
 
 
 class _Clock:
-    """Times as they are written, to the last digit: seconds since 1970 have none to lose."""
+    """Converts times without loss of digits: seconds since 1970 need all of them."""
 
     def __init__(self) -> None:
         self.first: Decimal | None = None
         self._last = Decimal()
 
     def since_first(self, text: str) -> float:
-        """In s. Raises ValueError for a time before the last one."""
+        """Return the time since the first row, in s. Raises ValueError for a time before the previous row."""
         time = Decimal(text)
         if self.first is None:
             self.first = self._last = time
         if time < self._last:
-            raise ValueError(f"column '{TIME}': {shown(text)} is earlier than the row before, {self._last}")
+            raise ValueError(f"column '{TIME}': {shown(text)} is earlier than the previous row, {self._last}")
         self._last = time
         return float(time - self.first)
 
@@ -86,18 +94,18 @@ class _Clock:
 def _lines(path: Path, name: str) -> Iterator[Iterator[Line]]:
     try:
         with open_regular(path, follow_link=False) as file:
-            if (size := file.seek(0, 2)) > MOST_BYTES:
-                most = f"no more than {MOST_BYTES // 1_000_000} MB of CSV are read"
-                raise RecordingError(f"{name}: it has {size / 1e6:.0f} MB; {most}: cut out what is to be replayed")
+            if (size := file.seek(0, 2)) > MAX_BYTES:
+                most = f"at most {MAX_BYTES // 1_000_000} MB of CSV are allowed"
+                raise RecordingError(f"{name}: the file has {size / 1e6:.0f} MB; {most}: keep only the part to replay")
             file.seek(0)
             with TextIOWrapper(file, encoding="utf-8-sig", newline="") as text:
                 yield _cells(text, name)
     except OSError as error:
-        raise RecordingError(f"{name}: cannot be read: {error.strerror}") from None
+        raise RecordingError(f"{name}: the file cannot be read: {error.strerror}") from None
 
 
 def _cells(text: TextIOWrapper, name: str) -> Iterator[Line]:
-    """The lines that are not blank. Raises RecordingError."""
+    """Yield the lines that are not blank. Raises RecordingError."""
     reader = csv.reader(text, strict=True)
     try:
         for cells in reader:
@@ -112,7 +120,9 @@ def _cells(text: TextIOWrapper, name: str) -> Iterator[Line]:
 def _header(lines: Iterator[Line], name: str) -> Header:
     line, columns = next(lines, (0, []))
     if not columns:
-        raise RecordingError(f"{name}: it is empty; its first line names the columns, such as {TIME},linear,angular")
+        raise RecordingError(
+            f"{name}: the file is empty; its first line must name the columns, such as {TIME},linear,angular"
+        )
     try:
         return Header.of(columns)
     except HeaderError as error:
@@ -120,12 +130,12 @@ def _header(lines: Iterator[Line], name: str) -> Header:
 
 
 def _numbers(cells: Sequence[str], header: Header) -> list[float]:
-    """The values of a row. Raises ValueError."""
+    """Return the values of a row. Raises ValueError."""
     if len(cells) != len(header.columns):
-        raise ValueError(f"{len(cells)} cells, where the header names {len(header.columns)} columns")
+        raise ValueError(f"{len(cells)} cells, but the header has {len(header.columns)} columns")
     with suppress(ValueError):
         row = list(map(float, cells))
-        # Of finite numbers the sum may not be finite: then each is looked at.
+        # The sum of finite numbers may overflow: then each number is checked.
         if _NUMBERS.fullmatch(",".join(cells)) and math.isfinite(sum(row)):
             return row
     for column, cell in zip(header.columns, cells, strict=True):
@@ -135,7 +145,7 @@ def _numbers(cells: Sequence[str], header: Header) -> list[float]:
 
 
 def _twists(header: Header) -> Callable[[list[float]], Command]:
-    # What no column tells is the zero that is put after the last one.
+    # A missing column refers to a 0 that is appended to the row.
     linear, lateral, angular = (
         header.columns.index(name) if name in header.columns else len(header.columns) for name in TWIST
     )
@@ -149,31 +159,25 @@ def _twists(header: Header) -> Callable[[list[float]], Command]:
 
 def _joint_targets(header: Header) -> Callable[[list[float]], Command]:
     columns = [(index, column) for index, column in enumerate(header.joints) if column is not None]
-    counting = [columns[place] for place in followed(column for _, column in columns)]
-    return lambda row: targets((column, row[index]) for index, column in counting)
+    counting = [columns[place] for place in used_columns(column for _, column in columns)]
+    return lambda row: row_targets((column, row[index]) for index, column in counting)
 
 
 def _error(name: str, line: int, message: str) -> RecordingError:
     return RecordingError(escaped_line(f"{Location(name, line)}: {message}"))
 
 
-MOST_COLUMNS: Final = 1_000
-TIME: Final = "time"
-TWIST: Final = ("linear", "lateral", "angular")
-_ALLOWED: Final = (TIME, *TWIST, *(f"{kind}.<joint>" for kind in KINDS))
-
-
 class HeaderError(ValueError):
-    """A header that tells nothing to replay."""
+    """A header that is not valid."""
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What the columns of a file are.
+    """The columns of a file.
 
     Attributes:
-        columns: their names, in the order of the file.
-        joints: what each tells of which joint, and None for others; empty if the file is of a base.
+        columns: the names of the columns, in the order of the file.
+        joints: the joint and quantity of each column, None for other columns; empty if the file has twists.
     """
 
     columns: tuple[str, ...]
@@ -181,7 +185,7 @@ class Header:
 
     @classmethod
     def of(cls, columns: Sequence[str]) -> Header:
-        """What a line of names says. Raises HeaderError."""
+        """Return the header for the names of columns. Raises HeaderError."""
         if problem := next(_problems(columns), None):
             raise HeaderError(problem)
         joints = tuple(map(_joint_column, columns))
@@ -189,33 +193,33 @@ class Header:
 
     @property
     def holds_twists(self) -> bool:
-        """Whether it is of a base."""
+        """Return True if the file has twists of the base."""
         return not self.joints
 
     @property
     def joint_names(self) -> frozenset[str]:
-        """The joints that are told where to go."""
+        """The joints that the file commands."""
         return frozenset(column.joint for column in self.joints if column is not None)
 
 
 def _problems(columns: Sequence[str]) -> Iterator[str]:
-    if len(columns) > MOST_COLUMNS:
-        yield f"{len(columns):,} columns; no more than {MOST_COLUMNS:,} are read"
+    if len(columns) > MAX_COLUMNS:
+        yield f"{len(columns):,} columns; at most {MAX_COLUMNS:,} are allowed"
     for column, count in Counter(columns).items():
         if count > 1:
-            yield f"{count} columns are named {shown(column)}"
+            yield f"{count} columns have the name {shown(column)}"
     twists = [column for column in columns if column in TWIST]
     of_joints = [column for column in columns if _joint_column(column)]
     for column in columns:
         if column != TIME and column not in twists and column not in of_joints:
-            hint = "" if len(columns) > 1 else "; columns are separated by commas"
+            hint = "" if len(columns) > 1 else "; separate columns by commas"
             yield f"unknown column {shown(column)}{did_you_mean(column, _ALLOWED)}{hint}"
     if TIME not in columns:
-        yield f"no column '{TIME}': it says when, in s, each row was commanded"
+        yield f"the column '{TIME}' is missing: it is the time of each row in s"
     if not twists and not of_joints:
-        yield f"nothing is commanded beside '{TIME}'{did_you_mean('', _ALLOWED[1:])}"
+        yield f"there is no command column besides '{TIME}'{did_you_mean('', _ALLOWED[1:])}"
     if twists and of_joints:
-        yield f"'{twists[0]}' is of a base, {shown(of_joints[0])} of a joint; make two files of them"
+        yield f"'{twists[0]}' commands the base, {shown(of_joints[0])} a joint; split the log into two files"
 
 
 def _joint_column(column: str) -> JointColumn | None:

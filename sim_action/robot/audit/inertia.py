@@ -1,4 +1,8 @@
-"""Masses and moments of inertia that a body can have."""
+"""Check masses and moments of inertia: present, physically possible, and in proportion to the size of the link.
+
+The bounds on proportions are wide, because exporters round and shapes are simplified. A link that weighs almost
+nothing compared to the model may have a placeholder inertia. No real robot in pybullet_data comes near the bounds.
+"""
 
 from __future__ import annotations
 
@@ -14,35 +18,49 @@ from sim_action.robot.robot_model import WORLD, Finding, Link, Shape
 from sim_action.robot.urdf_elements import number, origin, parent_of
 from sim_action.robot.xml_document import ModelDocument
 
-# Exporters round: what is off by less is not told.
+# Exporters round: smaller deviations are not reported.
 _ROUNDING: Final = 1e-3
+
+_MAX_GYRATION_RATIO: Final = 100.0
+"""Bounds on the radius of gyration divided by the reach of the link; 0.1 to 1 for a body that fills its shapes."""
+
+_MIN_GYRATION_RATIO: Final = 0.01
+
+_NEGLIGIBLE: Final = 0.01
+"""A share of the mass of the model."""
+
+_MAX_DENSITY: Final = 25_000.0
+"""kg/m^3; osmium has 22,600."""
+
+# An engine treats a flat mesh as this thick.
+_MIN_THICKNESS_M: Final = 1e-3
 
 
 def masses(document: ModelDocument) -> Iterator[Finding]:
-    """No mass is negative; one of zero is meant to be something else."""
+    """Yield masses that are negative or 0."""
     for mass in document.elements("link/inertial/mass"):
         value = number(mass, "value") or 0.0
         if value < 0:
-            yield document.finding("negative-mass", mass, f'<mass value="{value:g}">: a mass is not negative')
+            yield document.finding("negative-mass", mass, f'<mass value="{value:g}">: a mass must not be negative')
         elif value == 0:
-            message = '<mass value="0">: what weighs nothing leaves <inertial> out; an engine would hold a base still'
+            message = '<mass value="0">: an engine would fix a base of mass 0; state the mass, or remove <inertial>'
             yield document.finding("zero-mass", mass, message)
 
 
 def tensors(document: ModelDocument) -> Iterator[Finding]:
-    """The principal moments are positive, and none is greater than the sum of the others (any mechanics textbook)."""
+    """Yield inertias whose principal moments are not positive, or break the triangle inequality."""
     for inertia in document.elements("link/inertial/inertia"):
         a, b, c = sorted(principal_moments(inertia))
         found = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m^2"
         if a <= 0:
-            yield document.finding("impossible-inertia", inertia, f"{found}: they must all be greater than 0")
+            yield document.finding("impossible-inertia", inertia, f"{found}: all of them must be greater than 0")
         elif c > (a + b) * (1 + _ROUNDING):
-            message = f"{found}: no body has one that is greater than the sum of the others"
+            message = f"{found}: none may be greater than the sum of the other two"
             yield document.finding("impossible-inertia", inertia, message)
 
 
 def presence(document: ModelDocument) -> Iterator[Finding]:
-    """Links that do not say what they weigh."""
+    """Yield links without <inertial>, and a model in which no link has a mass."""
     joints = document.elements("joint")
     free_of_mass = {WORLD, *(parent_of(joint) for joint in joints if is_free_base(document, joint))}
     for link in document.elements("link"):
@@ -50,12 +68,15 @@ def presence(document: ModelDocument) -> Iterator[Finding]:
             message = f"link '{link.attrib['name']}' has no <inertial>: it gets a negligible mass"
             yield document.finding("missing-inertia", link, message)
     if not any(number(mass, "value") for mass in document.elements("link/inertial/mass")):
-        message = "no link of the model has a mass; add <inertial> to what weighs something"
+        message = "no link of the model has a mass; add <inertial> to the links"
         yield document.finding("massless-model", document.root, message)
 
 
 def principal_moments(inertia: Element) -> tuple[float, float, float]:
-    """Eigenvalues of a symmetric 3 x 3 matrix, in kg m^2 (O. K. Smith, Communications of the ACM 4(4), 1961)."""
+    """Return the principal moments in kg m^2, in rising order.
+
+    They are the eigenvalues of a symmetric 3 x 3 matrix (O. K. Smith, Communications of the ACM 4(4), 1961).
+    """
     xx, xy, xz, yy, yz, zz = (number(inertia, name) or 0.0 for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     mean = (xx + yy + zz) / 3
     off = xy**2 + xz**2 + yz**2
@@ -71,22 +92,11 @@ def principal_moments(inertia: Element) -> tuple[float, float, float]:
     return (least, 3 * mean - largest - least, largest)
 
 
-_FARTHEST: Final = 100.0
-"""Radius of gyration over how far a link reaches; for a body that is as large as its shapes it is 0.1 to 1."""
-_NEAREST: Final = 0.01
-
-_NEGLIGIBLE: Final = 0.01
-"""Of the mass of a model."""
-
-_DENSEST: Final = 25_000.0
-"""kg/m^3; osmium has 22,600."""
-
-# In m: a flat mesh is no thinner than this for an engine.
-_THINNEST: Final = 1e-3
-
-
 def proportions(document: ModelDocument, links: Sequence[Link]) -> Iterator[Finding]:
-    """What does not fit; `links`: as they were read from the document, meshes measured."""
+    """Yield inertias and masses that do not fit the size of their links.
+
+    :param links: the links of the document, with the sizes of their meshes.
+    """
     shaped = {link.name: link for link in links if link.collisions and link.mass}
     total = sum(link.mass or 0.0 for link in links)
     for element in document.elements("link"):
@@ -103,18 +113,18 @@ def _inertia(document: ModelDocument, element: Element, link: Link, least_mass: 
     moments = principal_moments(inertia)
     reach = _reach(link, origin(inertial).position_xyz)
     if min(moments) <= 0:
-        return  # which is told
+        return  # impossible-inertia reports it
     moment = max(moments)
     radius = math.sqrt(moment / link.mass)
-    is_far = math.sqrt(moment / max(link.mass, least_mass)) > _FARTHEST * reach
-    if is_far or radius < _NEAREST * max(map(_half_diagonal, link.collisions)):
-        says = f"link '{link.name}' has {moment:.3g} kg m^2 for {link.mass:.3g} kg, as of a mass {radius:.2g} m away"
-        message = f"{says} from its centre, and reaches {reach:.2g} m from there: is it in another unit than kg m^2?"
+    is_far = math.sqrt(moment / max(link.mass, least_mass)) > _MAX_GYRATION_RATIO * reach
+    if is_far or radius < _MIN_GYRATION_RATIO * max(map(_half_diagonal, link.collisions)):
+        found = f"link '{link.name}' has {moment:.3g} kg m^2 at {link.mass:.3g} kg, like a point mass at {radius:.2g} m"
+        message = f"{found}, but the link extends only {reach:.2g} m from its centre of mass: is the unit kg m^2?"
         yield document.finding("odd-inertia", inertia, message)
 
 
 def _reach(link: Link, centre: Vector3) -> float:
-    """Bound in m on how far the shapes of a link reach from its centre of mass."""
+    """Return an upper bound in m on the distance from the centre of mass to any point of the shapes."""
     return max(_distance(shape, centre) + _half_diagonal(shape) for shape in link.collisions)
 
 
@@ -129,16 +139,16 @@ def _half_diagonal(shape: Shape) -> float:
 
 
 def _sizes(shape: Shape) -> Iterator[float]:
-    return (max(high - low, _THINNEST) for low, high in zip(shape.lower_xyz, shape.upper_xyz, strict=True))
+    return (max(high - low, _MIN_THICKNESS_M) for low, high in zip(shape.lower_xyz, shape.upper_xyz, strict=True))
 
 
 def _density(document: ModelDocument, shaped: Mapping[str, Link]) -> Iterator[Finding]:
-    """Of all that has a shape: one may be a mere token of what it stands for."""
+    """Yield a finding if all shapes together are too dense; a single shape may be a placeholder."""
     mass = sum(link.mass or 0.0 for link in shaped.values())
     volume = sum(math.prod(_sizes(shape)) for link in shaped.values() for shape in link.collisions)
-    if mass > _DENSEST * volume:
+    if mass > _MAX_DENSITY * volume:
         heaviest = max(shaped.values(), key=lambda link: link.mass or 0.0)
         links = (link for link in document.elements("link") if link.attrib["name"] == heaviest.name)
         place = next(mass for link in links for mass in link.iterfind("inertial/mass"))
-        density = f"{mass:.4g} kg in {volume:.2g} m^3 at most, {mass / volume:,.0f} kg/m^3"
-        yield document.finding("odd-mass", place, f"{density}: is a mass in grams, or a size too small?")
+        density = f"{mass:.4g} kg in at most {volume:.2g} m^3, a density of {mass / volume:,.0f} kg/m^3"
+        yield document.finding("odd-mass", place, f"{density}: are masses in grams, or sizes too small?")

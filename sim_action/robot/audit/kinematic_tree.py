@@ -1,4 +1,11 @@
-"""Links and joints form a tree: one root, no name twice, no two parents. An engine dies of anything else."""
+"""Check that links and joints form a tree that the engine can hold: one root, unique names, one parent per link.
+
+PyBullet crashes on other models. It reports a state of MAX_DEGREE_OF_FREEDOM = 128 numbers per body, and holds
+MAX_NUM_LINKS = 128 links (both in Bullet's examples/SharedMemory/SharedMemoryCommands.h; bulletphysics/bullet3 issue
+4621 asks for more). 7 of those numbers are the pose of the base, also of a fixed base. Beyond that, PyBullet 3.2.7
+gives wrong values without a warning: a joint reads 0, and its position appears as a velocity of the base. From the
+129th link on, it answers nothing. tests/integration/test_engine_tables.py measures both.
+"""
 
 from __future__ import annotations
 
@@ -14,37 +21,47 @@ from sim_action.robot.xml_document import ModelDocument
 _JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
-# Each compares a name with all others.
-_MOST_HINTS: Final = 10
+# Each hint compares a name with all others.
+_MAX_HINTS: Final = 10
 
-LONGEST_NAME: Final = 255
-"""In bytes of UTF-8. PyBullet writes a name into 1,024 bytes, and what is longer ends the process."""
+MAX_NAME_BYTES: Final = 255
+"""The longest name, in bytes of UTF-8. PyBullet has a buffer of 1,024 bytes; a longer name ends the process."""
+
+MAX_MOVING_JOINTS: Final = 128 - 7
+"""The largest number of joints that have a position."""
+
+MAX_JOINTS: Final = 128 - 1
+"""The largest number of joints, fixed joints included: one link is the base."""
+
+_ADVICE: Final = "merge links that are connected by fixed joints, or remove parts that the test does not need"
 
 
 def names(document: ModelDocument) -> Iterator[Finding]:
-    """No name is there twice, and none is longer than any name is."""
+    """Yield names that occur twice or are too long."""
     for tag in ("link", "joint"):
         seen = set[str]()
         for element in document.elements(tag):
             name = element.attrib["name"]
-            if (size := len(name.encode())) > LONGEST_NAME:
-                message = f"{tag} '{name[:40]}...': a name of {size} bytes; the engine takes {LONGEST_NAME}"
+            if (size := len(name.encode())) > MAX_NAME_BYTES:
+                message = f"{tag} '{name[:40]}...': the name has {size} bytes; at most {MAX_NAME_BYTES} are allowed"
                 yield document.finding("bad-name", element, message)
             if name in seen:
-                yield document.finding("duplicate-name", element, f"a second {tag} named '{name}'")
+                yield document.finding(
+                    "duplicate-name", element, f"a second {tag} is named '{name}'; names must be unique"
+                )
             seen.add(name)
 
 
 def joint_types(document: ModelDocument) -> Iterator[Finding]:
-    """Each is one of URDF's."""
+    """Yield joints whose type URDF does not define."""
     for joint in document.elements("joint"):
         if joint.attrib["type"] not in _JOINT_TYPES:
-            message = f"joint type '{joint.attrib['type']}' is none of {', '.join(_JOINT_TYPES)}"
+            message = f"unknown joint type '{joint.attrib['type']}'; the types are {', '.join(_JOINT_TYPES)}"
             yield document.finding("joint-type", joint, message)
 
 
 def tree(document: ModelDocument) -> Iterator[Finding]:
-    """Every link can be reached from one root, in one way."""
+    """Yield unknown links, links with two parents, missing or several roots, and loops."""
     links = {link.attrib["name"] for link in document.elements("link")}
     children: dict[str, list[str]] = {}
     carriers: dict[str, str] = {}
@@ -52,15 +69,17 @@ def tree(document: ModelDocument) -> Iterator[Finding]:
     for joint in document.elements("joint"):
         name, parent, child = joint.attrib["name"], parent_of(joint), child_of(joint)
         for link in sorted({parent, child} - links):
-            hint = did_you_mean(link, links) if unknown < _MOST_HINTS else ""
+            hint = did_you_mean(link, links) if unknown < _MAX_HINTS else ""
             unknown += 1
             yield document.finding("unknown-link", joint, f"joint '{name}' names the unknown link '{link}'{hint}")
         if child in carriers:
-            message = f"link '{child}' is the child of two joints, '{carriers[child]}' and '{name}': it can hang on one"
+            message = (
+                f"link '{child}' is the child of two joints, '{carriers[child]}' and '{name}': only one is allowed"
+            )
             yield document.finding("two-parents", joint, message)
         carriers[child] = name
         children.setdefault(parent, []).append(child)
-    if not unknown:  # else what hangs on it would seem lost, and is not
+    if not unknown:  # otherwise the links below an unknown link would be reported as a loop
         yield from _rooted(document, sorted(links - carriers.keys()), links, children)
 
 
@@ -69,9 +88,11 @@ def _rooted(
 ) -> Iterator[Finding]:
     if len(roots) != 1:
         found = (
-            f"{len(roots)}: {', '.join(roots)}; join them by fixed joints" if roots else "none: its joints form a loop"
+            f"{len(roots)}: {', '.join(roots)}; connect them with fixed joints"
+            if roots
+            else "none: its joints form a loop"
         )
-        yield document.finding("one-root", document.root, f"a model has one root link, this one has {found}")
+        yield document.finding("one-root", document.root, f"the model must have one root link, but it has {found}")
         return
     if lost := sorted(links - _reached(roots[0], children)):
         yield document.finding("loop", document.root, f"joints form a loop among the links {', '.join(lost)}")
@@ -87,24 +108,15 @@ def _reached(root: str, children: dict[str, list[str]]) -> set[str]:
     return reached
 
 
-MOST_MOVING_JOINTS: Final = 128 - 7
-"""Of joints that have a position."""
-
-MOST_JOINTS: Final = 128 - 1
-"""Of all joints, those that are fixed too: one link is the base."""
-
-_ADVICE: Final = "make one link of those that fixed joints hold together, and leave out what need not move"
-
-
 def joint_counts(document: ModelDocument) -> Iterator[Finding]:
-    """The engine has room for all joints."""
+    """Yield a finding if the model has more joints than PyBullet can hold."""
     joints = list(document.elements("joint"))
     moving = [joint for joint in joints if joint.get("type") in MOVING_TYPES]
-    yield from _beyond(document, joints, MOST_JOINTS, "joints")
-    yield from _beyond(document, moving, MOST_MOVING_JOINTS, "joints that move")
+    yield from _beyond(document, joints, MAX_JOINTS, "joints")
+    yield from _beyond(document, moving, MAX_MOVING_JOINTS, "joints that move")
 
 
 def _beyond(document: ModelDocument, joints: Sequence[Element], most: int, what: str) -> Iterator[Finding]:
     if len(joints) > most:
-        message = f"{len(joints)} {what}, and the engine takes {most}: {_ADVICE}"
+        message = f"{len(joints)} {what}; the engine supports at most {most}: {_ADVICE}"
         yield document.finding("too-many-joints", joints[most], message)

@@ -1,7 +1,7 @@
-"""Models of SDF as scopes: what can be named inside each, with nested and included ones below it.
+"""Compose an SDF model from its nested and included models, as a tree of scopes with names.
 
-Names of a nested model are seen from outside as `model::name`; what is in a model that was included with merge="true"
-is seen as the outer model's own (SDFormat's proposals on composition and merge-include).
+From outside, names in a nested model are `model::name`. The parts of a model that is included with merge="true" belong
+to the outer model (SDFormat's proposals on composition and merge-include).
 """
 
 from __future__ import annotations
@@ -12,26 +12,37 @@ from pathlib import Path
 from typing import Final, Literal, get_args
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.audit.kinematic_tree import LONGEST_NAME
+from sim_action.robot.audit.kinematic_tree import MAX_NAME_BYTES
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.packages import PackageError, Packages, Version, find_model_file
-from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, needed, says_yes, text_of
-from sim_action.robot.sdf.files import Budget, OverBudget, SdfFile, read_sdf_file
+from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_attribute, flag_of, needed, text_of
+from sim_action.robot.sdf.files import ModelTooLarge, SdfFile, SizeBudget, read_sdf_file
 
 Kind = Literal["link", "model", "frame", "joint"]
 
 MODEL_FRAME: Final = "__model__"
 SEPARATOR: Final = "::"
 
+_MAX_DEPTH: Final = 50
+
+_MAX_SHOWN_CHARS: Final = 40
+
+_CHANGES: Final = "experimental:params"
+
+_KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
+
+_UNIQUE_NAMES: Final[Version] = (1, 7)
+"""From this version on, names are unique across kinds."""
+
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """Something that has a frame.
+    """A link, joint, frame or model: an element with a frame.
 
     Attributes:
-        owner: the model in whose scope the element's references are looked up.
-        pose: the <pose> that places it, if there is one.
-        scope: of a model: what is inside it.
+        owner: the scope in which the references of the element are resolved.
+        pose: the <pose> that places it; None if there is none.
+        scope: the inside of a model; None for other kinds.
     """
 
     kind: Kind
@@ -43,22 +54,22 @@ class Entry:
 
     @property
     def full_name(self) -> str:
-        """The name as it is seen from the outermost model."""
+        """The name as seen from the outermost model."""
         return self.owner.prefix + self.name
 
 
 @dataclass(eq=False)
 class Scope:
-    """A <model> from inside; `members` and `names` grow while it is read.
+    """The inside of a <model>; `members` and `names` grow while it is read.
 
     Attributes:
-        prefix: of all names in it, seen from the outermost model.
-        placement_frame: which of its frames the model's pose places; empty: its own.
-        static: whether nothing in it moves.
-        parent: the model that it is nested in.
-        pose: the <pose> that places it, if there is one.
-        members: links, joints, frames and models in it, in the order of the file.
-        names: what can be referred to in it.
+        prefix: the prefix of all names in it, as seen from the outermost model.
+        placement_frame: the frame in it that the model's pose places; empty: the model's own frame.
+        static: True if nothing in it moves.
+        parent: the scope around it; None for the outermost model.
+        pose: the <pose> that places it; None if there is none.
+        members: its links, joints, frames and models, in the order of the file.
+        names: name -> the entry that it refers to.
     """
 
     file: SdfFile
@@ -72,7 +83,7 @@ class Scope:
     names: dict[str, Entry] = field(default_factory=dict)
 
     def all_of(self, kind: Kind) -> Iterator[Entry]:
-        """Everything of a kind in it and below, in the order of the file."""
+        """Yield all entries of a kind, in it and below, in the order of the file."""
         for entry in self.members:
             if entry.kind == kind:
                 yield entry
@@ -80,20 +91,20 @@ class Scope:
                 yield from entry.scope.all_of(kind)
 
     def scopes(self) -> Iterator[Scope]:
-        """This one, and all below it."""
+        """Yield this scope and all scopes below it."""
         yield self
         for entry in self.members:
             if entry.scope is not None:
                 yield from entry.scope.scopes()
 
     def innermost(self, name: str) -> tuple[Scope, str]:
-        """The model that a name leads into, as far as it leads, and what is left of the name."""
+        """Return the innermost scope that the parts of a name lead to, and the rest of the name."""
         head, separator, rest = name.partition(SEPARATOR)
         model = self.names.get(head)
         return model.scope.innermost(rest) if separator and model and model.scope else (self, name)
 
     def find(self, name: str) -> Entry | None:
-        """What a name leads to; links of old files may have `::` in their own name."""
+        """Return the entry with a name, else None. In old files, the name of a link may contain `::`."""
         if name in self.names:
             return self.names[name]
         head, separator, rest = name.partition(SEPARATOR)
@@ -103,29 +114,21 @@ class Scope:
         return model if rest == MODEL_FRAME else model.scope.find(rest)
 
 
-_DEEPEST: Final = 50
-_SHOWN: Final = 40
-_CHANGES: Final = "experimental:params"
-_KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
-_UNIQUE_NAMES: Final[Version] = (1, 7)
-"""From here on a name stands for one thing, whatever its kind."""
-
-
 class Assembly:
-    """One model while it is put together; what is wrong is noted.
+    """The composition of one model. Problems become findings in `notes`.
 
     Args:
-        file: with the outermost model.
+        file: the file with the outermost model.
     """
 
     def __init__(self, file: SdfFile, packages: Packages, notes: Notes) -> None:
         self.packages, self.notes = packages, notes
         self._file = file
-        self._budget = Budget(file.document)
+        self._budget = SizeBudget(file.document)
         self._files: dict[Path, SdfFile] = {}
 
     def read(self) -> Scope:
-        """The outermost model and all below it. Raises RefusedModel if that is too much to go on with."""
+        """Return the outermost model with all models below it. Raises RefusedModel if it is too large."""
         file = self._file
         self.notes.places.update(file.document.places)
         model = file.model
@@ -134,7 +137,7 @@ class Assembly:
         return self._filled(scope, (file.path,))
 
     def _filled(self, scope: Scope, path: tuple[Path, ...]) -> Scope:
-        """`path`: the files that are open, each included by the one before it."""
+        """Fill a scope. `path`: the files that are open, each one included by the one before it."""
         members: Mapping[str, Callable[[Element], None]] = {
             **dict.fromkeys(("link", "joint", "frame"), lambda element: self._add(scope, element)),
             "model": lambda element: self._nest(scope, element, path),
@@ -159,11 +162,11 @@ class Assembly:
 
     def _include(self, scope: Scope, include: Element, path: tuple[Path, ...]) -> None:
         file = self._included(scope, include)
-        self._tell_changes(include)
+        self._note_changes(include)
         if file.path in path:
             names = " -> ".join(path.name for path in (*path[path.index(file.path) :], file.path))
-            raise SdfProblem("include-loop", include, f"a model that includes itself: {names}")
-        if says_yes(include, "merge"):
+            raise SdfProblem("include-loop", include, f"the model includes itself: {names}")
+        if flag_attribute(include, "merge"):
             self._merge(scope, include, file, path)
             return
         name = _short(include, scope.prefix, text_of(include, "name")) or _named(file.model, scope.prefix)
@@ -172,14 +175,14 @@ class Assembly:
         inner = Scope(file, f"{scope.prefix}{name}{SEPARATOR}", file.model, frame, static, scope, pose)
         self._enter(scope, Entry("model", name, include, scope, pose, self._checked(inner, (*path, file.path))))
 
-    def _tell_changes(self, include: Element) -> None:
+    def _note_changes(self, include: Element) -> None:
         changes = include.find(_CHANGES)
         if changes is not None:
-            message = f"<{_CHANGES}> would change what is included; let go, it is included as it is"
-            self.notes.tell("unsupported-part", changes, message)
+            message = f"<{_CHANGES}> is not supported; if allowed, the included model is not changed"
+            self.notes.add("unsupported-part", changes, message)
 
     def _merge(self, scope: Scope, include: Element, file: SdfFile, path: tuple[Path, ...]) -> None:
-        """What is in the included model becomes the outer one's own; where it was is told by its model's frame."""
+        """Add the parts of an included model to the outer model; an unnamed entry keeps the frame of that model."""
         pose, frame = _placement(include, file.model)
         inner = Scope(file, scope.prefix, file.model, frame, scope.static, scope, pose)
         scope.members.append(Entry("model", "", include, scope, pose, self._checked(inner, (*path, file.path))))
@@ -187,41 +190,41 @@ class Assembly:
             self._name(scope, member, include)
 
     def _checked(self, scope: Scope, path: tuple[Path, ...]) -> Scope:
-        """The scope with all that is in it, if it is not too deep."""
+        """Fill a scope, unless it is nested too deeply."""
         depth, outer = 0, scope.parent
         while outer is not None:
             depth, outer = depth + 1, outer.parent
-        if depth > _DEEPEST:
-            raise SdfProblem("include-loop", scope.element, f"more than {_DEEPEST} models inside each other")
+        if depth > _MAX_DEPTH:
+            raise SdfProblem("include-loop", scope.element, f"more than {_MAX_DEPTH} models are nested")
         return self._filled(scope, path)
 
     def _included(self, scope: Scope, include: Element) -> SdfFile:
         try:
-            return self._paid(scope, include)
-        except OverBudget as error:
-            # First, as what was found before it may be more than is told.
+            return self._read_within_budget(scope, include)
+        except ModelTooLarge as error:
+            # This problem comes first: the number of problems that are reported is limited.
             problem = finding("include-loop", str(error), self.notes.places[include])
             refuse_errors([problem, *self.notes.findings])
-            raise AssertionError("what is fatal is refused") from None
+            raise AssertionError("a fatal finding raises") from None
 
-    def _paid(self, scope: Scope, include: Element) -> SdfFile:
+    def _read_within_budget(self, scope: Scope, include: Element) -> SdfFile:
         self._budget.begin_include()
         reference = (needed(include, "uri").text or "").strip()
         if not reference:
-            raise SdfProblem("missing-part", include, "<include> with an empty <uri>")
+            raise SdfProblem("missing-part", include, "<include> has an empty <uri>")
         try:
             found = find_model_file(reference, scope.file.path, self.packages, self._budget.read)
         except PackageError as error:
             rule = "missing-include" if error.rule == "missing-file" else error.rule
             raise SdfProblem(rule, include, str(error)) from None
         if found.warning:
-            self.notes.tell("several-packages", include, found.warning)
+            self.notes.add("several-packages", include, found.warning)
         return self._opened(found.path)
 
     def _opened(self, path: Path) -> SdfFile:
         file = self._files.get(path)
         if file is not None:
-            self._budget.spend(file.document)
+            self._budget.count_elements(file.document)
             return file
         file = self._files[path] = read_sdf_file(path, self._budget.read(path))
         self.notes.places.update(file.document.places)
@@ -236,31 +239,31 @@ class Assembly:
         if taken is None:
             scope.names[entry.name] = entry
         elif taken.kind == entry.kind or scope.file.version >= _UNIQUE_NAMES:
-            kinds = f"a second {entry.kind}" if taken.kind == entry.kind else f"a {taken.kind} and a {entry.kind}"
-            raise SdfProblem("duplicate-name", source, f"{kinds} named '{entry.name}'")
+            kinds = f"two {entry.kind}s" if taken.kind == entry.kind else f"a {taken.kind} and a {entry.kind}"
+            raise SdfProblem("duplicate-name", source, f"{kinds} have the name '{entry.name}'; names must be unique")
         elif _KINDS.index(entry.kind) < _KINDS.index(taken.kind):
             scope.names[entry.name] = entry
 
 
 def _placement(include: Element, model: Element) -> tuple[Element | None, str]:
-    """The pose of an included model, and which of its frames it is meant for: what <include> says counts for more."""
+    """Return the pose of an included model, and the frame that it places; <include> overrides the model."""
     stated, frame = include.find("pose"), text_of(include, "placement_frame")
     if frame and stated is None:
-        raise SdfProblem("missing-part", include, "<include> with <placement_frame> and without <pose>")
+        raise SdfProblem("missing-part", include, "<include> has <placement_frame> but no <pose>; add one")
     return model.find("pose") if stated is None else stated, frame or model.get("placement_frame", "")
 
 
 def _named(element: Element, prefix: str) -> str:
     name = element.get("name", "")
     if not name:
-        raise SdfProblem("missing-part", element, f"<{element.tag}> without 'name'")
+        raise SdfProblem("missing-part", element, f"<{element.tag}> has no attribute 'name'")
     return _short(element, prefix, name)
 
 
 def _short(element: Element, prefix: str, name: str) -> str:
-    """A name that is none too long: everything in a model has the model's before its own."""
-    if len(prefix) + len(name) > LONGEST_NAME:
-        size = f"a name of {len(prefix) + len(name):,} characters"
-        message = f"{size}, '{(prefix + name[:_SHOWN])[:_SHOWN]}...'; the engine takes {LONGEST_NAME}"
+    """Return a name unless it is too long, together with the names of the models around it."""
+    if len(prefix) + len(name) > MAX_NAME_BYTES:
+        full, size = prefix + name[:_MAX_SHOWN_CHARS], f"the name has {len(prefix) + len(name):,} characters"
+        message = f"{size}, '{full[:_MAX_SHOWN_CHARS]}...'; at most {MAX_NAME_BYTES} are allowed"
         raise SdfProblem("bad-name", element, message)
     return name

@@ -1,4 +1,10 @@
-"""An SDF whose frames are known -> URDF."""
+"""Convert SDF (sdformat.org/spec, versions 1.4 to 1.11) to a URDF document whose elements know their place in the SDF.
+
+The base link's frame is the frame of the root link. The frame of a link is the same as in SDF, with one exception: if
+the axis of its joint does not go through its origin, its frame is at the joint (`joints.py`). A model that is fixed to
+the world gets a root link named `world`. Its frame is the world of the file, in which the <pose> of the outermost
+<model> counts.
+"""
 
 from __future__ import annotations
 
@@ -17,74 +23,80 @@ from sim_action.robot.sdf.composition import SEPARATOR, Assembly, Entry, Scope
 from sim_action.robot.sdf.elements import Notes
 from sim_action.robot.sdf.files import read_sdf_file
 from sim_action.robot.sdf.frames import Frames
-from sim_action.robot.sdf.joints import Hinge, JointWriter, hinge_of
+from sim_action.robot.sdf.joints import JointWriter, ResolvedJoint, resolve_joint
 from sim_action.robot.sdf.links import LinkWriter
-from sim_action.robot.sdf.unsupported_parts import tell_parts
+from sim_action.robot.sdf.unsupported_parts import note_parts
 from sim_action.robot.sdf.urdf_writer import UrdfWriter
 from sim_action.robot.xml_document import ModelDocument
+
+_MIN_ROTATION_RAD: Final = 1e-6
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """The tree, if it is one.
+    """The links and joints with all poses; not yet checked to be a tree.
 
     Attributes:
-        placed: link -> its frame in URDF, in the outermost model's frame.
+        placed: link -> its URDF frame, in the outermost model's frame.
+        joints: the joints of the file.
         in_world: the outermost model's frame, in the world.
-        bolted: static links, which hang on the world by no joint of the file's.
-        free: links that hang on nothing; a robot has one.
+        static: static links without a joint; they are fixed to the world.
+        roots: other links without a parent; a robot has one.
     """
 
     placed: Mapping[Entry, Pose]
-    hinges: tuple[Hinge, ...]
+    joints: tuple[ResolvedJoint, ...]
     in_world: Pose
-    bolted: tuple[Entry, ...]
-    free: tuple[Entry, ...]
+    static: tuple[Entry, ...]
+    roots: tuple[Entry, ...]
 
     @property
     def needs_world(self) -> bool:
-        """Whether something hangs on the world."""
-        return bool(self.bolted) or any(hinge.parent is None for hinge in self.hinges)
+        """Return True if a link is fixed to the world or has it as its parent."""
+        return bool(self.static) or any(joint.parent is None for joint in self.joints)
 
-    def seen_from(self, parent: Entry | None, child: Entry) -> Pose:
-        """The frame of a link in that of another, or in the world."""
+    def pose_in(self, parent: Entry | None, child: Entry) -> Pose:
+        """Return the frame of a link in the frame of another link, or in the world if `parent` is None."""
         outer = self.in_world if parent is None else geometry.inverse(self.placed[parent])
         return geometry.compose(outer, self.placed[child])
 
 
 def kinematics_of(scope: Scope, frames: Frames, notes: Notes) -> Kinematics:
-    """Looks up all frames and joints; what is wrong is noted."""
+    """Resolve all frames and joints. Problems become findings in `notes`."""
     in_world = notes.attempt(Frames.root_in_world, frames) or Pose()
     for entry in (*scope.all_of("frame"), *scope.all_of("model")):
         notes.attempt(frames.check, entry)
-    found = [notes.attempt(lambda entry: hinge_of(notes, frames, entry), joint) for joint in scope.all_of("joint")]
-    hinges = tuple(hinge for hinge in found if hinge)
-    carriers = {hinge.child: hinge for hinge in reversed(hinges)}
+    found = [notes.attempt(lambda entry: resolve_joint(notes, frames, entry), joint) for joint in scope.all_of("joint")]
+    joints = tuple(joint for joint in found if joint)
+    carriers = {joint.child: joint for joint in reversed(joints)}
     links = tuple(scope.all_of("link"))
     poses = [notes.attempt(lambda link: _placed(frames, link, carriers.get(link)), link) for link in links]
     loose = [link for link in links if link not in carriers]
-    bolted = dict.fromkeys(link for link in loose if link.owner.static and link.full_name != WORLD)
+    static = dict.fromkeys(link for link in loose if link.owner.static and link.full_name != WORLD)
     placed = {link: pose for link, pose in zip(links, poses, strict=True) if pose}
-    return Kinematics(placed, hinges, in_world, tuple(bolted), tuple(link for link in loose if link not in bolted))
+    return Kinematics(placed, joints, in_world, tuple(static), tuple(link for link in loose if link not in static))
 
 
-def _placed(frames: Frames, link: Entry, carrier: Hinge | None) -> Pose:
+def _placed(frames: Frames, link: Entry, carrier: ResolvedJoint | None) -> Pose:
     pose = frames.in_root(link)
     return geometry.compose(pose, Pose(carrier.shift(pose) if carrier else ZERO))
-
-
-_TURNED: Final = 1e-6  # rad
 
 
 def urdf_of_sdf(
     document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]
 ) -> tuple[ModelDocument, tuple[Finding, ...]]:
-    """The URDF of a parsed SDF, and what was odd or let go; `path`: of its file. Raises ModelError."""
+    """Return the URDF of a parsed SDF, and the findings. Raises ModelError.
+
+    :param path: the file of the document.
+    :param allow: rules whose errors are accepted.
+    """
     file, notes = read_sdf_file(path.resolve(), document), Notes()
     scope = Assembly(file, packages, notes).read()
     if file.version > NEWEST:
-        message = f"SDF {document.root.get('version')} is read as {NEWEST[0]}.{NEWEST[1]}"
-        notes.tell("passed-over", document.root, message)
+        message = (
+            f"SDF {document.root.get('version')} is newer than {NEWEST[0]}.{NEWEST[1]}, and is read as that version"
+        )
+        notes.add("passed-over", document.root, message)
     allowed = set(allow)
     refuse_errors(notes.findings, allowed)
     urdf = convert(scope, notes)
@@ -93,36 +105,36 @@ def urdf_of_sdf(
 
 
 def convert(scope: Scope, notes: Notes) -> ModelDocument:
-    """The URDF, or as much of it as there can be; what is wrong or odd is noted."""
+    """Return the URDF, as complete as possible. Problems become findings in `notes`."""
     frames = Frames(scope)
     kinematics = kinematics_of(scope, frames, notes)
     writer = UrdfWriter(scope.element.get("name") or scope.file.path.stem, scope.element, notes.places)
-    if notes.hopeless:
+    if notes.has_fatal:
         return writer.document()
     if kinematics.needs_world and scope.find(WORLD) is None:
         writer.add(writer.root, "link", scope.element, name=WORLD)
     _write_tree(kinematics, LinkWriter(notes, frames, writer), JointWriter(notes, frames, writer), notes)
-    for link in kinematics.bolted:
-        _bolt(writer, kinematics, link)
+    for link in kinematics.static:
+        _fix_to_world(writer, kinematics, link)
     _copy_plugins(writer, scope)
-    _tell_turned_base(notes, kinematics)
-    _tell_what_is_passed_over(notes, scope)
+    _note_rotated_base(notes, kinematics)
+    _note_unsupported_parts(notes, scope)
     return writer.document()
 
 
 def _write_tree(kinematics: Kinematics, links: LinkWriter, joints: JointWriter, notes: Notes) -> None:
     for placed in kinematics.placed.items():
         notes.attempt(lambda placed: links.write(*placed), placed)
-    for hinge in kinematics.hinges:
-        origin = kinematics.seen_from(hinge.parent, hinge.child)
-        notes.attempt(lambda placed: joints.write(*placed), (hinge, origin))
+    for joint in kinematics.joints:
+        origin = kinematics.pose_in(joint.parent, joint.child)
+        notes.attempt(lambda placed: joints.write(*placed), (joint, origin))
 
 
-def _bolt(writer: UrdfWriter, kinematics: Kinematics, link: Entry) -> None:
-    """What is static hangs on the world by a joint of ours."""
+def _fix_to_world(writer: UrdfWriter, kinematics: Kinematics, link: Entry) -> None:
+    """Fix a static link to the world with a generated joint."""
     source = link.element
     joint = writer.add(writer.root, "joint", source, name=f"{WORLD}{SEPARATOR}{link.full_name}", type="fixed")
-    writer.add_origin(joint, source, kinematics.seen_from(None, link))
+    writer.add_origin(joint, source, kinematics.pose_in(None, link))
     writer.add(joint, "parent", source, link=WORLD)
     writer.add(joint, "child", source, link=link.full_name)
 
@@ -134,25 +146,27 @@ def _copy_plugins(writer: UrdfWriter, scope: Scope) -> None:
             writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
 
 
-def _tell_turned_base(notes: Notes, kinematics: Kinematics) -> None:
-    """A scenario says how the base link stands, and the model's own word is lost."""
-    if kinematics.needs_world or len(kinematics.free) != 1:
+def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:
+    """Add a finding if the SDF rotates the base link: the scenario sets the pose of the base, so this is lost."""
+    if kinematics.needs_world or len(kinematics.roots) != 1:
         return
-    (root,) = kinematics.free
-    orientation = kinematics.seen_from(None, root).orientation_xyzw
+    (root,) = kinematics.roots
+    orientation = kinematics.pose_in(None, root).orientation_xyzw
     angles = dict(zip(("roll", "pitch", "yaw"), geometry.rpy_from_quaternion(orientation), strict=True))
-    turned = [f"{name}: {math.degrees(angle):.6g} deg" for name, angle in angles.items() if abs(angle) > _TURNED]
+    turned = [
+        f"{name}: {math.degrees(angle):.6g} deg" for name, angle in angles.items() if abs(angle) > _MIN_ROTATION_RAD
+    ]
     if turned:
-        message = f"root link '{root.full_name}' is turned in the SDF; a scenario says so itself: robot.pose: "
-        notes.tell("turned-base", root.element, f"{message}{{{', '.join(turned)}}}")
+        message = f"the SDF rotates root link '{root.full_name}', which is ignored; set robot.pose: "
+        notes.add("turned-base", root.element, f"{message}{{{', '.join(turned)}}}")
 
 
-def _tell_what_is_passed_over(notes: Notes, scope: Scope) -> None:
+def _note_unsupported_parts(notes: Notes, scope: Scope) -> None:
     for inner in scope.scopes():
         name = f"model '{inner.element.get('name', '')}'"
-        notes.attempt(lambda model: tell_parts(notes, *model), (inner.element, name))
+        notes.attempt(lambda model: note_parts(notes, *model), (inner.element, name))
     for model in {inner.file.model: None for inner in scope.scopes()}:
         for pose in model.iter("pose"):
             if pose.get("frame"):
-                message = f"<pose frame=\"{pose.get('frame')}\"> never had a meaning: since SDF 1.7 it is 'relative_to'"
-                notes.tell("passed-over", pose, message)
+                message = f"<pose frame=\"{pose.get('frame')}\"> is ignored: use 'relative_to', available since SDF 1.7"
+                notes.add("passed-over", pose, message)

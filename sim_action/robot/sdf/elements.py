@@ -1,4 +1,4 @@
-"""What is wrong or odd about an SDF, found while it is converted."""
+"""Read values of SDF elements (sdformat.org/spec): numbers, flags, poses; and collect problems on the way."""
 
 from __future__ import annotations
 
@@ -19,9 +19,15 @@ from sim_action.robot.urdf_elements import UNLIMITED, is_numbers
 Subject = TypeVar("Subject")
 Result = TypeVar("Result")
 
+_TRUE: Final = frozenset({"true", "1"})
+
+_FALSE: Final = frozenset({"false", "0"})
+
+_INFINITE: Final = frozenset({"inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"})
+
 
 class SdfProblem(Exception):
-    """A rule of the audit that an element breaks, and that leaves nothing to go on with."""
+    """An element breaks a rule of the audit, so that it cannot be converted."""
 
     def __init__(self, rule: str, element: Element, message: str) -> None:
         self.rule = rule
@@ -31,49 +37,44 @@ class SdfProblem(Exception):
 
 @dataclass
 class Notes:
-    """What was found so far.
+    """The findings of one conversion.
 
     Attributes:
-        places: where each element of all files was written.
+        places: the file and line of each element, of all files.
     """
 
     places: dict[Element, Location] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
-    _told: set[SdfProblem] = field(default_factory=set)
+    _reported: set[SdfProblem] = field(default_factory=set)
 
     @property
-    def hopeless(self) -> bool:
-        """Whether there can be no robot."""
+    def has_fatal(self) -> bool:
+        """Return True if there is a fatal finding."""
         return any(finding.level == "fatal" for finding in self.findings)
 
-    def tell(self, rule: str, element: Element, message: str) -> None:
-        """Notes a finding."""
+    def add(self, rule: str, element: Element, message: str) -> None:
+        """Add a finding."""
         self.findings.append(finding(rule, message, self.places[element]))
 
     def attempt(self, step: Callable[[Subject], Result], subject: Subject) -> Result | None:
-        """What a step makes of something; what makes it impossible is noted once, and the next one may find more."""
+        """Return the result of a step. If it raises SdfProblem, add that as a finding, once, and return None."""
         try:
             return step(subject)
         except SdfProblem as problem:
-            if problem not in self._told:
-                self._told.add(problem)
-                self.tell(problem.rule, problem.element, str(problem))
+            if problem not in self._reported:
+                self._reported.add(problem)
+                self.add(problem.rule, problem.element, str(problem))
             return None
 
 
-_TRUE: Final = frozenset({"true", "1"})
-_FALSE: Final = frozenset({"false", "0"})
-_INFINITE: Final = frozenset({"inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"})
-
-
 def text_of(parent: Element, path: str) -> str:
-    """The text of an element below; empty if there is none."""
+    """Return the text of an element below; empty if there is none."""
     element = parent.find(path)
     return "" if element is None else (element.text or "").strip()
 
 
 def numbers_of(element: Element, count: int) -> tuple[float, ...]:
-    """So many finite numbers. Raises SdfProblem."""
+    """Return exactly `count` finite numbers. Raises SdfProblem."""
     text = (element.text or "").strip()
     if not is_numbers(text, count):
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
@@ -82,21 +83,21 @@ def numbers_of(element: Element, count: int) -> tuple[float, ...]:
 
 
 def number_of(parent: Element, path: str, otherwise: float) -> float:
-    """One finite number below an element, or what the format has for one that is left out. Raises SdfProblem."""
+    """Return a finite number of an element below, or `otherwise` if there is none. Raises SdfProblem."""
     element = parent.find(path)
     return otherwise if element is None else numbers_of(element, 1)[0]
 
 
 def needed(parent: Element, tag: str) -> Element:
-    """An element that must be there. Raises SdfProblem."""
+    """Return a required child element. Raises SdfProblem."""
     element = parent.find(tag)
     if element is None:
-        raise SdfProblem("missing-part", parent, f"<{parent.tag}> without <{tag}>")
+        raise SdfProblem("missing-part", parent, f"<{parent.tag}> has no <{tag}>")
     return element
 
 
 def limit_of(limit: Element | None, tag: str, otherwise: float) -> float:
-    """A limit of a joint, which may be infinite; at most UNLIMITED either way. Raises SdfProblem."""
+    """Return a limit of a joint, which may be infinite, clipped to +-UNLIMITED. Raises SdfProblem."""
     element = None if limit is None else limit.find(tag)
     if element is None:
         return otherwise
@@ -106,34 +107,34 @@ def limit_of(limit: Element | None, tag: str, otherwise: float) -> float:
 
 
 def vector_of(element: Element) -> Vector3:
-    """Three finite numbers. Raises SdfProblem."""
+    """Return three finite numbers. Raises SdfProblem."""
     x, y, z = numbers_of(element, 3)
     return (x, y, z)
 
 
 def flag_of(parent: Element, path: str) -> bool:
-    """Whether an element below says yes; left out, it says no. Raises SdfProblem."""
+    """Return the flag in an element below; False if there is none. Raises SdfProblem."""
     element = parent.find(path)
     return element is not None and _is_true(element, element.text or "")
 
 
-def says_yes(element: Element, attribute: str) -> bool:
-    """Whether an attribute says so; left out, it says no. Raises SdfProblem."""
+def flag_attribute(element: Element, attribute: str) -> bool:
+    """Return the flag in an attribute; False if there is none. Raises SdfProblem."""
     return _is_true(element, element.get(attribute, "false"))
 
 
 def pose_of(element: Element | None) -> Pose:
-    """What a <pose> says, in whichever frame; none, or an empty one, is the frame itself. Raises SdfProblem."""
+    """Return the pose in a <pose>, in its own frame; the identity if it is missing or empty. Raises SdfProblem."""
     if element is None or not (element.text or "").strip():
         return Pose()
     kind = element.get("rotation_format", "euler_rpy")
     if kind == "quat_xyzw":
         return _with_quaternion(element)
     if kind != "euler_rpy":
-        message = f"rotation_format is {shown(kind)}: there are 'euler_rpy' and 'quat_xyzw'"
+        message = f"rotation_format is {shown(kind)}; allowed are 'euler_rpy' and 'quat_xyzw'"
         raise SdfProblem("bad-number", element, message)
     x, y, z, *angles = numbers_of(element, 6)
-    if says_yes(element, "degrees"):
+    if flag_attribute(element, "degrees"):
         angles = [math.radians(angle) for angle in angles]
     roll, pitch, yaw = angles
     return Pose((x, y, z), geometry.quaternion_from_rpy(roll, pitch, yaw))
@@ -143,7 +144,7 @@ def _with_quaternion(element: Element) -> Pose:
     x, y, z, *rotation = numbers_of(element, 7)
     length = math.hypot(*rotation)
     if not 0 < length < math.inf:
-        raise SdfProblem("bad-number", element, f"a quaternion of length {length:g} is no rotation")
+        raise SdfProblem("bad-number", element, f"a quaternion of length {length:g} is not a rotation")
     qx, qy, qz, qw = (part / length for part in rotation)
     return Pose((x, y, z), (qx, qy, qz, qw))
 

@@ -1,4 +1,7 @@
-"""SDF files, and the <model> in each."""
+"""Read SDF files and find the <model> in each, within limits on the size of the whole model.
+
+The input is not trusted, and is read in the caller's process.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,9 @@ from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.packages import Version, parsed_version
 from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 
-_OLDEST: Final[Version] = (1, 4)
+_OLDEST_VERSION: Final[Version] = (1, 4)
+
+_MAX_INCLUDES: Final = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +31,12 @@ class SdfFile:
 
 
 def read_sdf_file(path: Path, document: ModelDocument | None = None) -> SdfFile:
-    """Reads a file that describes one model. Raises ModelError."""
+    """Read a file that describes one model. Raises ModelError."""
     document = document or read_document(path)
     root = document.root
     if root.tag != "sdf":
-        message = f"a model in SDF begins with <sdf>, this file with <{root.tag}>"
-        hint = "; only SDF can be included in SDF: convert it" if root.tag == "robot" else ""
+        message = f"the root element of an SDF file is <sdf>, but this file has <{root.tag}>"
+        hint = "; an SDF file can include only SDF: convert the file" if root.tag == "robot" else ""
         refuse_errors([document.finding("not-a-robot", root, message + hint)])
     return SdfFile(path, _version(document), _only_model(document), document)
 
@@ -39,11 +44,11 @@ def read_sdf_file(path: Path, document: ModelDocument | None = None) -> SdfFile:
 def _version(document: ModelDocument) -> Version:
     stated = document.root.get("version")
     if stated is None:
-        problem = document.finding("missing-part", document.root, "<sdf> without 'version'")
+        problem = document.finding("missing-part", document.root, "<sdf> has no attribute 'version'")
         refuse_errors([problem])
     version = parsed_version(stated or "")
-    if version < _OLDEST:
-        message = f"SDF {shown(stated)} is not read; versions 1.4 to 1.11 are: 'gz sdf -p' writes a newer one"
+    if version < _OLDEST_VERSION:
+        message = f"SDF {shown(stated)} is not supported; versions 1.4 to 1.11 are: convert it with 'gz sdf -p'"
         refuse_errors([document.finding("not-a-robot", document.root, message)])
     return version
 
@@ -53,26 +58,25 @@ def _only_model(document: ModelDocument) -> Element:
     models, world = root.findall("model"), root.find("world")
     if world is not None:
         names = ", ".join(f"'{model.get('name', '')}'" for model in world.findall("model")) or "none"
-        message = f"this SDF describes a world, whose models are {names}; a robot is one <model> right below <sdf>: "
-        refuse_errors([document.finding("not-a-robot", world, f"{message}move it out of <world>, into its own file")])
+        message = f"this SDF describes a world with the models {names}; a robot must be a <model> directly in <sdf>: "
+        refuse_errors(
+            [document.finding("not-a-robot", world, f"{message}move it out of <world> into a file of its own")]
+        )
     if not models:
-        refuse_errors([document.finding("not-a-robot", root, "an SDF of a robot has a <model>, this one has none")])
+        refuse_errors([document.finding("not-a-robot", root, "this SDF has no <model>; one is required")])
     if len(models) > 1:
         names = ", ".join(f"'{model.get('name', '')}'" for model in models)
-        message = f"this SDF has {len(models)} models: {names}; a robot is one, in which others may be nested"
+        message = f"this SDF has {len(models)} models: {names}; a robot must be one model, which may contain others"
         refuse_errors([document.finding("not-a-robot", models[1], message)])
     return models[0]
 
 
-_MOST_INCLUDES: Final = 500
+class ModelTooLarge(Exception):
+    """The files of a model exceed a size limit; reading stops."""
 
 
-class OverBudget(Exception):
-    """A model that is made of too much; there is nothing to gain from reading on."""
-
-
-class Budget:
-    """Reads the files of one model, each once, and counts what they come to."""
+class SizeBudget:
+    """Reads the files of one model, each once, and counts includes, elements and bytes."""
 
     def __init__(self, document: ModelDocument) -> None:
         self._read: dict[Path, ModelDocument] = {}
@@ -81,24 +85,26 @@ class Budget:
         self._bytes = document.size
 
     def begin_include(self) -> None:
-        """One more is about to be read. Raises OverBudget."""
+        """Count one more include. Raises ModelTooLarge."""
         self._includes += 1
-        if self._includes > _MOST_INCLUDES:
-            raise OverBudget(f"a model includes at most {_MOST_INCLUDES} others")
+        if self._includes > _MAX_INCLUDES:
+            raise ModelTooLarge(f"a model may include at most {_MAX_INCLUDES} others")
 
     def read(self, path: Path) -> ModelDocument:
-        """A file, which may have been read before. Raises ModelError, OverBudget."""
+        """Return a file, read at the first call. Raises ModelError, ModelTooLarge."""
         if path not in self._read:
             document = read_document(path)
-            self.spend(document)
+            self.count_elements(document)
             self._bytes += document.size
             if self._bytes > MAX_BYTES:
-                raise OverBudget(f"a model has at most {MAX_BYTES // 1_000_000} MB, with all that it includes")
+                raise ModelTooLarge(
+                    f"a model may have at most {MAX_BYTES // 1_000_000} MB, all included files together"
+                )
             self._read[path] = document
         return self._read[path]
 
-    def spend(self, document: ModelDocument) -> None:
-        """Its elements are there once more. Raises OverBudget."""
+    def count_elements(self, document: ModelDocument) -> None:
+        """Count the elements of a document that is used once more. Raises ModelTooLarge."""
         self._elements += len(document.places)
         if self._elements > MAX_ELEMENTS:
-            raise OverBudget(f"a model has at most {MAX_ELEMENTS:,} elements, with all that it includes")
+            raise ModelTooLarge(f"a model may have at most {MAX_ELEMENTS:,} elements, all included files together")

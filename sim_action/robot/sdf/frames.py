@@ -1,4 +1,7 @@
-"""Where the frames of an SDF are, and which link each moves with (SDFormat's proposal on pose frame semantics)."""
+"""Resolve the frames of an SDF: their poses, and the links that they move with.
+
+It follows SDFormat's proposal on pose frame semantics.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from sim_action.robot.sdf.elements import SdfProblem, pose_of, text_of
 
 
 class Frames:
-    """The frames of a model and of all below it."""
+    """The frames of a model and of all models below it."""
 
     def __init__(self, root: Scope) -> None:
         self._root = root
@@ -22,40 +25,40 @@ class Frames:
         self._poses: dict[Entry, Pose] = {}
         self._links: dict[Entry, Entry] = {}
         self._canonical: dict[Scope, Entry | SdfProblem] = {}
-        self._lost: dict[Entry, SdfProblem] = {}
+        self._failed: dict[Entry, SdfProblem] = {}
         self._hinted = FirstFew()
 
     def root_in_world(self) -> Pose:
-        """The outermost model's frame, where its <pose> puts it. Raises SdfProblem."""
+        """Return the pose of the outermost model's frame in the world. Raises SdfProblem."""
         root = self._root
         if root.pose is not None and (root.pose.get("relative_to") or WORLD) != WORLD:
             name = shown(root.pose.get("relative_to"))
-            message = f"the pose of the outermost model is relative to {name}; it can be so to the world alone"
+            message = f"the pose of the outermost model is relative to {name}; it can be relative only to the world"
             raise SdfProblem("unknown-frame", root.pose, message)
         pose = pose_of(root.pose)
         placed = self.named(root, root.placement_frame, root.element)
         return geometry.compose(pose, geometry.inverse(self.in_root(placed))) if placed else pose
 
     def check(self, entry: Entry) -> None:
-        """Also what nobody refers to has to lead somewhere. Raises SdfProblem."""
+        """Raise SdfProblem if a frame cannot be resolved, even if nothing refers to it."""
         self.in_root(entry)
         if entry.kind == "frame":
             self.link_of(entry, entry.owner)
 
     def named(self, scope: Scope, name: str, element: Element) -> Entry | None:
-        """What `element` calls so; None is the frame of the model itself. Raises SdfProblem."""
+        """Return the entry with a name that `element` uses; None is the frame of the model. Raises SdfProblem."""
         if name in {"", MODEL_FRAME}:
             return None
         entry = scope.find(name)
         if entry is None:
             inner, rest = scope.innermost(name)
-            where = "which is not there" if inner is scope else f"and there is no '{rest}' in that model"
+            where = "which does not exist" if inner is scope else f"but that model has no '{rest}'"
             hint = did_you_mean(rest, inner.names) if self._hinted.one_more() else ""
             raise SdfProblem("unknown-frame", element, f"<{element.tag}> refers to '{name}', {where}{hint}")
         return entry
 
     def placed(self, scope: Scope, element: Element | None, otherwise: Pose) -> Pose:
-        """The pose in the outermost model's frame that a <pose> in `scope` says, `otherwise` being its usual frame."""
+        """Return a <pose> of `scope` in the outermost model's frame; it is relative to `otherwise` by default."""
         name = "" if element is None else element.get("relative_to", "")
         outer = otherwise
         if element is not None and name:
@@ -64,31 +67,31 @@ class Frames:
         return geometry.compose(outer, pose_of(element))
 
     def in_root(self, entry: Entry) -> Pose:
-        """The pose of a frame in the outermost model's. Raises SdfProblem."""
+        """Return the pose of a frame in the outermost model's frame. Raises SdfProblem."""
         self._resolve(entry)
         for model in self._around(entry.owner, self._root):
             self._resolve(model)
         return self._seen_from(entry, self._root)
 
     def model_in_root(self, scope: Scope) -> Pose:
-        """The pose of a model's frame in the outermost one's. Raises SdfProblem."""
+        """Return the pose of a model's frame in the outermost model's frame. Raises SdfProblem."""
         return self.in_root(self._models[scope]) if scope in self._models else Pose()
 
     def link_of(self, entry: Entry | None, scope: Scope) -> Entry:
-        """The link that a frame is attached to; None: the frame of the model `scope`. Raises SdfProblem."""
+        """Return the link that a frame is attached to; None: the frame of the model `scope`. Raises SdfProblem."""
         passed = dict[Entry, None]()
         try:
             link = self._end_of(entry, scope, passed)
         except SdfProblem as problem:
-            self._lost.update(dict.fromkeys(passed, problem))
+            self._failed.update(dict.fromkeys(passed, problem))
             raise
         self._links.update(dict.fromkeys(passed, link))
         return link
 
     def _end_of(self, entry: Entry | None, scope: Scope, passed: dict[Entry, None]) -> Entry:
-        """Follows frames to a link, and notes which it has passed."""
+        """Follow frames to a link; `passed` collects them."""
         while entry is not None and entry.kind in {"frame", "joint"} and entry not in self._links:
-            self._raise_if_lost(entry)
+            self._raise_if_failed(entry)
             if entry in passed:
                 raise SdfProblem("frame-loop", entry.element, f"frame '{entry.full_name}' is attached to itself")
             passed[entry] = None
@@ -100,13 +103,13 @@ class Frames:
         return known or self._link_at(entry, scope)
 
     def _link_at(self, entry: Entry | None, scope: Scope) -> Entry:
-        """A link itself, or that of a model's frame."""
+        """Return a link, or the link that a model's frame is attached to."""
         if entry is not None and entry.scope is None:
             return entry
         return self._canonical_link(scope if entry is None or entry.scope is None else entry.scope)
 
     def _canonical_link(self, scope: Scope) -> Entry:
-        """That of a model, looked for once: any number of frames may be attached to it."""
+        """Return the canonical link of a model, from a cache: any number of frames may be attached to it."""
         if scope not in self._canonical:
             try:
                 self._canonical[scope] = self._first_link(scope)
@@ -123,28 +126,30 @@ class Frames:
             entry = self.named(scope, name, scope.element)
             if entry is not None and entry.kind == "link":
                 return entry
-            raise SdfProblem("unknown-frame", scope.element, f"the canonical_link '{name}' is no link")
+            raise SdfProblem("unknown-frame", scope.element, f"the canonical_link '{name}' is not a link")
         own = (entry for entry in scope.members if entry.kind == "link")
         link = next(own, None) or next(scope.all_of("link"), None)
         if link is None:
-            raise SdfProblem("missing-part", scope.element, "a <model> without a <link> has no frame to be attached to")
+            raise SdfProblem(
+                "missing-part", scope.element, "<model> has no <link>, so nothing can be attached to its frame"
+            )
         return link
 
     def _resolve(self, wanted: Entry) -> None:
-        """Finds the pose of a frame in its own model, after those of all frames that it is given relative to."""
+        """Compute the pose of a frame in its own model, after the frames that it is relative to."""
         waiting = [] if wanted in self._poses else [wanted]
         try:
             self._find(waiting)
         except SdfProblem as problem:
-            # Whatever waits for this is lost, too, and is not followed down here once more.
-            self._lost.update(dict.fromkeys((entry for entry in waiting if entry not in self._poses), problem))
+            # All frames that depend on this one fail, too, and are not resolved again.
+            self._failed.update(dict.fromkeys((entry for entry in waiting if entry not in self._poses), problem))
             raise
 
     def _find(self, waiting: list[Entry]) -> None:
         begun = set[Entry]()
         while waiting:
             entry = waiting[-1]
-            self._raise_if_lost(entry)
+            self._raise_if_failed(entry)
             missing = (
                 [] if entry in self._poses else [other for other in self._needed(entry) if other not in self._poses]
             )
@@ -154,17 +159,17 @@ class Frames:
                 continue
             if entry in begun:
                 circle = ", ".join(f"'{other.full_name}'" for other in dict.fromkeys(waiting) if other in begun)
-                message = f"poses that are given relative to each other in a circle, by way of {circle}"
+                message = f"poses are relative to each other in a loop: {circle}"
                 raise SdfProblem("frame-loop", missing[0].element, message)
             begun.add(entry)
             waiting += missing
 
-    def _raise_if_lost(self, entry: Entry) -> None:
-        if entry in self._lost:
-            raise self._lost[entry].with_traceback(None)
+    def _raise_if_failed(self, entry: Entry) -> None:
+        if entry in self._failed:
+            raise self._failed[entry].with_traceback(None)
 
     def _needed(self, entry: Entry) -> Iterator[Entry]:
-        """What must be known before the pose of a frame is."""
+        """Yield the frames whose poses are needed for the pose of a frame."""
         base = self._base(entry)
         if base is not None:
             yield base
@@ -184,23 +189,23 @@ class Frames:
         return pose
 
     def _base(self, entry: Entry) -> Entry | None:
-        """What a frame is given relative to; None is the frame of its model."""
+        """Return the frame that a frame is relative to; None is the frame of its model."""
         stated = "" if entry.pose is None else entry.pose.get("relative_to", "")
-        usual = ""
+        default = ""
         if entry.kind == "joint":
-            usual = text_of(entry.element, "child")
+            default = text_of(entry.element, "child")
         elif entry.kind == "frame":
-            usual = entry.element.get("attached_to", "")
-        return self.named(entry.owner, stated or usual, entry.element if entry.pose is None else entry.pose)
+            default = entry.element.get("attached_to", "")
+        return self.named(entry.owner, stated or default, entry.element if entry.pose is None else entry.pose)
 
     def _placed_by(self, entry: Entry) -> Entry | None:
-        """Which frame inside a model its pose is meant for; None is the model's own."""
+        """Return the frame inside a model that its pose places; None is the model's own frame."""
         if entry.scope is None:
             return None
         return self.named(entry.scope, entry.scope.placement_frame, entry.element)
 
     def _around(self, inner: Scope, outer: Scope | None) -> Iterator[Entry]:
-        """The models from one to one around it, without the latter."""
+        """Yield the models from `inner` out to `outer`, without the latter."""
         scope: Scope | None = inner
         while scope is not outer and scope is not None and scope in self._models:
             yield self._models[scope]

@@ -1,4 +1,9 @@
-"""Joints of SDF -> those of URDF."""
+"""Resolve the joints of SDF, and write them as URDF.
+
+An SDF joint has a frame of its own, and its axis goes through the origin of that frame. In URDF, it is the frame of the
+child link. So the axis is rotated into the child link's frame. If it does not go through the origin of that frame, the
+frame of the link in URDF is moved to the joint, without a rotation.
+"""
 
 from __future__ import annotations
 
@@ -14,32 +19,32 @@ from sim_action.robot.robot_model import WORLD
 from sim_action.robot.sdf.composition import MODEL_FRAME, Entry
 from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, limit_of, needed, number_of, vector_of
 from sim_action.robot.sdf.frames import Frames
-from sim_action.robot.sdf.unsupported_parts import tell_parts
+from sim_action.robot.sdf.unsupported_parts import note_parts
 from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
 from sim_action.robot.urdf_elements import UNLIMITED
 
-_KEPT: Final = ("revolute", "continuous", "prismatic", "fixed")
+_SUPPORTED: Final = ("revolute", "continuous", "prismatic", "fixed")
 _UNSUPPORTED: Final = {
-    "ball": "three revolute joints, or a caster without friction, take its place",
-    "universal": "two revolute joints take its place",
-    "revolute2": "two revolute joints take its place",
-    "screw": "a revolute and a prismatic joint with a <mimic> take its place",
+    "ball": "use three revolute joints, or a caster without friction",
+    "universal": "use two revolute joints",
+    "revolute2": "use two revolute joints",
+    "screw": "use a revolute and a prismatic joint with <mimic>",
 }
 _AXES_IN_MODEL_FRAME: Final[Version] = (1, 4)
 _EXPRESSED_IN: Final[Version] = (1, 7)
-# In m: what poses are written with is rounded.
-_OFF_AXIS: Final = 1e-9
+# Poses in files are rounded.
+_AXIS_TOLERANCE_M: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Hinge:
-    """A joint with all that is looked up in frames.
+class ResolvedJoint:
+    """A joint whose links, frame and axis are resolved.
 
     Attributes:
-        type: of URDF.
-        parent: None is the world.
-        pose: of the joint's frame, in the outermost model's.
-        axis_xyz: in the frame of the child link; None if it does not move.
+        type: the URDF type.
+        parent: the parent link; None is the world.
+        pose: the joint's frame, in the outermost model's frame.
+        axis_xyz: in the frame of the child link; None for a fixed joint.
     """
 
     entry: Entry
@@ -50,45 +55,51 @@ class Hinge:
     axis_xyz: Vector3 | None
 
     def shift(self, child_pose: Pose) -> Vector3:
-        """How far the child's frame has to go so that it lies on the axis, in m, in the child link's frame."""
+        """Return the offset in m, in the child link's frame, that moves the child's origin onto the axis."""
         if self.axis_xyz is None or self.type == "prismatic":
             return ZERO
         origin = geometry.compose(geometry.inverse(child_pose), self.pose).position_xyz
         length = math.hypot(*self.axis_xyz)
         away = math.hypot(*geometry.cross(origin, self.axis_xyz)) / length if length else 0.0
-        return origin if away > _OFF_AXIS else ZERO
+        return origin if away > _AXIS_TOLERANCE_M else ZERO
 
 
-def hinge_of(notes: Notes, frames: Frames, entry: Entry) -> Hinge:
-    """Looks up what a joint joins, and how. Raises SdfProblem."""
+def resolve_joint(notes: Notes, frames: Frames, entry: Entry) -> ResolvedJoint:
+    """Resolve the links, the frame and the axis of a joint. Raises SdfProblem."""
     element, scope = entry.element, entry.owner
     ends = {tag: (needed(element, tag).text or "").strip() for tag in ("parent", "child")}
     if "" in ends.values():
-        raise SdfProblem("missing-part", element, f"joint '{entry.full_name}' with an empty <parent> or <child>")
+        raise SdfProblem("missing-part", element, f"joint '{entry.full_name}' has an empty <parent> or <child>")
     if ends["child"] == WORLD and scope.find(WORLD) is None:
-        message = f"joint '{entry.full_name}' has the world as its child: make it the parent"
+        message = f"joint '{entry.full_name}' has the world as its child: the world must be the parent"
         raise SdfProblem("unknown-link", element, message)
     child = frames.link_of(frames.named(scope, ends["child"], needed(element, "child")), scope)
-    bolted = ends["parent"] == WORLD and scope.find(WORLD) is None
-    parent = None if bolted else frames.link_of(frames.named(scope, ends["parent"], needed(element, "parent")), scope)
+    to_world = ends["parent"] == WORLD and scope.find(WORLD) is None
+    parent = None if to_world else frames.link_of(frames.named(scope, ends["parent"], needed(element, "parent")), scope)
     kind = _type(notes, entry)
     pose = frames.in_root(entry)
     axis = None if kind == "fixed" else _axis(frames, entry, pose.orientation_xyzw, frames.in_root(child))
-    return Hinge(entry, kind, parent, child, pose, axis)
+    return ResolvedJoint(entry, kind, parent, child, pose, axis)
 
 
 def _type(notes: Notes, entry: Entry) -> str:
     element, name = entry.element, entry.full_name
     kind = element.get("type", "")
     if kind in _UNSUPPORTED and not entry.owner.static:
-        message = f"joint '{name}' is a {kind} joint, which is not simulated: {_UNSUPPORTED[kind]}; let go, it is fixed"
-        notes.tell("unsupported-joint", element, message)
+        message = f"{kind} joint '{name}' is not supported: {_UNSUPPORTED[kind]}; if allowed, it is fixed"
+        notes.add("unsupported-joint", element, message)
     elif kind == "gearbox":
-        raise SdfProblem("joint-type", element, f"joint '{name}' is a gearbox: a <mimic> in a joint's axis is one, too")
-    elif kind not in {*_KEPT, *_UNSUPPORTED}:
-        allowed = ", ".join(_KEPT)
-        raise SdfProblem("joint-type", element, f"joint '{name}' is of the unknown type '{kind}'; there are {allowed}")
-    if kind not in _KEPT or entry.owner.static:
+        raise SdfProblem(
+            "joint-type",
+            element,
+            f"joint '{name}' is a gearbox, which is not supported: use <mimic> in the <axis> of a joint",
+        )
+    elif kind not in {*_SUPPORTED, *_UNSUPPORTED}:
+        allowed = ", ".join(_SUPPORTED)
+        raise SdfProblem(
+            "joint-type", element, f"joint '{name}' has the unknown type '{kind}'; the types are {allowed}"
+        )
+    if kind not in _SUPPORTED or entry.owner.static:
         return "fixed"
     return "continuous" if kind == "revolute" and not _is_limited(element.find("axis/limit")) else kind
 
@@ -98,7 +109,7 @@ def _is_limited(limit: Element | None) -> bool:
 
 
 def _axis(frames: Frames, entry: Entry, joint_orientation: Quaternion, child: Pose) -> Vector3:
-    """The axis in the child link's frame. Raises SdfProblem."""
+    """Return the axis in the child link's frame. Raises SdfProblem."""
     axis = needed(entry.element, "axis")
     xyz = axis.find("xyz")
     vector = (0.0, 0.0, 1.0) if xyz is None else vector_of(xyz)
@@ -119,20 +130,23 @@ class JointWriter:
     def __init__(self, notes: Notes, frames: Frames, writer: UrdfWriter) -> None:
         self._notes, self._frames, self._writer = notes, frames, writer
 
-    def write(self, hinge: Hinge, origin: Pose) -> None:
-        """Writes a joint; `origin`: of the child link's frame in the parent's. Raises SdfProblem."""
-        element, writer = hinge.entry.element, self._writer
-        joint = writer.add(writer.root, "joint", element, name=hinge.entry.full_name, type=hinge.type)
+    def write(self, resolved: ResolvedJoint, origin: Pose) -> None:
+        """Write a joint. Raises SdfProblem.
+
+        :param origin: the child link's frame in the parent link's frame.
+        """
+        element, writer = resolved.entry.element, self._writer
+        joint = writer.add(writer.root, "joint", element, name=resolved.entry.full_name, type=resolved.type)
         writer.add_origin(joint, element, origin)
-        writer.add(joint, "parent", element, link=WORLD if hinge.parent is None else hinge.parent.full_name)
-        writer.add(joint, "child", element, link=hinge.child.full_name)
-        if hinge.axis_xyz is not None:
+        writer.add(joint, "parent", element, link=WORLD if resolved.parent is None else resolved.parent.full_name)
+        writer.add(joint, "child", element, link=resolved.child.full_name)
+        if resolved.axis_xyz is not None:
             axis = needed(element, "axis")
-            writer.add(joint, "axis", axis, xyz=numbers(*hinge.axis_xyz))
-            self._write_limits(joint, axis, hinge.type)
+            writer.add(joint, "axis", axis, xyz=numbers(*resolved.axis_xyz))
+            self._write_limits(joint, axis, resolved.type)
             self._write_dynamics(joint, axis)
-            self._write_mimic(joint, axis, hinge.entry)
-            tell_parts(self._notes, axis, f"joint '{hinge.entry.full_name}'")
+            self._write_mimic(joint, axis, resolved.entry)
+            note_parts(self._notes, axis, f"joint '{resolved.entry.full_name}'")
 
     def _write_limits(self, joint: Element, axis: Element, kind: str) -> None:
         limit = axis.find("limit")
@@ -149,8 +163,8 @@ class JointWriter:
         name = joint.attrib["name"]
         start = number_of(axis, "initial_position", 0.0)
         if start:
-            message = f"<initial_position> is passed over: write robot.joints: {{{name}: {start:g}}}"
-            self._notes.tell("passed-over", axis, message)
+            message = f"<initial_position> is ignored: set robot.joints: {{{name}: {start:g}}} in the scenario"
+            self._notes.add("passed-over", axis, message)
         dynamics = axis.find("dynamics")
         if dynamics is None:
             return
@@ -164,7 +178,9 @@ class JointWriter:
         name = mimic.get("joint", "")
         leader = self._frames.named(entry.owner, name, mimic) if name else None
         if leader is None or leader.kind != "joint" or mimic.get("axis", "axis") != "axis":
-            raise SdfProblem("unknown-frame", mimic, f"<mimic> of '{name}': it follows the one axis of a joint")
+            raise SdfProblem(
+                "unknown-frame", mimic, f"<mimic> refers to '{name}'; it must refer to a joint with one axis"
+            )
         multiplier = number_of(mimic, "multiplier", 1.0)
         offset = number_of(mimic, "offset", 0.0) - multiplier * number_of(mimic, "reference", 0.0)
         stated = {"multiplier": numbers(multiplier), "offset": numbers(offset)}

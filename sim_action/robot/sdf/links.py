@@ -1,4 +1,4 @@
-"""Links of SDF -> those of URDF."""
+"""Write the links of SDF as URDF: inertials, shapes, visuals and contact surfaces."""
 
 from __future__ import annotations
 
@@ -11,18 +11,48 @@ from xml.etree.ElementTree import Element
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.robot.sdf.composition import Entry
-from sim_action.robot.sdf.elements import Notes, SdfProblem, needed, number_of, numbers_of, says_yes, text_of, vector_of
+from sim_action.robot.sdf.elements import (
+    Notes,
+    SdfProblem,
+    flag_attribute,
+    needed,
+    number_of,
+    numbers_of,
+    text_of,
+    vector_of,
+)
 from sim_action.robot.sdf.frames import Frames
-from sim_action.robot.sdf.unsupported_parts import tell_contact, tell_parts
+from sim_action.robot.sdf.unsupported_parts import note_contact, note_parts
 from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
 from sim_action.robot.urdf_elements import is_numbers
 
 _MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
-"""With what the format has for each that is left out, in kg m^2."""
+"""The moments of inertia and their defaults in SDF, in kg m^2."""
 
 _FRICTION: Final = "collision/surface/friction/ode"
 _CONTACT: Final = "collision/surface/contact/ode"
 _DEFAULT_FRICTION: Final = 1.0
+
+EMPTY: Final = "empty"
+"""The tag of a shape that does not collide."""
+
+_INSTEAD: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "plane": "it has no bounds, so it can be part of a world only: use a <box>",
+        "heightmap": "it can be part of a world only",
+        "image": "convert it to a mesh",
+        "polyline": "convert it to a mesh",
+        "cone": "convert it to a mesh",
+    }
+)
+
+# The sizes of each plain shape, and the count of numbers in each.
+_SIZES: Final = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
 
 
 class LinkWriter:
@@ -32,10 +62,13 @@ class LinkWriter:
         self._notes, self._frames, self._writer = notes, frames, writer
 
     def write(self, entry: Entry, frame: Pose) -> None:
-        """Writes a link; `frame`: of the URDF's link, in the outermost model's. Raises SdfProblem."""
+        """Write a link. Raises SdfProblem.
+
+        :param frame: the URDF link's frame, in the outermost model's frame.
+        """
         element, writer = entry.element, self._writer
         link = writer.add(writer.root, "link", element, name=entry.full_name)
-        self._tell_what_is_passed_over(element, f"link '{entry.full_name}'")
+        self._note_unsupported_parts(element, f"link '{entry.full_name}'")
         inertial = element.find("inertial")
         if inertial is not None:
             self._write_inertial(link, inertial, self._placed(entry, inertial, frame))
@@ -50,32 +83,32 @@ class LinkWriter:
         inertial = writer.add(link, "inertial", source)
         writer.add_origin(inertial, source, pose)
         mass, inertia = source.find("mass"), source.find("inertia")
-        self._tell_defaults(source, link.attrib["name"])
+        self._note_defaults(source, link.attrib["name"])
         kilograms = 1.0 if mass is None else numbers_of(mass, 1)[0]
         writer.add(inertial, "mass", source if mass is None else mass, value=numbers(kilograms))
         holder = source if inertia is None else inertia
-        moments = {name: numbers(number_of(holder, name, usual)) for name, usual in _MOMENTS.items()}
+        moments = {name: numbers(number_of(holder, name, default)) for name, default in _MOMENTS.items()}
         writer.add(inertial, "inertia", holder, **moments)
 
-    def _tell_defaults(self, inertial: Element, name: str) -> None:
-        if says_yes(inertial, "auto"):
-            message = f"<inertial auto> of link '{name}' is not computed: write <mass> and <inertia>"
-            self._notes.tell("unsupported-part", inertial, message)
+    def _note_defaults(self, inertial: Element, name: str) -> None:
+        if flag_attribute(inertial, "auto"):
+            message = f"<inertial auto> of link '{name}' is not supported: write <mass> and <inertia>"
+            self._notes.add("unsupported-part", inertial, message)
         units = {"mass": "kg"} | {f"inertia/{name}": "kg m^2" for name in ("ixx", "iyy", "izz")}
-        absent = [f"1 {unit} of {path}" for path, unit in units.items() if inertial.find(path) is None]
+        absent = [f"{path} = 1 {unit}" for path, unit in units.items() if inertial.find(path) is None]
         if absent:
-            message = f"<inertial> of link '{name}' leaves out what SDF fills in: {', '.join(absent)}"
-            self._notes.tell("default-inertia", inertial, message)
+            message = f"<inertial> of link '{name}' is incomplete; SDF's defaults are used: {', '.join(absent)}"
+            self._notes.add("default-inertia", inertial, message)
 
     def _write_shape(self, link: Element, holder: Element, entry: Entry, frame: Pose) -> None:
         is_visual = holder.tag == "visual"
-        # Of what is only to be looked at, nothing but its files is missed.
-        shape = looks_in(holder) if is_visual else shape_in(holder)
+        # A visual shape without a valid size is left out without a finding.
+        shape = visual_shape(holder) if is_visual else shape_in(holder)
         if shape is None:
             return
         if not is_visual and shape.find("submesh") is not None:
-            message = "a <submesh> is not taken out of its mesh; let go, the whole mesh collides"
-            self._notes.tell("unsupported-part", shape, message)
+            message = "<submesh> is not supported; if allowed, the whole mesh collides"
+            self._notes.add("unsupported-part", shape, message)
         writer, file = self._writer, entry.owner.file.path
         written = writer.add(link, holder.tag, holder)
         writer.add_origin(written, holder, self._placed(entry, holder, frame))
@@ -85,17 +118,17 @@ class LinkWriter:
             write_colour(writer, written, holder)
 
     def _placed(self, entry: Entry, holder: Element, frame: Pose) -> Pose:
-        """Where a part of a link is, in the frame of the URDF's link."""
+        """Return the pose of a part of a link, in the URDF link's frame."""
         pose = self._frames.placed(entry.owner, holder.find("pose"), self._frames.in_root(entry))
         return geometry.compose(geometry.inverse(frame), pose)
 
     def _write_surface(self, link: Element, name: str) -> None:
-        """A link of URDF has one surface; where collisions of it differ, the least friction is what lets it slide."""
+        """Write the surface of a link. URDF has one per link: the smallest friction of its collisions is used."""
         frictions = [friction for friction in link.findall(_FRICTION) if friction.find("mu") is not None]
         stated = {number_of(friction, "mu", _DEFAULT_FRICTION): friction for friction in frictions}
         if len(stated) > 1:
-            message = f"collisions of link '{name}' differ in friction: the least of them counts for all"
-            self._notes.tell("passed-over", stated[min(stated)], message)
+            message = f"the collisions of link '{name}' have different friction: the smallest value is used for all"
+            self._notes.add("passed-over", stated[min(stated)], message)
         source = stated[min(stated)] if stated else link
         writer = self._writer
         gazebo = writer.add(writer.root, "gazebo", source, reference=name)
@@ -107,52 +140,41 @@ class LinkWriter:
             if contact is not None and contact.find(tag) is not None:
                 writer.add(gazebo, tag, contact).text = numbers(number_of(contact, tag, 0.0))
 
-    def _tell_what_is_passed_over(self, link: Element, owner: str) -> None:
-        tell_parts(self._notes, link, owner)
+    def _note_unsupported_parts(self, link: Element, owner: str) -> None:
+        note_parts(self._notes, link, owner)
         for collision in link.findall("collision"):
             name = f"collision '{collision.get('name', '')}' of {owner}"
-            tell_parts(self._notes, collision, name)
-            tell_contact(self._notes, collision, name)
-
-
-EMPTY: Final = "empty"
-"""The shape of what cannot be touched."""
-
-_INSTEAD: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "plane": "it is endless, and belongs to a world: a part of a robot is a <box>",
-        "heightmap": "it belongs to a world",
-        "image": "make a mesh of it",
-        "polyline": "make a mesh of it",
-        "cone": "make a mesh of it",
-    }
-)
+            note_parts(self._notes, collision, name)
+            note_contact(self._notes, collision, name)
 
 
 def shape_in(holder: Element) -> Element | None:
-    """The shape of a <collision> or <visual>; None is one that is empty on purpose. Raises SdfProblem."""
+    """Return the shape of a <collision> or <visual>; None if it is <empty/>. Raises SdfProblem."""
     shape = next(iter(needed(holder, "geometry")), None)
     if shape is None:
-        raise SdfProblem("missing-part", holder, "a <geometry> without a shape")
+        raise SdfProblem("missing-part", holder, "<geometry> has no shape")
     return None if shape.tag == EMPTY else shape
 
 
 def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path) -> None:
-    """Writes a shape into a <geometry> of URDF; `file`: where paths of meshes start from. Raises SdfProblem."""
+    """Write a shape into a <geometry> of URDF. Raises SdfProblem.
+
+    :param file: the file from which paths of meshes start.
+    """
     if shape.tag == "mesh":
         write_mesh(writer, parent, shape, file)
         return
     if shape.tag not in _WRITERS:
-        instead = _INSTEAD.get(shape.tag, f"there are {', '.join((*_WRITERS, 'mesh'))}")
-        raise SdfProblem("unknown-shape", shape, f"a <{shape.tag}> is not simulated: {instead}")
+        instead = _INSTEAD.get(shape.tag, f"the shapes are {', '.join((*_WRITERS, 'mesh'))}")
+        raise SdfProblem("unknown-shape", shape, f"<{shape.tag}> is not supported: {instead}")
     _WRITERS[shape.tag](writer, parent, shape)
 
 
 def write_mesh(writer: UrdfWriter, parent: Element, mesh: Element, file: Path) -> None:
-    """Writes a mesh into a <geometry> of URDF. Raises SdfProblem."""
+    """Write a mesh into a <geometry> of URDF. Raises SdfProblem."""
     uri = text_of(mesh, "uri")
     if not uri:
-        raise SdfProblem("missing-part", mesh, "<mesh> without <uri>")
+        raise SdfProblem("missing-part", mesh, "<mesh> has no <uri>")
     scale = mesh.find("scale")
     writer.add_mesh(parent, mesh, uri, (1.0, 1.0, 1.0) if scale is None else vector_of(scale), file)
 
@@ -172,7 +194,9 @@ def _cylinder(writer: UrdfWriter, parent: Element, shape: Element) -> None:
 def _ellipsoid(writer: UrdfWriter, parent: Element, shape: Element) -> None:
     radii = vector_of(needed(shape, "radii"))
     if len(set(radii)) > 1:
-        raise SdfProblem("unknown-shape", shape, "an <ellipsoid> that is no sphere is not simulated: make a mesh of it")
+        raise SdfProblem(
+            "unknown-shape", shape, "an <ellipsoid> with different radii is not supported: convert it to a mesh"
+        )
     writer.add(parent, "sphere", shape, radius=numbers(radii[0]))
 
 
@@ -185,17 +209,8 @@ _WRITERS: Final[Mapping[str, Callable[[UrdfWriter, Element, Element], None]]] = 
 )
 
 
-# Of each plain shape, what has to be said, and in how many numbers.
-_SIZES: Final = {
-    "box": {"size": 3},
-    "sphere": {"radius": 1},
-    "cylinder": {"radius": 1, "length": 1},
-    "capsule": {"radius": 1, "length": 1},
-}
-
-
-def looks_in(visual: Element) -> Element | None:
-    """Its shape; None for what is no mesh, and no plain shape of a size: nobody misses it."""
+def visual_shape(visual: Element) -> Element | None:
+    """Return the shape of a <visual>; None if it is neither a mesh nor a plain shape with a valid size."""
     shape = next(iter(visual.findall("geometry/*")), None)
     if shape is None or shape.tag == "mesh":
         return shape
@@ -205,7 +220,7 @@ def looks_in(visual: Element) -> Element | None:
 
 
 def write_colour(writer: UrdfWriter, written: Element, visual: Element) -> None:
-    """Writes the colour of a visual, if it states one: red, green, blue, and what shines through, which may be left."""
+    """Write the colour of a visual, if it states one: red, green and blue; alpha is ignored."""
     words = (visual.findtext("material/diffuse") or "").split()[:3]
     text = " ".join(words)
     if is_numbers(text, 3):

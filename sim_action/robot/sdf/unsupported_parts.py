@@ -1,7 +1,7 @@
-"""Parts of SDF that change how a robot moves, and that are not simulated: a table of where each would stand.
+"""Report parts of SDF that would change the motion of a robot but are not simulated.
 
-Names and usual values are those of sdformat.org/spec. What changes nothing is not told, and what an engine's solver is
-tuned with is left out.
+Names and defaults are those of sdformat.org/spec. A part with its default value is not reported. Parameters of an
+engine's solver are not in the table.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from xml.etree.ElementTree import Element
 
 from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, number_of, text_of
 
-Usual = bool | float | None
-"""What it is where it changes nothing; None: that it is there at all is odd."""
+Default = bool | float | None
+"""The value that has no effect; None: the presence of the part has an effect."""
 
-_PARTS: Final[Mapping[str, Mapping[str, Usual]]] = MappingProxyType(
+_PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
     {
         "model": {"self_collide": False, "enable_wind": False},
         "link": {
@@ -46,52 +46,54 @@ _PARTS: Final[Mapping[str, Mapping[str, Usual]]] = MappingProxyType(
 )
 _FRICTION: Final = "surface/friction"
 _CONTACT: Final = "surface/contact"
-# What the ground and all objects are to a mask: they state none.
+# The mask of the ground and of objects, which have none.
 _EVERYTHING: Final = 0xFFFF
 
 
-def tell_parts(notes: Notes, holder: Element, owner: str) -> None:
-    """Notes what a <model>, <link>, <collision> or <axis> has of the table; `owner`: what it is, for a message.
+def note_parts(notes: Notes, holder: Element, owner: str) -> None:
+    """Add a finding for each unsupported part of a <model>, <link>, <collision> or <axis>. Raises SdfProblem.
 
-    Raises SdfProblem.
+    :param owner: the name of the element in messages.
     """
-    for path, usual in _PARTS[holder.tag].items():
+    for path, default in _PARTS[holder.tag].items():
         part = holder.find(path)
-        if part is not None and _is_odd(holder, path, usual):
-            _tell(notes, part, owner)
+        if part is not None and _has_effect(holder, path, default):
+            _add(notes, part, owner)
 
 
-def tell_contact(notes: Notes, collision: Element, owner: str) -> None:
-    """Notes what else a <collision> would do. Raises SdfProblem."""
+def note_contact(notes: Notes, collision: Element, owner: str) -> None:
+    """Add a finding for each unsupported contact property of a <collision>. Raises SdfProblem."""
     bullet = collision.find(f"{_FRICTION}/bullet/friction")
     if bullet is not None and number_of(collision, f"{_FRICTION}/bullet/friction", 1.0) != _friction(collision):
-        _tell(notes, bullet, owner)
+        _add(notes, bullet, owner)
     contact = collision.find(_CONTACT)
     if contact is None:
         return
     if flag_of(contact, "collide_without_contact"):
-        message = f"<collide_without_contact> of {owner} would make it a sensor that nothing bounces off"
-        notes.tell("unsupported-part", contact, f"{message}: use <empty/>; let go, it collides as any other")
+        message = f"<collide_without_contact> of {owner} is not supported"
+        notes.add("unsupported-part", contact, f"{message}: use <empty/>; if allowed, it collides like any other shape")
     own = _mask(contact, "collide_bitmask", _EVERYTHING)
     if not (own | _mask(contact, "category_bitmask", own)) & _EVERYTHING:
-        message = f"<collide_bitmask> of {owner} lets it touch nothing"
-        notes.tell("unsupported-part", contact, f"{message}: use <empty/>; let go, it collides as any other")
+        message = f"<collide_bitmask> of {owner} excludes every contact, which is not supported"
+        notes.add("unsupported-part", contact, f"{message}: use <empty/>; if allowed, it collides like any other shape")
 
 
 def _friction(collision: Element) -> float:
     return number_of(collision, f"{_FRICTION}/ode/mu", 1.0)
 
 
-def _is_odd(holder: Element, path: str, usual: Usual) -> bool:
-    if usual is None:
+def _has_effect(holder: Element, path: str, default: Default) -> bool:
+    if default is None:
         return True
-    return flag_of(holder, path) != usual if isinstance(usual, bool) else number_of(holder, path, usual) != usual
+    return (
+        flag_of(holder, path) != default if isinstance(default, bool) else number_of(holder, path, default) != default
+    )
 
 
-def _tell(notes: Notes, part: Element, owner: str) -> None:
+def _add(notes: Notes, part: Element, owner: str) -> None:
     text = (part.text or "").strip()
     stated = f"<{part.tag}>{text}</{part.tag}>" if text else f"<{part.tag}>"
-    notes.tell("passed-over", part, f"{stated} of {owner} is passed over: it is simulated as if that was not said")
+    notes.add("passed-over", part, f"{stated} of {owner} is not simulated; it is ignored")
 
 
 def _mask(contact: Element, tag: str, otherwise: int) -> int:
@@ -101,4 +103,4 @@ def _mask(contact: Element, tag: str, otherwise: int) -> int:
     try:
         return int(text, 16 if text.lower().startswith("0x") else 10)
     except ValueError:
-        raise SdfProblem("bad-number", contact, f"<{tag}> is {text[:40]!r}: expected a whole number") from None
+        raise SdfProblem("bad-number", contact, f"<{tag}> is {text[:40]!r}: expected an integer") from None

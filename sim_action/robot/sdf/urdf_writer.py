@@ -1,4 +1,4 @@
-"""The URDF that an SDF becomes, while it is written: each element keeps the place that it came from."""
+"""Write a URDF document from SDF: each element keeps the place of its source."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from sim_action.robot.xml_document import ModelDocument
 
 
 class UrdfWriter:
-    """A URDF document that grows.
+    """A URDF document that is being written.
 
     Args:
-        name: of the robot.
-        source: the <model>.
-        sources: where elements of the SDF were written.
+        name: name of the robot.
+        source: the <model> element.
+        sources: the file and line of each element of the SDF.
     """
 
     def __init__(self, name: str, source: Element, sources: Mapping[Element, Location]) -> None:
@@ -29,23 +29,23 @@ class UrdfWriter:
         self._files: dict[Element, Path] = {}
 
     def add(self, parent: Element, tag: str, source: Element, **attributes: str) -> Element:
-        """An element that came from `source`."""
+        """Add an element with the place of `source`."""
         element = ET.SubElement(parent, tag, attributes)
         self._places[element] = self._sources[source]
         return element
 
     def add_origin(self, parent: Element, source: Element, pose: Pose) -> None:
-        """Where an element is."""
+        """Add an <origin>."""
         rpy = geometry.rpy_from_quaternion(pose.orientation_xyzw)
         self.add(parent, "origin", source, xyz=numbers(*pose.position_xyz), rpy=numbers(*rpy))
 
     def add_mesh(self, parent: Element, source: Element, uri: str, scale: Vector3, file: Path) -> None:
-        """A mesh, whose relative paths start from `file`."""
+        """Add a <mesh>, whose relative paths start from `file`."""
         mesh = self.add(parent, "mesh", source, filename=uri, scale=numbers(*scale))
         self._files[mesh] = file
 
     def copy(self, parent: Element, source: Element) -> None:
-        """An element of the SDF as it stands, with all that is in it."""
+        """Copy an element of the SDF with all its children."""
         waiting = [(parent, source)]
         while waiting:
             outer, original = waiting.pop()
@@ -55,10 +55,10 @@ class UrdfWriter:
             waiting += [(element, child) for child in reversed(original)]
 
     def document(self) -> ModelDocument:
-        """What was written."""
+        """Return the document."""
         return ModelDocument(self.root, self._places, self._files)
 
 
 def numbers(*values: float) -> str:
-    """Numbers as URDF writes them, to the last digit."""
-    return " ".join(repr(value + 0.0) for value in values)  # 0.0: no minus before a zero
+    """Return numbers as text for URDF, with all digits."""
+    return " ".join(repr(value + 0.0) for value in values)  # + 0.0 turns -0.0 into 0.0

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.commands.logs import JointColumn, Moment, csv_log
-from sim_action.commands.logs.csv_log import MOST_BYTES, MOST_COLUMNS, Header, HeaderError, read_header, read_moments
+from sim_action.commands.logs import JointColumn, TimedCommand, csv_log
+from sim_action.commands.logs.csv_log import MAX_BYTES, MAX_COLUMNS, Header, HeaderError, read_commands, read_header
 from sim_action.core.errors import RecordingError
 from sim_action.core.geometry import Twist
 from sim_action.state.command import JointTargets
@@ -36,12 +36,12 @@ def test_a_header_of_joints_whose_names_may_have_dots() -> None:
         (["time", "linaer"], "unknown column 'linaer'; did you mean 'linear'?"),
         (["time", "linear", "position."], "unknown column 'position.'"),
         (["time", "linear", ""], "unknown column ''"),
-        (["time", "linear", "linear"], "2 columns are named 'linear'"),
-        (["time;linear;angular"], "columns are separated by commas"),
-        (["linear"], "no column 'time'"),
-        (["time"], "nothing is commanded beside 'time' (allowed: angular, effort.<joint>"),
-        (["time", "linear", "position.a"], "'linear' is of a base, 'position.a' of a joint"),
-        (["time", *(f"position.{n}" for n in range(MOST_COLUMNS))], "1,001 columns; no more than 1,000"),
+        (["time", "linear", "linear"], "2 columns have the name 'linear'"),
+        (["time;linear;angular"], "separate columns by commas"),
+        (["linear"], "the column 'time' is missing"),
+        (["time"], "there is no command column besides 'time' (allowed: angular, effort.<joint>"),
+        (["time", "linear", "position.a"], "'linear' commands the base, 'position.a' a joint"),
+        (["time", *(f"position.{n}" for n in range(MAX_COLUMNS))], "1,001 columns; at most 1,000"),
     ],
 )
 def test_a_header_that_tells_nothing_to_replay_is_refused(columns: list[str], message: str) -> None:
@@ -56,8 +56,8 @@ def log(folder: Path, text: str | bytes) -> Path:
     return path
 
 
-def moments(folder: Path, text: str | bytes) -> list[Moment]:
-    return list(read_moments(log(folder, text), "logs/monday.csv"))
+def moments(folder: Path, text: str | bytes) -> list[TimedCommand]:
+    return list(read_commands(log(folder, text), "logs/monday.csv"))
 
 
 def told(folder: Path, text: str | bytes) -> str:
@@ -104,10 +104,10 @@ def test_two_commands_at_the_same_time_stay_in_their_order(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "logs/monday.csv: it is empty"),
-        ("\n\n", "logs/monday.csv: it is empty"),
+        ("", "logs/monday.csv: the file is empty"),
+        ("\n\n", "logs/monday.csv: the file is empty"),
         ("\ntime,linaer\n", "logs/monday.csv:2: unknown column 'linaer'; did you mean 'linear'?"),
-        ("time,linear\n", "logs/monday.csv: no row follows the header"),
+        ("time,linear\n", "logs/monday.csv: there is no row after the header"),
         ("time,linear\n0,1\n\n1,fast\n", "logs/monday.csv:4: column 'linear': expected a finite number, found 'fast'"),
         ("time,linear\n0,nan\n", "logs/monday.csv:2: column 'linear': expected a finite number, found 'nan'"),
         ("time,linear\n0,1e999\n", "expected a finite number, found '1e999'"),
@@ -117,8 +117,11 @@ def test_two_commands_at_the_same_time_stay_in_their_order(tmp_path: Path) -> No
         ("time,linear\n0,1_0\n", "column 'linear': expected a finite number, found '1_0'"),
         ("time,linear\n0,٣\n", "column 'linear': expected a finite number"),
         (f"time,linear\n0,{'9' * 50_000}\n", "column 'linear': expected a finite number"),
-        ("time,linear\n0,1\n2,1\n1.5,1\n", "logs/monday.csv:4: column 'time': '1.5' is earlier than the row before, 2"),
-        ("time,linear\n0,1,2\n", "logs/monday.csv:2: 3 cells, where the header names 2 columns"),
+        (
+            "time,linear\n0,1\n2,1\n1.5,1\n",
+            "logs/monday.csv:4: column 'time': '1.5' is earlier than the previous row, 2",
+        ),
+        ("time,linear\n0,1,2\n", "logs/monday.csv:2: 3 cells, but the header has 2 columns"),
         ('time,linear\n0,"1\n', "logs/monday.csv:2: not valid CSV"),
         (f"time,{'x' * 200_000}\n", "not valid CSV: field larger than field limit"),
         (b"time,linear\n0,\xff\n", "logs/monday.csv: not UTF-8 text"),
@@ -137,21 +140,21 @@ def test_a_gigantic_file_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "monday.csv"
     with path.open("wb") as file:
         file.write(b"time,linear\n0,1\n")
-        file.truncate(MOST_BYTES * 1_000)
-    with pytest.raises(RecordingError, match="it has 25000 MB; no more than 25 MB of CSV are read"):
+        file.truncate(MAX_BYTES * 1_000)
+    with pytest.raises(RecordingError, match="the file has 25000 MB; at most 25 MB of CSV are allowed"):
         read_header(path, "monday.csv")
 
 
 def test_more_rows_than_any_log_has_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(csv_log, "MOST_ROWS", 3)
+    monkeypatch.setattr(csv_log, "MAX_ROWS", 3)
     assert len(moments(tmp_path, "time,linear\n" + "0,0\n" * 3)) == 3
-    assert told(tmp_path, "time,linear\n" + "0,0\n" * 4).startswith("logs/monday.csv:5: more than 3 rows are not read")
+    assert told(tmp_path, "time,linear\n" + "0,0\n" * 4).startswith("logs/monday.csv:5: the log has more than 3 rows")
 
 
 def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
     pipe = tmp_path / "monday.csv"
     os.mkfifo(pipe)
-    with pytest.raises(RecordingError, match=r"monday\.csv: cannot be read: it is not a regular file"):
+    with pytest.raises(RecordingError, match=r"monday\.csv: the file cannot be read: it is not a regular file"):
         read_header(pipe, "monday.csv")
 
 
@@ -177,7 +180,7 @@ def test_whatever_a_file_holds_it_is_a_log_or_an_error_for_people(data: bytes) -
         assert found
 
 
-def in_memory(data: bytes) -> list[Moment]:
+def in_memory(data: bytes) -> list[TimedCommand]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(csv_log, "open_regular", lambda *_, **__: io.BytesIO(data))
-        return list(read_moments(Path("any.csv"), "any.csv"))
+        return list(read_commands(Path("any.csv"), "any.csv"))

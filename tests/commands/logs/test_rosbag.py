@@ -12,7 +12,7 @@ import pytest
 from rosbags.rosbag2 import CompressionMode, Writer
 from rosbags.typesys.store import Typestore
 
-from sim_action.commands.logs import Moment
+from sim_action.commands.logs import TimedCommand
 from sim_action.commands.logs.rosbag import (
     TWISTS,
     TYPES,
@@ -21,7 +21,7 @@ from sim_action.commands.logs.rosbag import (
     command_of,
     files_of,
     path_problem,
-    read_moments,
+    read_commands,
 )
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.geometry import Twist
@@ -52,8 +52,8 @@ def written(folder: Path, log: str, entries: list[bags.Entry]) -> Path:
     return WRITERS[log](folder / log, entries)
 
 
-def read(path: Path, topic: str = "/cmd_vel", type_name: str | None = None) -> list[Moment]:
-    return read_moments(path, "monday", topic, type_name)
+def read(path: Path, topic: str = "/cmd_vel", type_name: str | None = None) -> list[TimedCommand]:
+    return read_commands(path, "monday", topic, type_name)
 
 
 def told(path: Path, topic: str = "/cmd_vel", type_name: str | None = None) -> str:
@@ -88,19 +88,21 @@ def test_joints_come_out_as_they_went_in(log: str, tmp_path: Path) -> None:
 def test_a_topic_or_a_type_that_is_not_there_is_told_with_those_that_are(log: str, tmp_path: Path) -> None:
     path = written(tmp_path, log, drive(TWIST_MESSAGES))
     assert "no topic '/cmd_val'; did you mean '/cmd_vel'?" in told(path, "/cmd_val")
-    assert "'/cmd_vel' is of type geometry_msgs/msg/Twist, where the scenario says" in told(path, type_name=bags.JOINTS)
+    assert "'/cmd_vel' has the type geometry_msgs/msg/Twist, but the scenario requires" in told(
+        path, type_name=bags.JOINTS
+    )
 
 
 @in_every_format
 def test_a_message_that_no_robot_can_be_told_is_named(log: str, tmp_path: Path) -> None:
     path = written(tmp_path, log, drive([*TWIST_MESSAGES, (2.0, float("nan"), 0.0)]))
-    assert told(path) == "monday: message 4 of '/cmd_vel': a value of it is not finite"
+    assert told(path) == "monday: message 4 of '/cmd_vel': it contains a value that is not finite"
 
 
 def test_types_that_tell_no_robot_where_to_go_are_told(tmp_path: Path) -> None:
     point = ROS1.types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0)
     path = ros1_bag(tmp_path / "a.bag", [(0.0, "/point", "geometry_msgs/msg/Point", lambda _: point)])
-    assert "'/point' is of type geometry_msgs/msg/Point; did you mean" in told(path, "/point")
+    assert "'/point' has the type geometry_msgs/msg/Point, which is not supported; did you mean" in told(path, "/point")
 
 
 def test_a_type_of_the_same_name_with_other_fields_is_refused(tmp_path: Path) -> None:
@@ -109,7 +111,7 @@ def test_a_type_of_the_same_name_with_other_fields_is_refused(tmp_path: Path) ->
     data = path.read_bytes()
     assert digest in data
     path.write_bytes(data.replace(digest, b"0" * len(digest)))
-    assert "not the one of ROS (by its digest, 000" in told(path)
+    assert "differs from the one of ROS (digest 000" in told(path)
 
 
 def test_the_files_of_a_bag_may_come_in_any_order(tmp_path: Path) -> None:
@@ -133,7 +135,7 @@ def test_what_is_no_cdr_is_refused(tmp_path: Path) -> None:
     with Writer(tmp_path / "bag", version=9) as writer:
         writer.add_connection("/cmd_vel", bags.TWIST, typestore=ROS2, serialization_format="json")
     assert "json" in told(tmp_path / "bag")
-    assert "'/cmd_vel' is encoded as 'json'; what is read is cdr" in told(tmp_path / "bag/bag.db3")
+    assert "'/cmd_vel' is encoded as 'json'; only cdr is supported" in told(tmp_path / "bag/bag.db3")
 
 
 def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
@@ -146,7 +148,7 @@ def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
 
 def test_a_bag_whose_files_would_have_to_be_unpacked_is_refused(tmp_path: Path) -> None:
     path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES), compression=CompressionMode.FILE)
-    with pytest.raises(RecordingError, match="compressed as wholes"):
+    with pytest.raises(RecordingError, match="compressed as a whole"):
         list(files_of(path, "monday"))
 
 
@@ -166,7 +168,7 @@ def test_metadata_that_say_nothing_are_an_error(text: str, tmp_path: Path) -> No
 
 def test_paths_that_no_log_can_be_read_from(tmp_path: Path) -> None:
     assert "without metadata.yaml" in str(path_problem(tmp_path))
-    assert "is no log that can be replayed" in str(path_problem(tmp_path / "a.txt"))
+    assert "is not a log that can be replayed" in str(path_problem(tmp_path / "a.txt"))
     assert "rename it" in str(path_problem(tmp_path / "a%2f.db3"))
     assert path_problem(tmp_path / "a.bag") is None
 
@@ -243,10 +245,10 @@ def test_a_joint_state_says_where_to_go_and_else_how_fast(store: Typestore) -> N
     [
         (twist(ROS2, float("nan"), 0.0), "not finite"),
         (joint_state(ROS2, ["a"], position=[float("inf")]), "not finite"),
-        (joint_state(ROS2, ["a", "b"], position=[1.0]), "2 names, and 1 numbers in 'position'"),
-        (joint_state(ROS2, ["a"], position=[1.0], effort=[1.0, 2.0]), "1 names, and 2 numbers in 'effort'"),
-        (joint_state(ROS2, ["a"]), "no position, no velocity and no effort"),
-        (joint_state(ROS2, ["a", "a"], position=[1.0, 2.0]), "named twice"),
+        (joint_state(ROS2, ["a", "b"], position=[1.0]), "2 names, but 1 numbers in 'position'"),
+        (joint_state(ROS2, ["a"], position=[1.0], effort=[1.0, 2.0]), "1 names, but 2 numbers in 'effort'"),
+        (joint_state(ROS2, ["a"]), "no position, velocity or effort"),
+        (joint_state(ROS2, ["a", "a"], position=[1.0, 2.0]), "names a joint twice"),
     ],
 )
 def test_a_message_that_no_robot_can_be_told_is_refused(message: Any, what: str) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sim_action.meshes import clean_mesh
 from sim_action.meshes.collision_hulls import _shrunk
-from sim_action.robot.mesh_references import _ENGINE_MARGIN
+from sim_action.robot.mesh_references import _ENGINE_MARGIN_M
 from tests.mesh_files import CORNERS, obj, stl, two_objects
 
 geoms = pytest.importorskip("sim_action.engines.mujoco.geoms", reason="mujoco is not installed")
@@ -20,7 +20,7 @@ geoms = pytest.importorskip("sim_action.engines.mujoco.geoms", reason="mujoco is
 def clean(folder: Path, name: str, data: bytes) -> Path:
     path = folder / name
     path.write_bytes(data)
-    return clean_mesh(path, folder / "clean", margin=_ENGINE_MARGIN).path
+    return clean_mesh(path, folder / "clean", margin=_ENGINE_MARGIN_M).path
 
 
 def test_a_box_is_as_large_as_it_was(tmp_path: Path) -> None:
@@ -40,7 +40,7 @@ def test_each_part_is_a_hull_of_its_own(tmp_path: Path) -> None:
 @given(st.lists(st.tuples(*[st.floats(-2, 2)] * 3), min_size=4, max_size=20))
 def test_what_was_drawn_in_is_grown_again(points: list[tuple[float, float, float]]) -> None:
     original = np.array(points)
-    assert geoms.undo_margin(_shrunk(original, _ENGINE_MARGIN)) == pytest.approx(original, abs=1e-9)
+    assert geoms.undo_margin(_shrunk(original, _ENGINE_MARGIN_M)) == pytest.approx(original, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_what_has_a_volume_is_left_alone() -> None:
 def test_a_scaled_mesh_is_grown_as_it_was_drawn_in(tmp_path: Path) -> None:
     path = tmp_path / "box.obj"
     path.write_bytes(obj())
-    scaled = clean_mesh(path, tmp_path / "clean", scale=(2, -1, 0.01), margin=_ENGINE_MARGIN).path
+    scaled = clean_mesh(path, tmp_path / "clean", scale=(2, -1, 0.01), margin=_ENGINE_MARGIN_M).path
     (points,) = geoms.read_unshrunk_hulls(scaled)
     assert np.ptp(points, axis=0) == pytest.approx((0.4, 0.4, 0.006), abs=1e-8)
 

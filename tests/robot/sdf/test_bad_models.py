@@ -78,7 +78,7 @@ def test_all_that_is_wrong_is_told_at_once(workspace: Path) -> None:
 def test_a_name_in_an_included_model_has_a_nearest_one(workspace: Path) -> None:
     include = "<include><uri>good.sdf</uri><name>l</name></include>"
     (problem,) = refused(workspace, sdf(link("a"), include, joint("j", "a", "l::bas"))).problems
-    told = "<child> refers to 'l::bas', and there is no 'bas' in that model; did you mean 'base'? (allowed: "
+    told = "<child> refers to 'l::bas', but that model has no 'bas'; did you mean 'base'? (allowed: "
     assert problem.message.startswith(told)
 
 
@@ -99,7 +99,7 @@ def test_a_model_that_grows_without_end_is_refused(workspace: Path) -> None:
         twice = "".join(f"<include><uri>m{n + 1}.sdf</uri><name>n{k}</name></include>" for k in range(2))
         written(workspace / f"m{n}.sdf", sdf(twice))
     written(workspace / "m12.sdf", sdf(link("a")))
-    with pytest.raises(RefusedModel, match=r"includes at most 500 others \[include-loop\]$"):
+    with pytest.raises(RefusedModel, match=r"may include at most 500 others \[include-loop\]$"):
         load(workspace, sdf("<include><uri>m0.sdf</uri></include>"))
 
 
@@ -110,8 +110,8 @@ def including(count: int, uri: str) -> str:
 @pytest.mark.parametrize(
     ("filling", "words"),
     [
-        ("<frame/>" * 20_000, "a model has at most 50,000 elements"),
-        (f"<plugin>{'x' * 9_000_000}</plugin>", "a model has at most 20 MB"),
+        ("<frame/>" * 20_000, "a model may have at most 50,000 elements"),
+        (f"<plugin>{'x' * 9_000_000}</plugin>", "a model may have at most 20 MB"),
     ],
     ids=["elements", "bytes"],
 )
@@ -127,7 +127,7 @@ def test_reading_ends_where_a_model_has_too_much(filling: str, words: str, works
 
 def test_what_is_included_again_counts_again(workspace: Path) -> None:
     written(workspace / "m.sdf", sdf("<plugin><a/></plugin>" * 10_000))
-    assert "a model has at most 50,000 elements" in str(refused(workspace, including(3, "m.sdf")))
+    assert "a model may have at most 50,000 elements" in str(refused(workspace, including(3, "m.sdf")))
 
 
 def test_the_manifest_of_a_model_is_read_once_and_counts(workspace: Path) -> None:
@@ -139,7 +139,7 @@ def test_the_manifest_of_a_model_is_read_once_and_counts(workspace: Path) -> Non
     # Parsing it 50 times would take as many times 100,000.
     assert work_of(lambda: refused(workspace, including(50, "w"))) < 50 * once + 200_000
     written(manifest, f"<model><sdf>model.sdf</sdf>{'x' * 19_999_900}</model>")
-    assert "a model has at most 20 MB" in str(refused(workspace, including(1, "w")))
+    assert "a model may have at most 20 MB" in str(refused(workspace, including(1, "w")))
 
 
 @pytest.mark.parametrize("inner", ["<link name='{}'/>", "<frame name='{}'/>", "<model name='{}'/>"])
@@ -147,7 +147,7 @@ def test_a_name_with_those_of_the_models_around_it_is_none_too_long(inner: str, 
     outer = f"<model name='{'o' * 200}'>\n{inner}</model>"
     error = refused(workspace, sdf(outer.format("i" * 54), link("a")))
     assert (error.problems[0].location.line, "[bad-name]" in str(error)) == (4, True)
-    assert "a name of 256 characters, 'oooo" in str(error)
+    assert "the name has 256 characters, 'oooo" in str(error)
     kept = sdf(outer.format("i" * 53), link("a"), joint("j", "a", "a"))
     assert "[bad-name]" not in str(refused(workspace, kept))
 
@@ -156,7 +156,7 @@ def test_models_are_not_nested_without_end(workspace: Path) -> None:
     for n in range(60):
         written(workspace / f"m{n}.sdf", sdf(f"<include merge='1'><uri>m{n + 1}.sdf</uri></include>"))
     written(workspace / "m60.sdf", sdf(link("a")))
-    with pytest.raises(RefusedModel, match=r"more than 50 models inside each other"):
+    with pytest.raises(RefusedModel, match=r"more than 50 models are nested"):
         load(workspace, sdf("<include><uri>m0.sdf</uri></include>"))
 
 

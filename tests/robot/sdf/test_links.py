@@ -30,7 +30,7 @@ def test_what_an_inertial_leaves_out_is_as_the_format_has_it(tmp_path: Path) -> 
     assert model.mass == 1.0
     (finding,) = model.findings
     assert finding.rule == "default-inertia"
-    assert "1 kg of mass, 1 kg m^2 of inertia/ixx" in finding.message
+    assert "mass = 1 kg, inertia/ixx = 1 kg m^2" in finding.message
 
 
 def test_a_link_without_inertial_weighs_next_to_nothing(tmp_path: Path) -> None:

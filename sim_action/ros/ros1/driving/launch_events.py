@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from sim_action.commands.stderr_tail import LastWords
+from sim_action.commands.stderr_tail import StderrTail
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import did_you_mean, escaped_line
@@ -90,7 +90,7 @@ class LaunchErrors:
         workspace: the folder of the user's own code.
     """
 
-    def __init__(self, workspace: Path, overlay: Overlay, words: LastWords) -> None:
+    def __init__(self, workspace: Path, overlay: Overlay, words: StderrTail) -> None:
         self._workspace, self._overlay, self._words = workspace, overlay, words
 
     def of_event(self, event: Event) -> ScriptError:

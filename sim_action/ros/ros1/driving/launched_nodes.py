@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.commands import ClosedLoop
-from sim_action.commands.stderr_tail import LastWords
+from sim_action.commands.stderr_tail import StderrTail
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.ros.processes import children
 from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
@@ -84,7 +84,7 @@ class LaunchedNodes:
             self._launch = self._start(asked)
             undo.callback(self._launch.close)
             self._closing = undo.pop_all()
-        self._words = LastWords(self._launch.output_stream, _STANDARD_OUTPUT, _MAX_KEPT_BYTES)
+        self._words = StderrTail(self._launch.output_stream, _STANDARD_OUTPUT, _MAX_KEPT_BYTES)
         self._errors = LaunchErrors(asked.workspace, self.overlay, self._words)
         self._exited: set[int] = set()
         self.launcher = 0
