@@ -39,12 +39,12 @@ class InstallError(Exception):
 
 @dataclass(frozen=True)
 class Environment:
-    """What a lock file becomes.
+    """The virtual environment that a lock file describes.
 
     Attributes:
         lock: names every wheel with its version and hash.
-        folder: a virtual environment, complete if a copy of the lock file is in it.
-        wheels: as they were fetched.
+        folder: a virtual environment; it is complete if it holds a copy of the lock file.
+        wheels: the folder of the downloaded wheels.
     """
 
     lock: Path
@@ -64,13 +64,13 @@ class Environment:
 
     @property
     def key(self) -> str:
-        """What wheels depend on."""
+        """The cache key: everything that the wheels depend on."""
         machine = f"{os.environ['RUNNER_OS']}-{os.environ['RUNNER_ARCH']}"
         return f"sim-action-{machine}-{sys.implementation.cache_tag}-{_digest(self.lock)}"
 
     @property
     def ready(self) -> bool:
-        """Whether an earlier step of the job has made it."""
+        """Return True if an earlier step of the job has made the environment."""
         copy = self.folder / self.lock.name
         return copy.is_file() and copy.read_bytes() == self.lock.read_bytes()
 
@@ -99,7 +99,7 @@ class Environment:
 
 
 def look(environment: Environment) -> dict[str, object]:
-    """What the next steps have to know."""
+    """Return the facts that the next steps need."""
     wanted = os.environ.get("INPUT_CACHE", "false")
     if wanted not in {"true", "false"}:
         sys.exit("::error title=sim-action::the input cache must be true or false")
@@ -114,7 +114,10 @@ def look(environment: Environment) -> dict[str, object]:
 
 
 def install(environment: Environment) -> dict[str, object]:
-    """What was done, and when. READY is what was there before anything came out of a cache."""
+    """Install the environment and return the work that was done, with its times.
+
+    READY in the environment variables states what existed before any cache was restored.
+    """
     began = time.time()
     ready = os.environ.get("READY", str(environment.ready).lower()) == "true"
     fetched = not ready and environment.install()
@@ -147,7 +150,7 @@ def _say(outputs: dict[str, object]) -> None:
 
 
 def chosen_lock(temp: Path) -> Path:
-    """What is to be installed; what several extras need together is written into a folder."""
+    """Return the lock file to install; the locks of several extras are joined in a new folder."""
     lock = Path(os.environ["LOCK"])
     extras = sorted(set(re.split(r"[\s,]+", os.environ.get("INPUT_EXTRAS", ""))) - {""})
     if not set(extras) <= set(_EXTRAS):
@@ -161,14 +164,14 @@ def chosen_lock(temp: Path) -> Path:
 
 
 def _joined(locks: Iterable[Path]) -> str:
-    """What stands in any of them: a line for each package, then lines that go on with its hashes. They agree."""
+    """Return the lines of several lock files that agree: one per package, followed by its hashes."""
     found = (_ENTRY.findall(lock.read_text(encoding="utf-8")) for lock in locks)
     entries = (entry for those in found for entry in those)
     return "".join(f"{entry}\n" for entry in dict.fromkeys(entries))
 
 
 def main() -> None:
-    """What the one argument says."""
+    """Run the action that the one argument names."""
     temp = Path(os.environ["RUNNER_TEMP"])
     environment = Environment.of(chosen_lock(temp), temp)
     try:

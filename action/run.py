@@ -26,13 +26,13 @@ class InputError(Exception):
 
 @dataclass(frozen=True)
 class Subcommand:
-    """How inputs become a command line. An input that is left empty is left out.
+    """The way from inputs to a command line. An empty input is left out.
 
     Attributes:
-        arguments: inputs with one argument in each line.
+        arguments: inputs with one argument per line.
         lists: input -> option that is given for each line.
         options: input -> option that takes its value.
-        switches: input -> the options that stand for true and for false.
+        switches: input -> the options for true and for false.
     """
 
     arguments: tuple[str, ...]
@@ -132,7 +132,10 @@ def enter(folder: str) -> None:
 
 
 def set_up_time(instants: str) -> str:
-    """What the steps before this one took; `instants` in s: of the start, with Python, before and after installing."""
+    """Return the times of the steps before this one, as text.
+
+    `instants` in s: the start, with Python, before and after the installation.
+    """
     start, with_python, began, installed = map(float, instants.split())
     python, install = with_python - start, installed - began
     total = time.time() - start
@@ -151,7 +154,7 @@ def run(name: str, inputs: Mapping[str, str]) -> int:
 
 
 def main() -> None:
-    """What the one argument says."""
+    """Run the subcommand that the one argument names."""
     for stream in (sys.stdout, sys.stderr):
         # What a runner reads: on Windows, Python would write the code page of a console.
         if isinstance(stream, io.TextIOWrapper):

@@ -50,7 +50,7 @@ def engines(whole_runs: Mapping[str, Callable[[], object]]) -> Iterator[SideBySi
 
 
 def _least(measures: Mapping[str, Callable[[], float]]) -> dict[str, float]:
-    """Of several rounds in which they take turns."""
+    """Return the least times of several rounds in which the measures take turns."""
     rounds = [[measure() for measure in measures.values()] for _ in range(_ROUNDS)]
     return dict(zip(measures, map(min, zip(*rounds, strict=True)), strict=True))
 

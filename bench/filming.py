@@ -1,4 +1,4 @@
-"""What a replay costs: a run that is filmed, with its replay written, and the same run without."""
+"""Measure the cost of a replay: a run that records one and writes it, against the same run without."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _plain(loaded: LoadedScenario) -> Callable[[], float]:
 
 
 def _seconds(call: Callable[[], object]) -> float:
-    """Of processor time: what is added is too little to be seen beside what else a machine does."""
+    """Return the processor time of a call in s. Wall time is too noisy for so small a difference."""
     started = time.process_time()
     call()
     return time.process_time() - started

@@ -1,4 +1,4 @@
-"""What a competent user would write without sim-action: the burger drives for 30 s, its state is kept at every step.
+"""The hand-written equivalent of a scenario: the burger drives for 30 s and its state is stored at every step.
 
 It does the stepping, the motor commands and the sampling that sim-action does for the same scenario, and nothing else.
 Usage: python bench/raw_loop.py [HOW_MANY_TIMES]

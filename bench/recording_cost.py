@@ -1,4 +1,4 @@
-"""What recordings cost, against the loop of a run of 30 s that leaves none."""
+"""Measure the cost of recordings against the loop of a run of 30 s without any."""
 
 from __future__ import annotations
 

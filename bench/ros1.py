@@ -1,4 +1,4 @@
-"""What a rostest costs, in its parts: the example's mover on real ROS, with this package in Gazebo's place."""
+"""Measure the parts of a rostest: the example's mover on real ROS, with sim-action instead of Gazebo."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def ros() -> Ros | None:
 
 
 def parts(ros: Ros) -> Parts:
-    """Of the quickest of some runs; the first one fills caches."""
+    """Return the parts of the quickest of several runs; the first one fills caches."""
     return min((_parts(ros) for _ in range(ROUNDS)), key=lambda run: sum(run[:5]))
 
 
@@ -103,6 +103,6 @@ def _parts(ros: Ros) -> Parts:
 
 
 def _processor() -> float:
-    """What children have computed, in s."""
+    """Return the processor time of all children in s."""
     used = os.times()
     return used.children_user + used.children_system

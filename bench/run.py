@@ -1,6 +1,6 @@
-"""What sim-action costs, as ratios measured side by side in one run: `make bench`.
+"""Measure the cost of sim-action as ratios, side by side in one run: `make bench`.
 
-Machines are noisy, and noise only ever adds: all sides of a ratio take turns, and the least time of each counts. Times
+Noise of the machine only ever adds time. All sides of a ratio take turns, and the least time of each one counts. Times
 are printed for orientation only.
 """
 
@@ -85,7 +85,7 @@ def whole_process(folder: Path) -> Ratio:
 
 
 def further_scenario(folder: Path) -> Ratio:
-    """What a scenario costs once everything is imported: read, run in a child of its own, its outcome read back."""
+    """Measure a scenario after all imports: read it, run it in its own child process, read its outcome back."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
     from sim_action.core.process import Interruption
@@ -106,7 +106,7 @@ def further_scenario(folder: Path) -> Ratio:
 
 
 def variations(folder: Path) -> Ratio:
-    """What one of many variations of a scenario costs, with its part of the reading, against the raw loop."""
+    """Measure one of many variations of a scenario, with its share of the reading, against the raw loop."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
     from sim_action.core.process import Interruption
@@ -221,7 +221,7 @@ def watching() -> Iterator[Ratio]:
 
 
 def filming() -> Iterator[Ratio]:
-    """What a replay adds to a run of 30 s, against PyBullet's run without it."""
+    """Measure the cost of a replay for a run of 30 s, against the same run on PyBullet without it."""
     for cost in filming_costs():
         name = f"{cost.engine}: what a replay ({cost.size / 1000:.1f} kB) adds to the burger {cost.world}"
         yield Ratio(f"{name}, against PyBullet's run", cost.added, cost.run, 0.25)
@@ -244,7 +244,7 @@ def opening() -> Iterator[Ratio]:
 
 
 def recordings() -> Iterator[Ratio]:
-    """What --record csv and --record mcap cost with what is kept for them, against a loop without; 30 s, 30 Hz."""
+    """Measure --record csv and --record mcap with the data kept for them, against a loop without; 30 s, 30 Hz."""
     # MuJoCo takes a fifth of the time for the same run, and what is kept of it is as much.
     for engine, csv in (("pybullet", 0.25), ("mujoco", 0.5)):
         cost = recording_cost(engine)

@@ -1,4 +1,4 @@
-"""What a controller in Python costs at 50 Hz: the loop of a run that asks one, against that of one that asks none."""
+"""Measure the cost of a Python controller at 50 Hz: the loop of a run with one, against a run without."""
 
 from __future__ import annotations
 

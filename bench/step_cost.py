@@ -1,4 +1,4 @@
-"""What a step costs with sim-action, and in the same world without it, in microseconds; the two take turns."""
+"""Measure a step with sim-action and one in the same world without it, in microseconds; the two take turns."""
 
 from __future__ import annotations
 

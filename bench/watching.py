@@ -1,4 +1,4 @@
-"""What it costs to watch contacts and clearance at every step, against loops by hand that step and keep the state."""
+"""Measure contacts and clearance at every step, against hand-written loops that step and store the state."""
 
 from __future__ import annotations
 

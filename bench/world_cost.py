@@ -1,4 +1,4 @@
-"""What a map of 200 boxes costs: the loop of a run in it against that of one beside a single box, and reading it."""
+"""Measure a map of 200 boxes: its loading, and the loop of a run in it against one with a single box."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ document.querySelectorAll("code.language-mermaid").forEach(async (chart, number)
 
 
 def run() -> tuple[str, str]:
-    """What `sim-action run` prints of both, in colour, and the job summary that it writes."""
+    """Return the coloured output of `sim-action run` and its job summary."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name, "simulation")
         folder.mkdir()

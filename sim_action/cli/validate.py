@@ -48,13 +48,13 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
 
 
 def _messages(refused: Refused) -> list[str]:
-    """What is said of a scenario that cannot be run."""
+    """Return the messages of a refused scenario."""
     details = f"\n{refused.error.details.rstrip()}" if isinstance(refused.error, Fault) else ""
     return [f"{problem}{details}" for problem in refused.problems]
 
 
 def _count(refused: Sequence[Refused]) -> str:
-    """How many are invalid; those with a fault of ours may be valid, and others have variations that are."""
+    """Return the counts of invalid scenarios and variations, and of those that a fault of sim-action left unchecked."""
     faults = sum(isinstance(scenario.error, Fault) for scenario in refused)
     alone = sum(scenario.group is not None for scenario in refused)
     variations = f", {alone} {'variation' if alone == 1 else 'variations'} invalid" if alone else ""
