@@ -13,7 +13,7 @@ from sim_action.recording.replay.build import make_replay
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
-from sim_action.simulation.recorder import Footage
+from sim_action.simulation.recorder import RunRecorder
 
 ROUNDS: Final = 7
 
@@ -64,7 +64,7 @@ def filming_costs() -> Iterator[FilmingCost]:
 
 def _filmed(loaded: LoadedScenario, file: Path) -> Callable[[], float]:
     def call() -> None:
-        scene, footage = build_scene(loaded), Footage(loaded.scenario, filmed=True)
+        scene, footage = build_scene(loaded), RunRecorder(loaded.scenario, filmed=True)
         simulate(loaded.scenario, scene, lambda _: None, footage)
         film = footage.film()
         assert film is not None

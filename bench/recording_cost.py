@@ -15,7 +15,7 @@ from sim_action.recording.export.video import pictures
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
-from sim_action.simulation.recorder import Footage
+from sim_action.simulation.recorder import RunRecorder
 
 ROUNDS: Final = 7
 PICTURES: Final = 30
@@ -55,14 +55,14 @@ def recording_cost(engine: str) -> RecordingCost:
 
 def _loop(loaded: LoadedScenario, *, recorded: bool) -> Callable[[], float]:
     def call() -> float:
-        footage = Footage(loaded.scenario, recorded=recorded)
+        footage = RunRecorder(loaded.scenario, recorded=recorded)
         return simulate(loaded.scenario, build_scene(loaded), lambda _: None, footage).wall_time
 
     return call
 
 
 def _recorded(loaded: LoadedScenario) -> RecordedRun:
-    footage, scene = Footage(loaded.scenario, recorded=True), build_scene(loaded)
+    footage, scene = RunRecorder(loaded.scenario, recorded=True), build_scene(loaded)
     simulate(loaded.scenario, scene, lambda _: None, footage)
     film, trace = footage.film(), footage.trace()
     assert film is not None

@@ -17,10 +17,10 @@ from sim_action.reports.progress import ProgressListener
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
-from sim_action.runner.engine_agreement import compared
-from sim_action.runner.planning import Plan, PlanRequest, planned
+from sim_action.runner.engine_agreement import with_agreement
+from sim_action.runner.planning import Plan, PlanRequest, plan_runs
 from sim_action.runner.process_pool import execute
-from sim_action.runner.repeat import repeated
+from sim_action.runner.repeat import merge_repeats
 from sim_action.scenario.source import Refused
 
 
@@ -39,13 +39,13 @@ class RunRequest:
 def run_scenarios(request: RunRequest, interruption: Interruption) -> Results:
     """Run all scenarios, write every report and return the results. Raises UsageError."""
     started = time.monotonic()
-    found = planned(request.plan)
+    found = plan_runs(request.plan)
     options = report_options(request.reports)
     plans = found.plans
     if request.plan.permissions.updates_golden:
-        from sim_action.runner.golden_update import with_own_goldens
+        from sim_action.runner.golden_update import refuse_shared_goldens
 
-        plans = with_own_goldens(plans)
+        plans = refuse_shared_goldens(plans)
     outcomes = _outcomes(request, plans, options, interruption)
     results = Results(
         sim_action=__version__,
@@ -76,7 +76,7 @@ def _outcomes(
         ready = partial(make_ready, options)
         turns = asked(every, folder, request.jobs, listener, interruption, replays=replays, meanwhile=ready)
         listener.close()
-        ran = iter([repeated(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
+        ran = iter([merge_repeats(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
     return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, folder)]
 
 
@@ -84,4 +84,4 @@ def _outcomes_of(plan: Plan, ran: Iterator[Outcome], folder: Path) -> tuple[Outc
     """Return the outcomes of one scenario, whose runs come next in `ran`."""
     if isinstance(plan, Refused):
         return (Outcome.of_refused(plan),)
-    return compared(plan[0], tuple(islice(ran, len(plan))), folder)
+    return with_agreement(plan[0], tuple(islice(ran, len(plan))), folder)

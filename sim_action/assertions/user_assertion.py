@@ -16,7 +16,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
 from sim_action.core.messages import did_you_mean, escaped_line, shown, with_article
-from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script, run_file, script_error, told_at
+from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script, run_file, script_error, script_errors_at
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
@@ -194,20 +194,20 @@ class Judge:
         """Run the file and create the instance. Raises ScriptError."""
         found = run_file(path, f"the file of {name}").get(name)
         where = Location(str(path))
-        with told_at(path, name):
+        with script_errors_at(path, name):
             judge = getattr(found, "judge", None)
             kind: Kind = getattr(found, "kind", "end")
         if not isinstance(found, type) or not callable(judge):
             raise ScriptError(f"{name} is not a class with a method judge(self, trace)", where)
         if kind not in get_args(Kind):
             raise ScriptError(f"{name}.kind is {kind!r}; allowed: {', '.join(get_args(Kind))}", where)
-        with told_at(path, f"{name}(...), called with its settings,"):
+        with script_errors_at(path, f"{name}(...), called with its settings,"):
             made = found(**settings)
         return cls(path, name, kind, made)
 
     def verdict(self, trace: Trace) -> Verdict:
         """Return the verdict of the class on a trace. Raises ScriptError."""
-        with told_at(self.path, f"{self.name}.judge()"):
+        with script_errors_at(self.path, f"{self.name}.judge()"):
             answer = self.made.judge(trace)
         try:
             return _plain(answer)

@@ -159,13 +159,13 @@ def _listed(request: PlanRequest) -> ExitCode:
 
 def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str]]:
     """Return the selected scenarios and the patterns without any. Scenarios are only checked for a shard."""
-    from sim_action.runner.planning import planned, source_of
+    from sim_action.runner.planning import plan_runs, source_of
 
     if request.shard is None:
         files = request.suite.read(request.permissions, request.seed)
         every = [each for several in files.values() for each in several]
         return [each for each in every if request.suite.numbered(each)], request.suite.empty
-    found = planned(request)
+    found = plan_runs(request)
     return [source_of(plan) for plan in found.plans], found.empty
 
 

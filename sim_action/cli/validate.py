@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sim_action.cli.options import ALLOW_OUTSIDE, PATHS, discovered
-from sim_action.core.errors import ExitCode, Fault
+from sim_action.core.errors import ExitCode, InternalError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,13 +49,13 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
 
 def _messages(refused: Refused) -> list[str]:
     """Return the messages of a refused scenario."""
-    details = f"\n{refused.error.details.rstrip()}" if isinstance(refused.error, Fault) else ""
+    details = f"\n{refused.error.details.rstrip()}" if isinstance(refused.error, InternalError) else ""
     return [f"{problem}{details}" for problem in refused.problems]
 
 
 def _count(refused: Sequence[Refused]) -> str:
     """Return the counts of invalid scenarios and variations, and of those that a fault of sim-action left unchecked."""
-    faults = sum(isinstance(scenario.error, Fault) for scenario in refused)
+    faults = sum(isinstance(scenario.error, InternalError) for scenario in refused)
     alone = sum(scenario.group is not None for scenario in refused)
     variations = f", {alone} {'variation' if alone == 1 else 'variations'} invalid" if alone else ""
     unchecked = f", {faults} not checked to the end" if faults else ""

@@ -16,7 +16,15 @@ from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
 from sim_action.core.messages import did_you_mean
-from sim_action.core.user_scripts import ANYTHING, Script, ScriptProblem, read_script, run_file, script_error, told_at
+from sim_action.core.user_scripts import (
+    ANYTHING,
+    Script,
+    ScriptProblem,
+    read_script,
+    run_file,
+    script_error,
+    script_errors_at,
+)
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer
@@ -129,7 +137,7 @@ class ScriptCommands(CommandSource):
             hint = f"; write 'function: {name}'" if callable(found) else ""
             raise ScriptError(f"'{name}' in {path.name} is not a class{hint}", Location(str(path)))
         robot = RobotDescription.of(scene, self.rate, f"{self.code} {name}")
-        with told_at(path, _CONTROLLER):
+        with script_errors_at(path, _CONTROLLER):
             controller = found()
             if (reset := getattr(controller, "reset", None)) is not None:
                 reset(robot)

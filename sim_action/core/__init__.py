@@ -1,1 +1,1 @@
-"""What all other folders build on: errors, units, geometry, YAML documents, the workspace and its files."""
+"""The base of all other folders: errors, units, geometry, YAML documents, the workspace and file access."""

@@ -1,4 +1,4 @@
-"""From what people type to scenario files: files, folders, globs."""
+"""Discovery of scenario files: from typed names, folders and globs to files."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ _NEVER_ENTERED: Final = frozenset({"node_modules", "__pycache__", "site-packages
 
 
 def discover(patterns: Iterable[str]) -> dict[str, list[Path]]:
-    """The scenario files behind each pattern, sorted.
+    """Return the scenario files behind each pattern, sorted.
 
-    A folder means the `*.sim.yml` and `*.sim.yaml` in it and below, hidden folders left out. A name without wildcards
-    is taken as a file even if it does not exist, so that its absence is reported like any other fault of a scenario.
+    A folder stands for all `*.sim.yml` and `*.sim.yaml` in it and below, without hidden folders. A name without
+    wildcards is a file even if it does not exist: a missing file is reported like other problems of a scenario.
     """
     return {pattern: list(_matches(pattern)) for pattern in patterns}
 
 
 def unique(found: Mapping[str, Iterable[Path]]) -> list[Path]:
-    """Each file once, as the first pattern that finds it names it."""
+    """Return each file once, under the name that the first matching pattern gives it."""
     first: dict[str, Path] = {}
     for files in found.values():
         for path in files:
@@ -33,36 +33,36 @@ def unique(found: Mapping[str, Iterable[Path]]) -> list[Path]:
 
 
 def file_name(path: PurePath) -> str:
-    """How reports call a file, on every system; bytes of its name that are no UTF-8 are written out."""
+    """Return the name that reports show for a file, the same on every system; bytes that are not UTF-8 are escaped."""
     return os.fsencode(path.as_posix()).decode("utf-8", errors="backslashreplace")
 
 
 def compared_name(name: str) -> str:
-    """A name of a file in one way for all spellings: where it is, as seen from the current folder.
+    """Return one spelling for all names of a file: its real path, relative names taken from the current folder.
 
-    It need not be there; links that are there are followed.
+    The file need not exist; existing links are followed.
     """
     try:
         return os.path.realpath(name)
-    except ValueError:  # a NUL, or what is no text: no file is called so
+    except ValueError:  # a NUL or invalid text, which no file name contains
         return name
 
 
 def paths_of(pattern: str) -> list[Path]:
-    """What has that very name; for a name with wildcards that is none, what matches it, sorted."""
+    """Return the path with exactly this name or, for a pattern with wildcards and no such file, all matches, sorted."""
     # A file whose name has brackets in it is that file.
     if not glob.has_magic(pattern) or os.path.lexists(pattern):
         return [Path(pattern)]
-    # As in a shell, `**` beside something else is `*`.
+    # As in a shell, `**` inside a longer name is `*`.
     whole = PurePath(pattern)
     parts = [part if part == "**" else part.replace("**", "*") for part in whole.relative_to(whole.anchor).parts]
-    # Unlike glob.glob, this goes through no link to a folder for `**`: links may lead in circles.
+    # Unlike glob.glob, this follows no link to a folder for `**`: links may form cycles.
     found = Path(whole.anchor).glob(str(PurePath(*parts)))
     return sorted(path for path in found if _is_shown(path, parts))
 
 
 def _is_shown(path: Path, parts: Iterable[str]) -> bool:
-    """Hidden files and folders are found only by patterns that say so."""
+    """Return False for hidden files and folders, unless the pattern names them."""
     asked = [part for part in parts if part.startswith(".")]
     return all(not part.startswith(".") or any(fnmatchcase(part, hidden) for hidden in asked) for part in path.parts)
 

@@ -1,22 +1,22 @@
-"""Every error that sim-action raises on purpose, and the exit code that goes with it.
+"""All errors that sim-action raises on purpose, their exit codes, and the place in a file that a message names.
 
-    SimActionError                3    a fault of sim-action itself, unless a subclass says otherwise
-    ├── Fault                          one that was met while one scenario was looked at
-    ├── UsageError                2    the command line asks for something that cannot be done
+    SimActionError                3    an internal error of sim-action, unless a subclass says otherwise
+    ├── InternalError                  an internal error while one scenario was handled
+    ├── UsageError                2    the command line asks for something that is not possible
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     ├── ModelError                2    a robot model cannot be read
-    │   └── RefusedModel               a model file with what has to change in it
+    │   └── RefusedModel               a model file with problems that must be fixed first
     ├── SourceProblem             2    a command source cannot be opened as it is written
     │   └── RecordingError             a recorded log cannot be replayed
-    └── RunError                  1    a valid scenario ran into something that leaves it without a verdict
+    └── RunError                  1    a valid scenario ended without a verdict
         ├── EngineError                the physics engine refused the world
-        ├── BadStart                   the robot cannot begin where the scenario puts it
-        ├── BadSource             2    a command source cannot give what the scenario asks it for
-        ├── SimulationUnstable         the simulated state is no longer physics
-        ├── SourceOver                 nobody is left who would command the robot: the run is over, and is judged
-        └── ScriptError                code of the user's raised or answered nonsense
+        ├── BadStart                   the robot cannot start where the scenario puts it
+        ├── BadSource             2    the files of a command source do not fit the scenario
+        ├── SimulationUnstable         the simulated state is no longer physically possible
+        ├── ControllersFinished        all controllers have finished: the run ends and is judged
+        └── ScriptError                user code raised an exception, or returned an invalid value
 
-Exit code 0 is a run in which all scenarios passed, 5 one that found none, 130 one that was interrupted.
+Exit code 0: all scenarios passed; 5: no scenario was found; 130: the run was interrupted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A place in a file of the user's; line and column count from 1, None where only the file is known."""
+    """A place in a file of the user; line and column count from 1, and are None where only the file is known."""
 
     file: str
     line: int | None = None
@@ -43,7 +43,7 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that its reader has to mend: where it is, what was found, what is allowed, what to do."""
+    """One problem to fix: its place, and a message that says what was found, what is allowed and what to do."""
 
     location: Location
     message: str
@@ -53,7 +53,7 @@ class Problem:
 
 
 class ExitCode(IntEnum):
-    """What the process says to its caller."""
+    """The exit codes of the command line."""
 
     PASSED = 0
     FAILED = 1
@@ -64,13 +64,13 @@ class ExitCode(IntEnum):
 
 
 class SimActionError(Exception):
-    """The root of the tree."""
+    """The base class of all errors."""
 
     exit_code = ExitCode.INTERNAL
 
 
-class Fault(SimActionError):
-    """A fault of sim-action that was met while one scenario was looked at; `details`: the way that led to it."""
+class InternalError(SimActionError):
+    """An internal error of sim-action while it handled one scenario; `details`: the traceback."""
 
     def __init__(self, message: str, details: str = "") -> None:
         self.details = details
@@ -78,7 +78,7 @@ class Fault(SimActionError):
 
     @classmethod
     def of(cls, error: Exception) -> Self:
-        """What to say of an exception that nobody expected."""
+        """Return the error that reports an unexpected exception."""
         from traceback import format_exception
 
         what = f"an internal error of sim-action: {type(error).__name__}: {error}; please report it"
@@ -86,13 +86,13 @@ class Fault(SimActionError):
 
 
 class UsageError(SimActionError):
-    """The command line asks for something that cannot be done."""
+    """The command line asks for something that is not possible."""
 
     exit_code = ExitCode.INVALID
 
 
 class InvalidScenario(SimActionError):
-    """A scenario that cannot be run, with everything that is wrong with it."""
+    """A scenario that cannot be run, with all of its problems."""
 
     exit_code = ExitCode.INVALID
 
@@ -102,7 +102,7 @@ class InvalidScenario(SimActionError):
 
 
 class ModelError(SimActionError):
-    """A robot model that cannot be read; `location` is in the model's own file, where there is one."""
+    """A robot model that cannot be read; `location` is a place in the file of the model, if one is known."""
 
     exit_code = ExitCode.INVALID
 
@@ -112,7 +112,7 @@ class ModelError(SimActionError):
 
 
 class RefusedModel(ModelError):
-    """A model file that no engine should see, with everything that is wrong with it."""
+    """A model file that must not be simulated, with all of its problems."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
@@ -121,7 +121,7 @@ class RefusedModel(ModelError):
 
 
 class SourceProblem(SimActionError):
-    """A command source that cannot be opened as it is written; `key` is its own that asks for what is not there."""
+    """A command source that cannot be opened; `key` is its key that names something missing or invalid."""
 
     exit_code = ExitCode.INVALID
 
@@ -138,11 +138,11 @@ class RecordingError(SourceProblem):
 
 
 class RunError(SimActionError):
-    """A valid scenario ran into something that leaves it without a verdict.
+    """A valid scenario that failed in a way that leaves it without a verdict.
 
     Attributes:
-        location: where in the user's own code it was.
-        keys: those of the scenario that lead to what to change; None: nobody can tell.
+        location: the place in user code.
+        keys: the keys of the scenario that lead to the cause; None: unknown.
     """
 
     exit_code = ExitCode.FAILED
@@ -160,7 +160,7 @@ class EngineError(RunError):
 
 
 class BadStart(RunError):
-    """The robot cannot begin where the scenario puts it; each problem has the keys that lead to what to change."""
+    """The robot or a body cannot start at its place; each problem comes with the keys that lead to its cause."""
 
     exit_code = ExitCode.INVALID
 
@@ -170,11 +170,11 @@ class BadStart(RunError):
 
 
 class BadSource(RunError):
-    """A command source whose files are not what the scenario says, which nobody could know before it was opened.
+    """A command source whose files do not fit the scenario, which is only known after the source is opened.
 
     Attributes:
-        index: its place among the scenario's commands.
-        key: its own key to what has to change.
+        index: its index in the scenario's commands.
+        key: its key that must be changed.
     """
 
     exit_code = ExitCode.INVALID
@@ -186,16 +186,16 @@ class BadSource(RunError):
 
 
 class SimulationUnstable(RunError):
-    """The simulated state is no longer physics."""
+    """The simulated state is no longer physically possible."""
 
 
 class ScriptError(RunError):
-    """Code of the user's raised, or answered neither command nor verdict.
+    """A script of the user raised an exception, or returned neither a command nor a verdict.
 
     Attributes:
-        details: its last words, or the way through it that led to the error.
-        source: which of the scenario's commands it is of, by its place; None: of none.
-        time: when that was asked, in s of sim time; None: before the run.
+        details: the last output, or the traceback.
+        source: the index of its command in the scenario; None: it is not a command source.
+        time: the sim time of the call in s; None: before the run.
     """
 
     def __init__(self, message: str, location: Location | None = None, details: str = "") -> None:
@@ -209,5 +209,5 @@ class ScriptError(RunError):
         return f"{when}{super().__str__()}"
 
 
-class SourceOver(RunError):
-    """Nobody is left who would command the robot: the run ends here, and what was simulated is judged."""
+class ControllersFinished(RunError):
+    """All controllers have finished: the run ends, and the simulated part is judged."""

@@ -1,4 +1,4 @@
-"""The field types of a scenario: SI floats that a file may write with a unit, names, poses; and the base of all models.
+"""The field types of a scenario (SI floats with optional units, names, poses) and the base class of its models.
 
 `Metres` and its siblings are plain `float` to the code that uses them; pydantic reads them with `units.parse` and
 describes them in the JSON Schema.
@@ -22,10 +22,10 @@ from sim_action.core.units import Dimension
 
 
 class FrozenModel(BaseModel):
-    """What every part of a scenario is: immutable, strict about types, and closed to unknown keys."""
+    """The base class of all parts of a scenario: immutable, strict about types, closed to unknown keys."""
 
-    # A validator is built when it is first needed: most models are only parts of another. So a part that is left out is
-    # made by model_construct(), which needs none.
+    # A validator is built at its first use: most models are only parts of others. Default parts are therefore made by
+    # model_construct(), which needs no validator.
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
 
@@ -34,7 +34,7 @@ _JSON_SCHEMA_WORDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "e
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Annotates a float as a quantity of one dimension (or of any of several, for joints that turn or slide)."""
+    """An annotation that makes a float a quantity of one dimension, or of one of several (for joints)."""
 
     dimensions: tuple[Dimension, ...]
 
@@ -45,7 +45,7 @@ class Quantity:
         return self._with_unit(handler(schema))
 
     def _with_unit(self, number_schema: dict[str, Any]) -> dict[str, Any]:
-        # pydantic leaves bounds that were added outside of this annotation in its own words.
+        # pydantic keeps its own names for bounds that were added outside this annotation.
         number = {_JSON_SCHEMA_WORDS.get(key, key): value for key, value in number_schema.items()}
         symbols = [symbol for dimension in self.dimensions for symbol in dimension.factors if symbol]
         if not symbols:
@@ -57,13 +57,13 @@ class Quantity:
         try:
             return units.parse(value, *self.dimensions)
         except units.UnitError as error:
-            # A brace would be read as a placeholder of pydantic's template.
+            # A brace in the text would be a placeholder of pydantic's template.
             raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from None
 
 
 @dataclass(frozen=True)
 class Written(Quantity):
-    """Annotates a quantity that stays as it was written: only the model tells which of the dimensions is right."""
+    """An annotation for a quantity that keeps its written form: only the robot model can tell its dimension."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return self._with_unit({"type": "number"})
@@ -75,22 +75,22 @@ class Written(Quantity):
 
 @dataclass(frozen=True, slots=True)
 class NamesFile:
-    """Annotates a text, or the entries of a list or map of it, as the name of a file, seen from the scenario.
+    """An annotation that makes a text, or each text in a list or map, the name of a file relative to the scenario.
 
     Attributes:
-        if_there: whether it is one only if there is such a file, such as an argument of a program.
+        if_there: True if it is a file name only when such a file exists, such as an argument of a program.
     """
 
     if_there: bool = False
 
 
 def is_plain_name(name: str) -> bool:
-    """Whether nothing in it would act in tables, XML, workflow commands or file names."""
+    """Return True if the name has no effect in tables, XML, workflow commands and file names."""
     return name.isprintable() and name == name.strip() and not any(part in name for part in _NOT_IN_NAMES)
 
 
 def _plain_name(name: str) -> str:
-    """What would act where names stand is refused at the door."""
+    """Return the name, or raise ValueError if it would have an effect where reports show it."""
     if not is_plain_name(name):
         found = next((part for part in _NOT_IN_NAMES if part in name), None)
         what = f"contains '{found}'" if found else "has a control character, a line break or a space at its end"
@@ -142,13 +142,13 @@ SensorQuantity = Annotated[
 
 
 MAX_COORDINATE_M: Final = 100_000.0
-"""m, from the origin of the world: beyond, the engines' numbers know no millimetres."""
+"""In m from the origin of the world: farther away, the numbers of the engines have no millimetres."""
 
 Coordinate = Annotated[Metres, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 
 
 class Placement(FrozenModel):
-    """Where something begins, in the world frame."""
+    """The start pose of a robot or body, in the world frame."""
 
     x: Coordinate = 0.0
     y: Coordinate = 0.0
@@ -159,24 +159,24 @@ class Placement(FrozenModel):
 
     @property
     def orientation_xyzw(self) -> geometry.Quaternion:
-        """The rotation by roll, pitch and yaw."""
+        """The orientation as a quaternion, from roll, pitch and yaw."""
         return geometry.quaternion_from_rpy(self.roll, self.pitch, self.yaw)
 
 
 _DEGREE: Final = math.pi / 180
 _BYTES: Final = ((2**30, "GiB"), (2**20, "MiB"), (1, "B"))
-# From here on, commas help to count digits.
+# Numbers from here on have thousands separators.
 _LONG: Final = 10_000
 
 
 def bound_text(value: float, unit: str) -> str:
-    """A bound as people write it: all its digits, angles in degrees; of 0, no unit is needed."""
+    """Return a bound as messages show it: all digits, angles in degrees, no unit for 0."""
     number, unit = _written(value, unit)
     return f"{number} {unit}".rstrip() if value else "0"
 
 
 def bounds_text(annotation: Any, metadata: Iterable[Any]) -> str:
-    """Such as "at most 170 deg", or "1 to 1920"; nothing of what must only be positive, or no less than 0."""
+    """Return both bounds of a field, such as "at most 170 deg" or "1 to 1920"; a lower bound of 0 is left out."""
     unit, found = unit_of(annotation, metadata), [*metadata, *_of_optional(annotation)]
     lower = next((item for item in found if isinstance(item, Gt | Ge) and _value(item)), None)
     upper = next((item for item in found if isinstance(item, Lt | Le)), None)
@@ -189,13 +189,13 @@ def bounds_text(annotation: Any, metadata: Iterable[Any]) -> str:
 
 
 def unit_of(annotation: Any, metadata: Iterable[Any] = ()) -> str:
-    """The SI unit of the first quantity in a field; "" if there is none, or it has several."""
+    """Return the SI unit of the first quantity in a field; "" if there is none, or if it has several dimensions."""
     quantity = next((item for item in (*metadata, *_all_in(annotation)) if isinstance(item, Quantity)), None)
     return quantity.dimensions[0].si if quantity and len(quantity.dimensions) == 1 else ""
 
 
 def _written(value: float, unit: str) -> tuple[str, str]:
-    """A number and its unit."""
+    """Return a number and its unit as messages show them."""
     if unit in ("rad", "rad/s"):
         value, unit = value / _DEGREE, unit.replace("rad", "deg")
     if unit == "B":
@@ -217,14 +217,14 @@ def _said_of(annotation: Any) -> Iterator[Any]:
 
 
 def _of_optional(annotation: Any) -> Iterator[Any]:
-    """What is said of a type that may also be left out."""
+    """Yield the annotations of an optional type."""
     parts = [part for part in get_args(annotation) if part is not type(None)]
     if len(parts) == 1 and type(None) in get_args(annotation):
         yield from _said_of(parts[0])
 
 
 def _all_in(annotation: Any) -> Iterator[Any]:
-    """What is said anywhere in a type, such as of the entries of a list; not of what other models have."""
+    """Yield all annotations in a type, such as those of list items; the fields of nested models are left out."""
     yield from _said_of(annotation)
     for part in get_args(annotation):
         if not (isinstance(part, type) and issubclass(part, BaseModel)):

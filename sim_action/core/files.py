@@ -15,15 +15,15 @@ from typing import BinaryIO, Final
 
 
 def read_at_most(path: Path, most: int) -> bytes | None:
-    """What is in a file, also behind a link; None: more than so many bytes. Raises OSError as `open_regular` does."""
+    """Return the content of a file, or None if it has more than `most` bytes; links are followed. Raise OSError."""
     with open_regular(path, follow_link=True) as file:
         data = file.read(most + 1)
     return data if len(data) <= most else None
 
 
 def open_regular(path: Path, *, follow_link: bool) -> BinaryIO:
-    """Opens a file to read from; raises OSError, also for what is no file, or a link that is not to be followed."""
-    # Windows knows the first of these alone.
+    """Open a regular file for reading; raise OSError for anything else, and for a link if links are not followed."""
+    # Windows has only the first of these flags.
     flags = getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
     descriptor = os.open(path, os.O_RDONLY | flags | (0 if follow_link else getattr(os, "O_NOFOLLOW", 0)))
     mode = os.fstat(descriptor).st_mode
@@ -33,14 +33,14 @@ def open_regular(path: Path, *, follow_link: bool) -> BinaryIO:
     return os.fdopen(descriptor, "rb")
 
 
-# On Windows, a file that somebody is reading cannot be replaced, and nobody of ours reads for so long; in s.
-_READING: Final = 2.0
-_READING_POLL: Final = 0.01
+# On Windows, a file that is open for reading cannot be replaced; sim-action itself never reads for so long.
+_REPLACE_TIMEOUT_S: Final = 2.0
+_REPLACE_POLL_S: Final = 0.01
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A file to write to, which takes the place of whatever has that name when all is written. Raises OSError."""
+    """Open a temporary file that replaces `path` after everything is written. Raise OSError."""
     unfinished = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
     try:
         with unfinished.open("xb") as file:
@@ -51,13 +51,13 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def _put_in_place(unfinished: Path, path: Path) -> None:
-    patience = time.monotonic() + _READING
+    patience = time.monotonic() + _REPLACE_TIMEOUT_S
     while True:
         try:
             unfinished.replace(path)
         except PermissionError:
             if sys.platform != "win32" or time.monotonic() >= patience:
                 raise
-            time.sleep(_READING_POLL)
+            time.sleep(_REPLACE_POLL_S)
         else:
             return

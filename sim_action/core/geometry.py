@@ -21,11 +21,11 @@ IDENTITY: Final[Quaternion] = (0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a frame is and how it is turned, seen from its parent frame.
+    """The position and orientation of a frame, seen from its parent frame.
 
     Attributes:
-        position_xyz: m, of its origin.
-        orientation_xyzw: a unit quaternion; `yaw` is the heading in rad.
+        position_xyz: the position of its origin in m.
+        orientation_xyzw: the orientation as a unit quaternion; `yaw` is the heading in rad.
     """
 
     position_xyz: Vector3 = ZERO
@@ -33,18 +33,18 @@ class Pose:
 
     @property
     def yaw(self) -> float:
-        """Heading about the parent's z axis, in (-pi, pi]."""
+        """The heading about the parent's z axis, in rad, in (-pi, pi]."""
         x, y, z, w = self.orientation_xyzw
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """How fast a frame moves and turns; `Twist.planar(0.5, 0.2)` is that of a base, forward and to the left.
+    """The linear and angular velocity of a frame; `Twist.planar(0.5, 0.2)` drives a base forward and to the left.
 
     Attributes:
-        linear_xyz: m/s.
-        angular_xyz: rad/s, about each axis.
+        linear_xyz: the linear velocity in m/s.
+        angular_xyz: the angular velocity about each axis in rad/s.
     """
 
     linear_xyz: Vector3 = ZERO
@@ -52,12 +52,12 @@ class Twist:
 
     @classmethod
     def planar(cls, linear: float = 0.0, angular: float = 0.0, *, lateral: float = 0.0) -> Self:
-        """Forward speed (m/s), turning rate to the left (rad/s), speed to the left (m/s): what steers robots."""
+        """Return the twist of a base: forward speed (m/s), turn rate to the left (rad/s), speed to the left (m/s)."""
         return cls((float(linear), float(lateral), 0.0), (0.0, 0.0, float(angular)))
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """The rotation by roll, pitch and yaw about the fixed x, y, z axes."""
+    """Return the rotation by roll, pitch and yaw about the fixed x, y, z axes, in rad."""
     cr, sr = math.cos(roll / 2), math.sin(roll / 2)
     cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
@@ -70,7 +70,7 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def rpy_from_quaternion(rotation: Quaternion) -> Vector3:
-    """Roll, pitch and yaw of a rotation; together they are exact also where pitch is a right angle."""
+    """Return roll, pitch and yaw of a rotation in rad; together they are exact, also at a pitch of 90 degrees."""
     x, y, z, w = rotation
     forward = rotate(rotation, (1.0, 0.0, 0.0))
     pitch = math.atan2(-forward[2], math.hypot(forward[0], forward[1]))
@@ -81,7 +81,7 @@ def rpy_from_quaternion(rotation: Quaternion) -> Vector3:
 
 
 def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
-    """The rotation that applies `second`, then `first`."""
+    """Return the rotation that applies `second`, then `first`."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
     return (
@@ -93,7 +93,7 @@ def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
 
 
 def rotate(rotation: Quaternion, vector: Vector3) -> Vector3:
-    """The vector after the rotation."""
+    """Return the rotated vector."""
     qx, qy, qz, w = rotation
     vx, vy, vz = vector
     # v + w t + axis x t, where t = 2 axis x v.
@@ -103,34 +103,34 @@ def rotate(rotation: Quaternion, vector: Vector3) -> Vector3:
 
 
 def cross(first: Vector3, second: Vector3) -> Vector3:
-    """The vector product."""
+    """Return the vector product."""
     ax, ay, az = first
     bx, by, bz = second
     return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def conjugate(rotation: Quaternion) -> Quaternion:
-    """The opposite rotation."""
+    """Return the inverse rotation."""
     x, y, z, w = rotation
     return (-x, -y, -z, w)
 
 
 def compose(outer: Pose, inner: Pose) -> Pose:
-    """The pose of `inner`, given in the frame `outer`, seen from the parent of `outer`."""
+    """Return the pose of `inner`, given in the frame `outer`, seen from the parent of `outer`."""
     ox, oy, oz = outer.position_xyz
     ix, iy, iz = rotate(outer.orientation_xyzw, inner.position_xyz)
     return Pose((ox + ix, oy + iy, oz + iz), multiply(outer.orientation_xyzw, inner.orientation_xyzw))
 
 
 def inverse(pose: Pose) -> Pose:
-    """The pose of the parent frame, seen from the frame that `pose` places in it."""
+    """Return the pose of the parent frame, seen from the frame that `pose` places in it."""
     back = conjugate(pose.orientation_xyzw)
     x, y, z = rotate(back, pose.position_xyz)
     return Pose((-x, -y, -z), back)
 
 
 def twist_between(here: Pose, there: Pose, seconds: float) -> Twist:
-    """The velocity that brings a frame from one pose to another, the short way round; in their parent's frame."""
+    """Return the velocity that moves a frame from one pose to another on the short way; in the parent frame."""
     moved = [(to - at) / seconds for at, to in zip(here.position_xyz, there.position_xyz, strict=True)]
     qx, qy, qz, qw = multiply(there.orientation_xyzw, conjugate(here.orientation_xyzw))
     sine = math.hypot(qx, qy, qz)

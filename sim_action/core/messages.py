@@ -1,4 +1,4 @@
-"""How error messages are worded: one printable line, what was found, the nearest of what is allowed."""
+"""The wording of error messages: one printable line, the found value, and the nearest allowed name."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from collections.abc import Iterable
 from itertools import islice
 from typing import Final
 
-_LONGEST_MESSAGE: Final = 2000
-_LONGEST_VALUE: Final = 60
-# What a stranger's file may name without end costs no more than this.
-_NAMES_COMPARED: Final = 1_000
-_LONGEST_NAME: Final = 100
-_NAMES_LISTED: Final = 30
-_FEW: Final = 10
+_MAX_MESSAGE_CHARS: Final = 2000
+_MAX_VALUE_CHARS: Final = 60
+# Limits on the cost of files with any number of names.
+_MAX_NAMES_COMPARED: Final = 1_000
+_MAX_NAME_CHARS: Final = 100
+_MAX_NAMES_LISTED: Final = 30
+_MAX_HINTS: Final = 10
 _VOWELS: Final = frozenset("aeiou")
 
 
 def escaped_line(text: str) -> str:
-    """Text as a message may hold it: what would break the line or act on a terminal is escaped, and it ends."""
-    safe = "".join(char if char.isprintable() else repr(char)[1:-1] for char in text[:_LONGEST_MESSAGE])
-    return safe if len(text) <= _LONGEST_MESSAGE else f"{safe}..."
+    """Return text as one printable line of limited length; control characters are escaped."""
+    safe = "".join(char if char.isprintable() else repr(char)[1:-1] for char in text[:_MAX_MESSAGE_CHARS])
+    return safe if len(text) <= _MAX_MESSAGE_CHARS else f"{safe}..."
 
 
 def log_line(text: str) -> str:
-    """A line that is text to GitHub, too: `::command::` acts at its beginning, and `##[command]` anywhere in it."""
+    """Return a line that GitHub does not read as a workflow command (`::command::`, `##[command]`)."""
     line = escaped_line(text).replace("##[", "# #[")
     return f"./{line}" if line.lstrip().startswith("::") else line
 
 
 def shown(value: object) -> str:
-    """A value of a user's file as a message quotes it."""
+    """Return a value from a user's file as messages quote it."""
     if value is None:
         return "nothing"
     if isinstance(value, dict):
@@ -38,43 +38,43 @@ def shown(value: object) -> str:
     if isinstance(value, (tuple, list)):
         return f"a list of {len(value)}" if value else "an empty list"
     text = str(value).lower() if isinstance(value, bool) else repr(value)
-    return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
+    return text if len(text) <= _MAX_VALUE_CHARS else f"{text[: _MAX_VALUE_CHARS - 3]}..."
 
 
 def counted(count: int, noun: str) -> str:
-    """Such as "1 variation", "2 variations"."""
+    """Return a count with its noun, such as "1 variation" or "2 variations"."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
 def with_article(noun: str) -> str:
-    """Such as "an int", "a str"."""
+    """Return a noun with its article, such as "an int" or "a str"."""
     return f"{'an' if noun[:1].lower() in _VOWELS else 'a'} {noun}"
 
 
 def did_you_mean(found: str, allowed: Iterable[str]) -> str:
-    """The end of an error message: the nearest allowed name, if one is near, then all of them, up to a screenful."""
+    """Return the end of a message about an unknown name: the nearest allowed name, then the list of allowed names."""
     names = sorted(allowed)
     near = nearest(found, names)
     hint = "" if near is None else f"; did you mean '{near}'?"
-    more = len(names) - _NAMES_LISTED
+    more = len(names) - _MAX_NAMES_LISTED
     ending = f", and {more:,} more" if more > 0 else ""
-    return f"{hint} (allowed: {', '.join(names[:_NAMES_LISTED]) or 'none'}{ending})"
+    return f"{hint} (allowed: {', '.join(names[:_MAX_NAMES_LISTED]) or 'none'}{ending})"
 
 
 def nearest(found: str, names: Iterable[str]) -> str | None:
-    """The name that is most like another, if one is; of very many, and of long ones, not all are compared."""
-    short = (name for name in names if len(name) <= _LONGEST_NAME)
-    near = difflib.get_close_matches(found[:_LONGEST_NAME], islice(short, _NAMES_COMPARED), n=1)
+    """Return the most similar name, or None; long names are skipped, and only the first 1,000 are compared."""
+    short = (name for name in names if len(name) <= _MAX_NAME_CHARS)
+    near = difflib.get_close_matches(found[:_MAX_NAME_CHARS], islice(short, _MAX_NAMES_COMPARED), n=1)
     return near[0] if near else None
 
 
 class FirstFew:
-    """Tells the first few of something from the rest: a file decides how many there are, and each may cost much."""
+    """A counter that limits costly hints to the first few, because a file decides how many problems it has."""
 
     def __init__(self) -> None:
-        self._left = _FEW
+        self._left = _MAX_HINTS
 
     def one_more(self) -> bool:
-        """Whether the next one is among them."""
+        """Count one more, and return True while it belongs to the first few."""
         self._left -= 1
         return self._left >= 0

@@ -50,7 +50,7 @@ class Interruption:
 
 
 # Python's own default is 700 (2,000 from 3.13 on).
-_NEW_OBJECTS: Final = 500_000
+_GC_THRESHOLD: Final = 500_000
 
 
 def collect_garbage_rarely() -> None:
@@ -59,4 +59,4 @@ def collect_garbage_rarely() -> None:
     Imported modules stay alive: collecting them again and again takes a tenth of a short call. Not for processes that
     run user code.
     """
-    gc.set_threshold(_NEW_OBJECTS)
+    gc.set_threshold(_GC_THRESHOLD)

@@ -1,6 +1,6 @@
-"""What a run was made with beside its scenario: the processor, the build of the engine, and versions.
+"""The provenance of a run: the processor, the build of the engine, and the versions of Python and packages.
 
-The same seed gives the same digest on one machine; where two digests differ, this says what to look at.
+The same seed gives the same digest on one machine. If two digests differ, compare their provenance.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from sim_action.core.messages import escaped_line
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _SYSCTL: Final = ("/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string")
 _LIBRARIES: Final = (".so", ".pyd", ".dylib", ".dll")
-_LONGEST: Final = 200
+_MAX_CHARS: Final = 200
 _DIGEST_DIGITS: Final = 12
 
 
 class Provenance(FrozenModel):
-    """What a run was made with.
+    """The machine and the software that made a run.
 
     Attributes:
-        cpu: model of the processor.
-        engine_build: version of the engine's package, what its wheel was built for, and a digest over its libraries.
+        cpu: the model of the processor.
+        engine_build: the version of the engine's package, the platform of its wheel, and a digest of its libraries.
     """
 
     cpu: str
@@ -44,7 +44,7 @@ class Provenance(FrozenModel):
 
 @cache
 def provenance(package: str, sim_action: str) -> Provenance:
-    """Of runs on this machine with an engine; `package`: as pip knows it; `sim_action`: our own version."""
+    """Return the provenance of runs on this machine; `package`: the engine's name in pip; `sim_action`: our version."""
     return Provenance(
         cpu=_short(cpu_model()),
         engine_build=_build(package),
@@ -56,12 +56,12 @@ def provenance(package: str, sim_action: str) -> Provenance:
 
 
 def cpu_model() -> str:
-    """As the system calls it; at worst the architecture."""
+    """Return the name of the processor, or at worst its architecture."""
     return _named_by_system() or platform.processor() or platform.machine() or "unknown"
 
 
 def _named_by_system() -> str:
-    """Empty if it does not say."""
+    """Return the name that the system gives the processor; "" if there is none."""
     with suppress(OSError, subprocess.SubprocessError):
         if sys.platform == "linux":
             return named_in_cpu_info(_CPU_INFO.read_text(encoding="utf-8", errors="replace"))
@@ -72,7 +72,7 @@ def _named_by_system() -> str:
 
 
 def named_in_cpu_info(text: str) -> str:
-    """The first processor in what Linux says of all; of ARM's, which have no names, their numbers. Empty: none."""
+    """Return the first processor in /proc/cpuinfo; for ARM, which has no names, its numbers; "" if there is none."""
     lines = (line.partition(":") for line in text.split("\n\n", maxsplit=1)[0].splitlines())
     told = {key.strip(): value.strip() for key, _, value in lines}
     if name := told.get("model name") or told.get("Processor"):
@@ -90,7 +90,7 @@ def _build(package: str) -> str | None:
 
 
 def _of_wheel(found: Distribution) -> Iterator[str]:
-    """What its wheel was built for, and which libraries are in it, as far as pip has kept that."""
+    """Yield the platform tag of a package's wheel and a digest of its libraries, as far as pip recorded them."""
     for line in (found.read_text("WHEEL") or "").splitlines():
         if line.startswith("Tag: "):
             yield line.removeprefix("Tag: ")
@@ -115,4 +115,4 @@ def _version(package: str) -> str | None:
 
 
 def _short(text: str) -> str:
-    return escaped_line(text)[:_LONGEST]
+    return escaped_line(text)[:_MAX_CHARS]

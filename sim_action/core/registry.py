@@ -1,4 +1,4 @@
-"""Tables of what a scenario can name: from the name in YAML to the import path of the class behind it.
+"""Tables of the names that a scenario can use: from the name in YAML to the import path of its class.
 
 Import paths are strings so that `--help` and `validate` load what the scenario uses and nothing else.
 """
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Table(Generic[T]):
-    """Names of one kind ("assertion", "command", ...) in the order in which they are listed.
+    """The names of one kind ("assertion", "command", ...), in the order of their lists.
 
     Attributes:
         kind: the noun for messages.
@@ -32,6 +32,6 @@ class Table(Generic[T]):
         return iter(self.paths)
 
     def load(self, name: str) -> T:
-        """The class behind a name; KeyError if the table has none."""
+        """Return the class behind a name; raise KeyError for an unknown name."""
         module, _, attribute = self.paths[name].partition(":")
         return cast(T, getattr(importlib.import_module(module), attribute))

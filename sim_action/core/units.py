@@ -1,4 +1,4 @@
-"""Quantities as people write them ("30 s", "90 deg", "1.5 m") to and from SI floats.
+"""Conversion of quantities with units ("30 s", "90 deg", "1.5 m") to and from SI floats.
 
 A bare number is SI already. Prefixes and symbols are those of the SI brochure (BIPM, 9th edition). At the end: the
 rounding of sim times to physics steps.
@@ -16,7 +16,7 @@ from sim_action.core.messages import shown
 
 _DEGREE: Final = math.pi / 180
 _BYTES: Final = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
-# No two floats look the same with as many; one more, as those with an exponent are shown with one less.
+# All floats differ with 17 digits; one more, because `display` shows one digit less with an exponent.
 _ALL_DIGITS: Final = 18
 
 
@@ -72,13 +72,13 @@ _QUANTITY: Final = re.compile(r"([-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]
 
 
 class UnitError(ValueError):
-    """The text is no quantity of the dimension asked for; the message says what would be."""
+    """A text that is not a quantity of the expected dimension; the message says what is expected."""
 
 
 def parse(value: object, *dimensions: Dimension) -> float:
-    """The SI value of a number, or of a string with a unit of one of `dimensions`.
+    """Return the SI value of a number, or of a text with a unit of one of `dimensions`.
 
-    Raises UnitError for anything else, and for numbers that are not finite.
+    Raise UnitError for anything else, and for numbers that are not finite.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise UnitError(f"expected {_expected(dimensions)}, found {shown(value)}")
@@ -92,7 +92,7 @@ def parse(value: object, *dimensions: Dimension) -> float:
 
 
 def conversion(unit: str, other: str) -> float | None:
-    """How many of `other` one `unit` is; None if they are not units of one dimension."""
+    """Return how many `other` one `unit` is; None if they do not share a dimension."""
     shared = (dimension.factors for dimension in _DIMENSIONS if {unit, other} <= dimension.factors.keys())
     return next((factors[unit] / factors[other] for factors in shared), None)
 
@@ -119,7 +119,7 @@ def _expected(dimensions: tuple[Dimension, ...]) -> str:
 
 
 def display(value: float, unit: str, digits: int = 4) -> str:
-    """A value as people read it: four significant digits, angles in degrees, no trailing zeros."""
+    """Return a value for people: four significant digits, angles in degrees, no trailing zeros."""
     value += 0.0  # not "-0 m"
     if unit in ("rad", "rad/s"):
         value, unit = value / _DEGREE, unit.replace("rad", "deg")
@@ -133,7 +133,7 @@ def display(value: float, unit: str, digits: int = 4) -> str:
 
 
 def display_apart(value: float, limit: float, unit: str) -> tuple[str, str]:
-    """A value and its limit, with as many digits as it takes to tell them apart if they differ."""
+    """Return a value and its limit with enough digits to show their difference."""
     texts = display(value, unit), display(limit, unit)
     for digits in range(5, _ALL_DIGITS + 1):
         if texts[0] != texts[1] or value == limit:
@@ -142,13 +142,13 @@ def display_apart(value: float, limit: float, unit: str) -> tuple[str, str]:
     return texts
 
 
-TIME_EPSILON: Final = 1e-9
-"""In s. Sim time is step / rate: two ways to the same moment differ by rounding alone."""
+TIME_EPSILON_S: Final = 1e-9
+"""In s: sim time is step / rate, and two computations of the same moment differ by rounding only."""
 
 STEP_EPSILON: Final = 1e-6
-"""Of a step: a time that is no later than this after a step is that of the step."""
+"""A share of a step: a time that is later than a step by at most this belongs to the step."""
 
 
 def first_step(time: float, rate: float) -> int:
-    """The first physics step at or after a sim time in s, at `rate` Hz."""
+    """Return the first physics step at or after a sim time in s, at `rate` Hz."""
     return math.ceil(time * rate - STEP_EPSILON)

@@ -1,4 +1,4 @@
-"""Python files of the user's: read as text by whoever asks, run in the scenario's own process alone."""
+"""Python files of the user: read as text to check a scenario, executed only in the child process of the scenario."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from sim_action.core.errors import Location, ScriptError
 from sim_action.core.files import read_at_most
 
 ANYTHING: Final = "*"
-"""Among the names that a script binds: it imports all names of another module."""
+"""A name in `Script.names`: the script imports all names of another module."""
 
-_MOST_BYTES: Final = 1_000_000
-_MOST_REMEMBERED: Final = 16
-# Of a traceback: a recursion has a thousand.
-_MOST_FRAMES: Final = 10
+_MAX_SCRIPT_BYTES: Final = 1_000_000
+_MAX_CACHED: Final = 16
+# In a traceback: a recursion has a thousand frames.
+_MAX_FRAMES: Final = 10
 _MODULES: Final = (
     "scripts run in sim-action's own Python, which has numpy and can import files from their folder; "
     "a controller that needs other packages runs as a 'process', with your own Python"
@@ -34,16 +34,16 @@ _OURS: Final = str(Path(__file__).parent.parent / "_").removesuffix("_")
 
 
 class ScriptProblem(ValueError):
-    """Why a file cannot be what it is named for, to be said after its name."""
+    """The reason why a file cannot be used as a script; it follows the name of the file in messages."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScriptClass:
-    """A class of a script.
+    """A class of a script, as far as its text shows.
 
     Attributes:
-        is_plain: all that it has stands in its body.
-        asks_for: the first argument that its own `__init__` cannot do without; None: there is none.
+        is_plain: True if it has no bases and no decorators.
+        asks_for: the first required argument of its `__init__`; None: there is none.
     """
 
     name: str
@@ -55,11 +55,11 @@ class ScriptClass:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """What can be said of a Python file without running it.
+    """The content of a Python file, as far as its text shows.
 
     Attributes:
-        names: what it defines, imports or assigns outside its functions and classes, also in an `if` or a `try`.
-        functions, classes: those that it defines itself, at its outermost level.
+        names: all names that it defines, imports or assigns at module level, also in an `if` or a `try`.
+        functions, classes: the functions and classes that it defines at module level.
     """
 
     names: frozenset[str]
@@ -68,19 +68,19 @@ class Script:
 
 
 def read_script(path: Path) -> Script:
-    """Raises OSError, ScriptProblem."""
-    if (source := read_at_most(path, _MOST_BYTES)) is None:
-        raise ScriptProblem(f": the script is larger than {_MOST_BYTES // 1000} kB, the maximum")
+    """Read a Python file without running it. Raise OSError, ScriptProblem."""
+    if (source := read_at_most(path, _MAX_SCRIPT_BYTES)) is None:
+        raise ScriptProblem(f": the script is larger than {_MAX_SCRIPT_BYTES // 1000} kB, the maximum")
     found = _parsed(source)
     if isinstance(found, str):
         raise ScriptProblem(found)
     return found
 
 
-# To parse a large one takes seconds, and many expectations may be of classes of the same file.
-@lru_cache(maxsize=_MOST_REMEMBERED)
+# Parsing a large file takes seconds, and many expectations may use classes of the same file.
+@lru_cache(maxsize=_MAX_CACHED)
 def _parsed(source: bytes) -> Script | str:
-    """What a text defines, or why it is no Python."""
+    """Return the names that a source text defines, or the reason why it is not valid Python."""
     try:
         tree = ast.parse(source)
     except SyntaxError as error:
@@ -101,7 +101,7 @@ def _class_of(node: ast.ClassDef) -> ScriptClass:
 
 
 def _asked(arguments: ast.arguments) -> str | None:
-    """The first argument of a method, but for `self`, that has no default."""
+    """Return the first argument of a method, without `self`, that has no default."""
     plain = [*arguments.posonlyargs, *arguments.args]
     needed = plain[1 : len(plain) - len(arguments.defaults)]
     pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
@@ -125,7 +125,7 @@ def _names_bound_in(body: Sequence[ast.AST]) -> frozenset[str]:
 
 
 def run_file(path: Path, who: str) -> Mapping[str, Any]:
-    """What a file binds when it has run as a module; it may import its neighbours. Raises ScriptError."""
+    """Run a file as a module, which may import files from its folder, and return its names. Raise ScriptError."""
     sys.path.insert(0, str(path.parent))
     name = _module_name(path.stem.replace(".", "_"))
     spec = spec_from_loader(name, _FromSource(name, str(path)))
@@ -133,7 +133,7 @@ def run_file(path: Path, who: str) -> Mapping[str, Any]:
     assert spec.loader is not None
     module = sys.modules[name] = module_from_spec(spec)
     try:
-        with told_at(path, who):
+        with script_errors_at(path, who):
             spec.loader.exec_module(module)
     except ScriptError:
         sys.modules.pop(name, None)
@@ -142,13 +142,13 @@ def run_file(path: Path, who: str) -> Mapping[str, Any]:
 
 
 def _module_name(stem: str) -> str:
-    """Its own, by which its classes can be pickled; another, if there is such a module, which it must not replace."""
+    """Return an unused module name: classes are pickled by it, and it must not replace another module."""
     names = itertools.chain((stem,), (f"{stem}_{number}" for number in itertools.count(2)))
     return next(name for name in names if name not in sys.modules and name not in sys.stdlib_module_names)
 
 
 class _FromSource(SourceFileLoader):
-    """Reads no bytecode, which may be that of an earlier text, and leaves none in the user's folder."""
+    """A loader that ignores bytecode, which may be outdated, and writes none to the user's folder."""
 
     def get_code(self, fullname: str) -> CodeType:
         path = self.get_filename(fullname)
@@ -156,8 +156,8 @@ class _FromSource(SourceFileLoader):
 
 
 @contextmanager
-def told_at(path: Path, who: str) -> Iterator[None]:
-    """Whatever the user's code raises, or exits with, is told with its line."""
+def script_errors_at(path: Path, who: str) -> Iterator[None]:
+    """Raise ScriptError with the line for all exceptions of user code, SystemExit included."""
     try:
         yield
     except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run unseen
@@ -165,7 +165,7 @@ def told_at(path: Path, who: str) -> Iterator[None]:
 
 
 def script_error(error: BaseException, path: Path, who: str) -> ScriptError:
-    """Says where in the user's file it happened, which is not where our own frames are; `who` raised it."""
+    """Return an error with the place in the user's file; frames of sim-action are left out; `who` raised it."""
     if isinstance(error, SyntaxError) and error.filename:
         return ScriptError(f"SyntaxError: {error.msg}", Location(error.filename, error.lineno))
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not _is_machinery(frame.filename)]
@@ -174,23 +174,23 @@ def script_error(error: BaseException, path: Path, who: str) -> ScriptError:
     if isinstance(error, ModuleNotFoundError):
         what += f"; {_MODULES}"
     place = Location(str(path), lines[-1] if lines else None)
-    # Without memory, no more is asked for than that takes.
+    # After a MemoryError, as little memory as possible is used.
     details = "" if isinstance(error, MemoryError) else _traceback(frames, path.parent)
     return ScriptError(f"{who} raised {what}", place, details)
 
 
 def _is_machinery(file: str) -> bool:
-    """Whether a frame is of what runs the user's code, rather than of that."""
+    """Return True for a frame of sim-action or of the import system."""
     return file.startswith((_OURS, "<frozen "))
 
 
 def _traceback(frames: list[traceback.FrameSummary], folder: Path) -> str:
-    """The last frames as Python shows them, files seen from a folder; of one alone, the place of the error says all."""
+    """Return the last frames as Python shows them, with files relative to a folder; "" for a single frame."""
     if len(frames) < 2:
         return ""
     seen = [
         traceback.FrameSummary(_seen_from(folder, frame.filename), frame.lineno, frame.name, line=frame.line)
-        for frame in frames[-_MOST_FRAMES:]
+        for frame in frames[-_MAX_FRAMES:]
     ]
     return "".join(("Traceback (most recent call last):\n", *traceback.StackSummary.from_list(seen).format())).rstrip()
 

@@ -11,17 +11,17 @@ from typing import Final, Literal
 AllowScripts = Literal["auto", "true", "false"]
 
 _PRIVILEGED_EVENTS: Final = frozenset({"pull_request_target", "workflow_run"})
-"""A workflow that these start has the rights and secrets of the base branch, also if a stranger's pull request did."""
+"""Events that give a workflow the rights and secrets of the base branch, even for a pull request from a fork."""
 
 
 @dataclass(frozen=True, slots=True)
 class Permissions:
-    """What the caller allows.
+    """The permissions that the caller gives.
 
     Attributes:
-        outside: whether files may lie outside the workspace.
-        scripts_refused: why no code of the user's is run; None: it is.
-        updates_golden: whether golden trajectories are written, inside the workspace.
+        outside: True if files may be outside the workspace.
+        scripts_refused: the reason why user code is not run; None: it is run.
+        updates_golden: True if golden trajectories are written, inside the workspace.
     """
 
     outside: bool = False
@@ -30,7 +30,7 @@ class Permissions:
 
 
 def scripts_refused(choice: AllowScripts, environment: Mapping[str, str]) -> str | None:
-    """Why scripts are not run here; None if they are. `auto` looks at the event that GitHub names."""
+    """Return the reason why scripts are not run here, or None; `auto` depends on the event of the GitHub workflow."""
     if choice == "false":
         return "scripts are not allowed to run here (allow-scripts is false)"
     event = environment.get("GITHUB_EVENT_NAME", "")
@@ -43,17 +43,17 @@ def scripts_refused(choice: AllowScripts, environment: Mapping[str, str]) -> str
 
 
 class PathError(ValueError):
-    """A path that names no file, or one that is out of bounds."""
+    """A path that leads to no file, or out of the workspace."""
 
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """The folders that paths in one scenario are seen from.
+    """The folders of one scenario.
 
     Attributes:
-        directory: of the scenario file; what relative paths start from.
-        root: nothing outside it is read, unless `allow_outside`.
-        updates_golden: whether golden trajectories are written instead of compared with.
+        directory: the folder of the scenario file; relative paths start here.
+        root: files outside this folder are refused, unless `allow_outside` is set.
+        updates_golden: True if golden trajectories are written instead of compared.
     """
 
     directory: Path
@@ -63,11 +63,11 @@ class Workspace:
 
     @classmethod
     def around(cls, scenario_file: Path, *, allow_outside: bool = False, updates_golden: bool = False) -> Workspace:
-        """The workspace of a scenario: its repository, else the current directory, else its own folder.
+        """Return the workspace of a scenario: its repository, else the current directory, else its own folder.
 
-        A link does not take a scenario into another workspace. Raises PathError if it leads out of this one.
+        A link does not move a scenario into another workspace. Raise PathError if it leads out of this one.
         """
-        named = Path(os.path.abspath(scenario_file)).parent  # noqa: PTH100 - where it is, not where links lead
+        named = Path(os.path.abspath(scenario_file)).parent  # noqa: PTH100 - links are not followed
         here = Path.cwd()
         repository = next((folder for folder in (named, *named.parents) if (folder / ".git").exists()), None)
         root = (repository or (here if named.is_relative_to(here) else named)).resolve()
@@ -77,20 +77,20 @@ class Workspace:
         return cls(file.parent, root, allow_outside, updates_golden)
 
     def file(self, path: str) -> Path:
-        """The absolute path of a file that a scenario names. Raises PathError."""
+        """Return the absolute path of a file that a scenario names. Raise PathError."""
         found, is_folder = self._found(path)
         if is_folder:
             raise PathError(f"'{path}' is a folder, not a file (looked for {found})")
         return found
 
     def file_or_folder(self, path: str) -> Path:
-        """The absolute path of what a scenario names. Raises PathError."""
+        """Return the absolute path of a file or folder that a scenario names. Raise PathError."""
         return self._found(path)[0]
 
     def new_file(self, path: str) -> Path:
-        """The absolute path of a file that is to be written for a scenario, below the root and behind no link.
+        """Return the absolute path of a file to write, inside the root and not behind a link.
 
-        Raises PathError.
+        Raise PathError.
         """
         if not path.isprintable():
             raise PathError(f"{path!r} is not a valid path")
@@ -109,14 +109,14 @@ class Workspace:
         return new
 
     def may_make(self, path: str) -> bool:
-        """Whether a file is not there that may be written."""
+        """Return True if the file does not exist and may be written."""
         try:
             return not self.new_file(path).exists()
         except PathError:
             return False
 
     def _found(self, path: str) -> tuple[Path, bool]:
-        """The absolute path, and whether it is a folder."""
+        """Return the absolute path, and True if it is a folder."""
         try:
             found = (self.directory / path).resolve()
             is_file, is_folder = found.is_file(), found.is_dir()

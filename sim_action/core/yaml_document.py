@@ -1,4 +1,4 @@
-"""Strict YAML: the core schema of YAML 1.2, no tags, no duplicate keys, bounded size, and a mark for every value.
+"""Strict YAML: the core schema of YAML 1.2, no tags, no duplicate keys, bounded size, a place for every value.
 
 PyYAML follows YAML 1.1, in which `on` is true, `1:30` is 90 and the last of two equal keys wins; its scanner and parser
 are used here, its interpretation is not.
@@ -43,21 +43,21 @@ _CONSTANTS: Final[dict[str, object]] = (
 
 @dataclass(frozen=True)
 class Document:
-    """A file as plain values (maps as dict, lists as tuple), with the place of each."""
+    """The content of a file as plain values (maps as dict, lists as tuple), with the place of each value."""
 
     file: str
     data: object
     marks: Mapping[KeyPath, Location] = field(default_factory=dict)
 
     def location(self, path: KeyPath) -> Location:
-        """Where the key or list item at `path` stands; the nearest map or list around it, if it is not there."""
+        """Return the place of the key or list item at `path`, or of the nearest map or list around a missing one."""
         while path not in self.marks and path:
             path = path[:-1]
         return self.marks.get(path, Location(self.file, 1, 1))
 
     @property
     def size(self) -> int:
-        """How many values it holds, with aliases written out."""
+        """The number of values; aliases count as copies."""
         size, waiting = 0, [self.data]
         while waiting:
             value = waiting.pop()
@@ -66,18 +66,18 @@ class Document:
         return size
 
     def problem(self, path: KeyPath, message: str) -> Problem:
-        """What is wrong at `path`, as people are told."""
+        """Return a problem at `path`: its file, line and column, and a message that starts with the keys."""
         dotted = ".".join(str(step) for step in path)
         return Problem(self.location(path), escaped_line(f"{dotted}: {message}" if dotted else message))
 
 
 def read_document(file: str, text: str) -> Document:
-    """Reads one YAML document. Raises InvalidScenario."""
+    """Read one YAML document. Raise InvalidScenario."""
     return _Reader(file).read(text)
 
 
 def location_after(file: str, text: str) -> Location:
-    """The place that follows the beginning `text` of a file, lines counted as YAML counts them."""
+    """Return the place after the beginning `text` of a file; lines are counted as in YAML."""
     lines = _LINE_END.split(text)
     return Location(file, len(lines), len(lines[-1]) + 1)
 
@@ -135,7 +135,7 @@ class _Reader:
         return data
 
     def _value(self, event: yaml.Event, path: KeyPath) -> tuple[object, int]:
-        """The value that begins with an event, and how many values it holds with aliases written out."""
+        """Return the value that begins with an event, and its number of values, aliases counted as copies."""
         self._marks.setdefault(path, self._at(event.start_mark))
         if len(path) > MAX_DEPTH:
             raise self._refuse(event, f"more than {MAX_DEPTH} nested maps and lists")

@@ -24,7 +24,7 @@ SpecProblems = Iterator[SpecProblem]
 
 
 class ProblemList:
-    """Problems at places of a document, each of them once."""
+    """A list of problems in one document; each problem is kept once."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -34,24 +34,24 @@ class ProblemList:
         return bool(self._problems)
 
     def note(self, path: KeyPath, message: str) -> None:
-        """Something is wrong at the keys that lead to it."""
+        """Add a problem at the keys `path`."""
         self._problems.setdefault((path, message), self._document.problem(path, message))
 
     def note_all(self, path: KeyPath, problems: SpecProblems) -> None:
-        """Problems of a part of the document, which `path` leads to."""
+        """Add problems of the part of the document at `path`."""
         for below, message in problems:
             self.note((*path, *below), message)
 
     def note_elsewhere(self, problem: Problem) -> None:
-        """Something is wrong in another file, where it has to be mended."""
+        """Add a problem in another file."""
         self._problems.setdefault(((problem.location.file,), str(problem)), problem)
 
     def has_below(self, path: KeyPath) -> bool:
-        """Whether something is wrong further down the same way."""
+        """Return True if there is a problem at a place below `path`."""
         return any(len(noted) > len(path) and noted[: len(path)] == path for noted, _ in self._problems)
 
     def error(self) -> InvalidScenario:
-        """All of it, those of the document first, in the order of its lines."""
+        """Return all problems as one error, those of the document first, in the order of its lines."""
         return InvalidScenario(sorted(self._problems.values(), key=self._place))
 
     def _place(self, problem: Problem) -> tuple[bool, int, int]:
@@ -59,7 +59,7 @@ class ProblemList:
         return where.file != self._document.file, where.line or 0, where.column or 0
 
 
-# What stands in a list of YAML as it is.
+# Text that needs no quotes in a YAML list.
 _PLAIN: Final = re.compile(r"[A-Za-z_][\w./*-]*")
 _BOUNDS = ("gt", "ge", "lt", "le")
 _EXPECTED = {
@@ -90,14 +90,14 @@ _SENTENCES = {
 def spec_errors(
     model: type[BaseModel], data: object, error: ValidationError
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Each finding about `data`, with the path of the key that it is about."""
+    """Yield each finding of pydantic about `data` as a sentence, with the path of its key."""
     hinted = FirstFew()
     for details in error.errors(include_url=False):
         yield details["loc"], _sentence(model, details, _written(data, details), hinted)
 
 
 def _written(data: Any, details: ErrorDetails) -> object:
-    """The value as it was written: pydantic knows it in SI only."""
+    """Return the value as it is written in the file; pydantic knows only its SI value."""
     try:
         for step in details["loc"]:
             data = data[step]
@@ -110,7 +110,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hint
     kind = details["type"]
     key = details["loc"][-1] if details["loc"] else ""
     if kind == "missing":
-        # A list of a fixed length reports its entries as pydantic's models report their keys.
+        # pydantic reports missing entries of a list with a fixed length like missing keys.
         return f"entry {key + 1} of the list is missing" if isinstance(key, int) else f"the key '{key}' is missing"
     if kind == "extra_forbidden":
         hint = did_you_mean(str(key), _keys_at(model, details["loc"][:-1])) if hinted.one_more() else ""
@@ -124,7 +124,7 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hint
 
 
 def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
-    """What a sentence names, bounds with the unit of the key."""
+    """Return the values that a sentence names; bounds have the unit of the key."""
     unit = _unit_at(model, details["loc"])
     named = details.get("ctx", {})
     return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
@@ -141,7 +141,7 @@ def _hint(kind: str, value: object, annotation: Any) -> str:
 
 
 def _takes_any_number(annotation: Any) -> bool:
-    """Whether it is a list of no fixed length."""
+    """Return True for a list without a fixed length."""
     return Ellipsis in get_args(annotation) or any(map(_takes_any_number, get_args(annotation)))
 
 
@@ -151,18 +151,18 @@ def _unit_at(model: type[BaseModel], path: tuple[str | int, ...]) -> str:
 
 
 def _annotation_at(model: type[BaseModel], path: tuple[str | int, ...]) -> Any:
-    """The type of the last key that leads to a path."""
+    """Return the type of the last key on a path."""
     last = list(_fields_along(model, path))[-1:]
     return last[0].annotation if last else model
 
 
 def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
-    """The keys that are allowed at a path."""
+    """Return the keys that are allowed at a path."""
     return [field.alias or name for name, field in _fields(_annotation_at(model, path)).items()]
 
 
 def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterator[FieldInfo]:
-    """The fields of models that a path leads through."""
+    """Yield the fields of models along a path."""
     at: Any = model
     for step in path:
         fields = {field.alias or name: field for name, field in _fields(at).items()}
@@ -172,7 +172,7 @@ def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterat
 
 
 def _fields(annotation: Any) -> dict[str, FieldInfo]:
-    """The fields of the first model in an annotation such as `tuple[Body, ...] | None`."""
+    """Return the fields of the first model in an annotation such as `tuple[Body, ...] | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return dict(annotation.model_fields)
     return next((found for part in get_args(annotation) if (found := _fields(part))), {})

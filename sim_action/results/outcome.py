@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
-from sim_action.core.errors import ExitCode, Fault, InvalidScenario, Location, Problem
+from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, Problem
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance
@@ -61,7 +61,7 @@ class Failure(FrozenModel):
     time: float | None = None
 
     @classmethod
-    def of_fault(cls, fault: Fault) -> Self:
+    def of_fault(cls, fault: InternalError) -> Self:
         """Return the failure for an error inside sim-action itself."""
         return cls(kind="internal", title="internal error", message=str(fault), details=fault.details)
 
@@ -208,7 +208,7 @@ class Outcome(FrozenModel):
     @classmethod
     def of_refused(cls, refused: Refused) -> Outcome:
         """Return the outcome for a scenario that cannot be run."""
-        if isinstance(refused.error, Fault):
+        if isinstance(refused.error, InternalError):
             failure = Failure.of_fault(refused.error)
             outcome = cls(name=refused.name, file=refused.file, status="error", failures=(failure,))
         else:

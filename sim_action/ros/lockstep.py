@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
-from sim_action.core.errors import SourceOver
+from sim_action.core.errors import ControllersFinished
 from sim_action.ros.processes import ChildProcesses, descendants, is_result_written, process_name, rostest_result_path
 from sim_action.ros.quiescence import WatchedProcesses
 
@@ -50,7 +50,7 @@ class GraphSource(Protocol):
         """Return True if every subscriber is connected to all publishers of its topics."""
 
 
-class TestFinished(SourceOver):
+class TestFinished(ControllersFinished):
     """The test that rostest started has written its result."""
 
 
@@ -118,7 +118,7 @@ class Lockstep:
         self.settle(0.0)
 
     def settle(self, seconds: float) -> None:
-        """Wait until no node has work left at a sim time. Raises SourceOver when no node is left."""
+        """Wait until no node has work left at a sim time. Raises ControllersFinished when no node is left."""
         while True:
             if not self._watched.wait(self._patience):
                 self._lose(seconds)
@@ -186,6 +186,6 @@ class Lockstep:
 
     def _end_if_over(self) -> None:
         if self._is_shutdown():
-            raise SourceOver("the nodes were asked to shut down")
+            raise ControllersFinished("the nodes were asked to shut down")
         if self._tests and all(map(is_result_written, self._tests.values())):
             raise TestFinished("the test has finished")

@@ -1,1 +1,1 @@
-"""Runs many scenarios: planning, child processes, repetitions and engine agreement."""
+"""Execution of many scenarios: planning, child processes, repetitions and engine agreement."""

@@ -1,4 +1,4 @@
-"""What happens inside the child process of one scenario: simulate, write the outcome as data, exit."""
+"""The code that runs inside the child process of one scenario: simulate, write the outcome as data, exit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sim_action.core.errors import (
     BadSource,
     BadStart,
     EngineError,
-    Fault,
+    InternalError,
     InvalidScenario,
     Location,
     ModelError,
@@ -37,11 +37,11 @@ from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
 from sim_action.runner.job import JUDGED, Job, out_of_memory
-from sim_action.runner.process_output import note_before, redirect_output
+from sim_action.runner.process_output import dump_stack_before, redirect_output
 from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.simulation.recorder import Footage
+from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.trace_storage import save_trace
 from sim_action.world.scene import Scene
 
@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from sim_action.recording.export.recorded_run import RecordedRun
 
 
-def store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
-    """Writes what was kept of a run where it belongs; returns what to say of it. Raises OSError."""
+def store_artifacts(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, ...]:
+    """Write the trace and the replay of a run to their places, and return notes. Raise OSError."""
     trace, film = footage.trace(), footage.film()
     if trace is None:
         return ()
@@ -59,17 +59,17 @@ def store_evidence(job: Job, scene: Scene, footage: Footage) -> tuple[str, ...]:
     if job.replay is None or film is None or footage.start is None:
         return ()
     try:
-        # What is not asked for is not imported.
+        # Imported only if it is needed.
         from sim_action.recording.replay.build import make_replay
 
         make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
-    except Exception as error:  # noqa: BLE001 - a run has its verdict, whether there is a picture of it or not
-        return (f"there is no replay: {escaped_line(str(error))}",)
+    except Exception as error:  # noqa: BLE001 - the verdict does not depend on the replay
+        return (f"no replay was written: {escaped_line(str(error))}",)
     return ()
 
 
-def to_record(job: Job, scene: Scene, footage: Footage) -> Iterator[RecordedRun]:
-    """The run for recordings, if they are asked for, there is something of it, and it fits into memory."""
+def to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[RecordedRun]:
+    """Yield the run for recordings, if they are asked for, it has data, and it fits into memory."""
     if not job.recordings:
         return
     from sim_action.recording.export.recorded_run import RecordedRun
@@ -80,40 +80,40 @@ def to_record(job: Job, scene: Scene, footage: Footage) -> Iterator[RecordedRun]
             yield RecordedRun.of(scene, film, trace, job.loaded.scenario.sensors, footage.twists())
 
 
-_PROGRESS_PERIOD: Final = 0.1
-_RESERVE: Final = 32 << 20  # bytes of address space; nothing is written there
+_PROGRESS_PERIOD_S: Final = 0.1
+_RESERVE_BYTES: Final = 32 << 20  # bytes of address space; nothing is written there
 
 
 def received_job() -> Job:
-    """The job that comes on standard input, in an interpreter that has done nothing else."""
+    """Return the job from standard input, in a fresh interpreter."""
     job: Job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
     return job
 
 
-def turn_to(job: Job) -> None:
-    """Makes this process the scenario's own: what it prints is kept, and its end is for the parent to decide."""
+def become_child(job: Job) -> None:
+    """Turn this process into the child process of the job: keep its output, and let the parent decide when it ends."""
     redirect_output(job.output_file)
-    # Whoever is killed leaves nothing behind: the parent clears the folder away.
+    # A killed process leaves no files: the parent removes this folder.
     tempfile.tempdir = str(job.folder)
-    # Ctrl-C goes to the whole foreground.
+    # Ctrl-C reaches all foreground processes, but the parent decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def run_job(job: Job, progress_descriptor: int) -> None:
-    """Runs a scenario in this process, which is the scenario's own, and writes the outcome."""
-    # A script may go to another folder.
+    """Run the scenario in this process, and write its outcome."""
+    # A script may change the current folder.
     started, here = time.perf_counter(), Path.cwd()
     _clear(job)
     if job.deadline is not None and job.loaded.scenario.python_files:
-        note_before(job.deadline, job.hang_file)
+        dump_stack_before(job.deadline, job.stack_dump_file)
     progress = _Progress(progress_descriptor)
     kept: list[RecordedRun] = []
     outcome = _outcome(job, progress, here, kept)
     outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
     _write(outcome, job)
     for run in kept:
-        # However long it takes from here, there is a verdict.
+        # From here on the verdict is safe, however long the recordings take.
         progress.say(JUDGED)
         from sim_action.recording.export import write_recordings
 
@@ -128,14 +128,14 @@ def _write(outcome: Outcome, job: Job) -> None:
 
 
 def _clear(job: Job) -> None:
-    """What an earlier run has left in the same place is not this one's."""
+    """Remove files of an earlier run in the same place."""
     for path in filter(None, (job.trace, job.replay, *job.recordings)):
         with suppress(OSError):
             path.unlink(missing_ok=True)
 
 
-def leave() -> NoReturn:
-    """Ends the process: threads and exit handlers of the user's code must not hold up a verdict that is written."""
+def exit_child() -> NoReturn:
+    """End the process at once: threads and exit handlers of user code must not delay a written verdict."""
     with suppress(OSError, ValueError):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -143,7 +143,7 @@ def leave() -> NoReturn:
 
 
 class _Progress:
-    """Writes sim times to the parent's pipe, now and then."""
+    """Writes sim times to the parent's pipe, at most every 0.1 s."""
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -152,20 +152,20 @@ class _Progress:
     def __call__(self, sim_time: float) -> None:
         if time.perf_counter() < self._next:
             return
-        self._next = time.perf_counter() + _PROGRESS_PERIOD
+        self._next = time.perf_counter() + _PROGRESS_PERIOD_S
         self.say(f"{sim_time:.3f}".encode())
 
     def say(self, line: bytes) -> None:
-        """Tells the parent a line."""
+        """Send a line to the parent."""
         try:
             os.write(self.descriptor, line + b"\n")
         except OSError:
-            # A parent that does not listen is no reason to stop.
+            # The run goes on if the parent does not read.
             self._next = float("inf")
 
 
 def _outcome(job: Job, progress: _Progress, here: Path, kept: list[RecordedRun]) -> Outcome:
-    """`here`: the folder that outcomes name files from; `kept` gets what is to be recorded, if there is something."""
+    """Return the outcome; `here`: the folder that files are named from; `kept` receives the run to record."""
     scenario = job.loaded.scenario
     try:
         run = _stored_run(job, progress, kept)
@@ -179,28 +179,28 @@ def _outcome(job: Job, progress: _Progress, here: Path, kept: list[RecordedRun])
         return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
     except MemoryError:
         return _error(job, _OUT_OF_MEMORY, out_of_memory(job))
-    except Exception as error:  # noqa: BLE001 - a fault of ours is an outcome too
-        return _failed(job, Failure.of_fault(Fault.of(error)))
+    except Exception as error:  # noqa: BLE001 - an internal error is an outcome too
+        return _failed(job, Failure.of_fault(InternalError.of(error)))
     return _judged(job, scenario, run)
 
 
 def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> SimulationRun:
-    """The run, with its trace where it belongs. Raises what ends a run without a verdict."""
-    # To say that there was no memory takes some, when a script may have taken the last of it. Nothing is written there:
-    # addresses cost nothing, and to fill them with zeros would take 20 ms.
+    """Return the run after its trace is stored. Raise the error of a run without a verdict."""
+    # Reporting a lack of memory needs memory. This reserves addresses only: they cost nothing, while filling them with
+    # zeros would take 20 ms.
     with _reserved():
         loaded = _checked(job.loaded)
         scene = build_scene(loaded)
-        footage = Footage(loaded.scenario, filmed=job.replay is not None, recorded=bool(job.recordings))
+        footage = RunRecorder(loaded.scenario, filmed=job.replay is not None, recorded=bool(job.recordings))
         try:
             run = _simulated(loaded, scene, footage, progress)
         except RunError:
-            # What there is of it shows what went wrong.
+            # The recorded part shows the problem.
             with suppress(OSError, MemoryError):
-                store_evidence(job, scene, footage)
+                store_artifacts(job, scene, footage)
             kept += to_record(job, scene, footage)
             raise
-        notes = store_evidence(job, scene, footage)
+        notes = store_artifacts(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
             from sim_action.runner.golden_update import write_goldens
 
@@ -210,31 +210,31 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
 
 
 def _reserved() -> mmap.mmap:
-    """Raises MemoryError."""
+    """Reserve memory that is freed when an error is reported. Raise MemoryError."""
     try:
-        return mmap.mmap(-1, _RESERVE)
+        return mmap.mmap(-1, _RESERVE_BYTES)
     except OSError as error:
         raise MemoryError from error
 
 
 def _invalid(job: Job, error: InvalidScenario) -> Outcome:
-    """What nobody could see before it ran, of a scenario that has a name."""
+    """Return the outcome of a scenario that turned out to be invalid when it ran."""
     return Outcome.of_invalid(job.loaded.file, error).model_copy(update={"name": job.loaded.scenario.name})
 
 
 def _checked(loaded: LoadedScenario) -> LoadedScenario:
-    """With what nobody could know before its model was read, which may be done here alone. Raises InvalidScenario."""
+    """Return the scenario with checks that need its model, if only this process may read it. Raise InvalidScenario."""
     if loaded.model is not None:
         return loaded
-    # What was read then is what is judged now, whatever has become of its file.
+    # The text that was read earlier is judged, even if its file has changed.
     workspace = loaded.workspace
     permissions = Permissions(outside=workspace.allow_outside, updates_golden=workspace.updates_golden)
     again = checked(loaded.source, permissions, evaluate=True)
     return replace(loaded, model=again.model)
 
 
-def _simulated(loaded: LoadedScenario, scene: Scene, footage: Footage, progress: _Progress) -> SimulationRun:
-    """The run; only in the process that began it. Raises RunError, ModelError, InvalidScenario."""
+def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progress: _Progress) -> SimulationRun:
+    """Return the run, in the process that started it only. Raise RunError, ModelError, InvalidScenario."""
     born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
     try:
         run = simulate(loaded.scenario, scene, progress, footage)
@@ -244,7 +244,7 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: Footage, progress:
         raise InvalidScenario([_of_source(loaded.document, error)]) from None
     finally:
         if os.getpid() != born:
-            # A copy that came of os.fork() in the user's code, and went on: the verdict is for the original to give.
+            # A copy made by os.fork() in user code: only the original may write the verdict.
             os._exit(0)
     closed = [f"{number} ({what})" for number, what in own.items() if not _is_open(number)]
     if closed:
@@ -260,13 +260,13 @@ def _of_source(document: Document, error: BadSource) -> Problem:
 
 
 def _path_of_source(document: Document, index: int) -> KeyPath:
-    """One source may stand below `commands:` without a list."""
+    """Return the keys of a command source; a single source may stand below `commands:` without a list."""
     listed = ("commands", index)
     return listed if listed in document.marks else ("commands",)
 
 
 def _place_of(error: RunError, loaded: LoadedScenario, here: Path) -> Location | None:
-    """Where in the user's file it was, seen from a folder if it is below; else the line in the scenario to change."""
+    """Return the place in the user's file, or else in the scenario; files are named from the folder `here`."""
     if (place := error.location) is not None:
         file = Path(place.file)
         return replace(place, file=file_name(file.relative_to(here))) if file.is_relative_to(here) else place

@@ -1,7 +1,7 @@
-"""What became of a child: the outcome that it wrote, as far as it can be believed, or why there is none.
+"""The outcome of a child process: the one that it wrote, if it can be trusted, or the reason why there is none.
 
-A child may have run a stranger's code: its files are read as data, with bounds, and only if they are files; what the
-parent knows better (names, places, where the trace is) is not taken from it.
+The child process may have run untrusted code: its files are read as data, with limits, and only if they are regular
+files. Names, places and paths that the parent knows are not taken from it.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from sim_action.engines import PACKAGES, chosen
 from sim_action.results.outcome import Failure, FailureKind, Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job, out_of_memory
-from sim_action.runner.process_output import noted_place, split_output
+from sim_action.runner.process_output import place_in_stack_dump, split_output
 from sim_action.scenario.model import LoadedScenario, Scenario
 
-_MOST_OUTPUT: Final = 64_000
-_MOST_LAST_WORDS: Final = 2_000
-_MOST_LAST_LINES: Final = 20
-_MOST_OUTCOME: Final = 50_000_000
-_MOST_NOTED: Final = 1_000_000
+_MAX_OUTPUT_BYTES: Final = 64_000
+_MAX_DETAILS_CHARS: Final = 2_000
+_MAX_DETAILS_LINES: Final = 20
+_MAX_OUTCOME_BYTES: Final = 50_000_000
+_MAX_STACK_DUMP_BYTES: Final = 1_000_000
 
 
 Limit = Literal["wall limit", "output limit"]
 
 Ending = int | Limit
-"""The exit status of a child, as `ChildProcess.poll` has it, or the limit at which it was ended."""
+"""The exit status of a child process (see `ChildProcess.poll`), or the limit at which it was ended."""
 
 
 def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
-    """The outcome of a child that has ended."""
+    """Return the outcome of a child process that has ended."""
     job = child.job
-    diagnostics, output = split_output(_end_of(job.output_file, _MOST_OUTPUT).decode("utf-8", errors="replace"))
+    diagnostics, output = split_output(_end_of(job.output_file, _MAX_OUTPUT_BYTES).decode("utf-8", errors="replace"))
     written = _written(job) if ending == 0 or child.judged is not None else None
     outcome = written or without_verdict(job.loaded, _failure(child, ending, output))
     return outcome.model_copy(
@@ -62,7 +62,7 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
             "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
             "recordings": tuple(job.named(path) for path in job.recordings if _is_regular(path)),
             "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
-            "provenance": made_with(job.loaded.scenario.backend),
+            "provenance": engine_provenance(job.loaded.scenario.backend),
             "diagnostics": diagnostics,
             "output": output,
             "wall_time": time.monotonic() - child.started,
@@ -70,25 +70,25 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
     )
 
 
-def made_with(backend: str) -> Provenance:
-    """What outcomes of an engine say of it, and of this machine; `backend`: as the scenario has it."""
+def engine_provenance(backend: str) -> Provenance:
+    """Return the provenance of runs on this machine with an engine; `backend`: as the scenario names it."""
     return provenance(PACKAGES[chosen(backend)], __version__)
 
 
 def interrupted(loaded: LoadedScenario) -> Outcome:
-    """The outcome of a scenario that the call did not come to, or not to the end of."""
+    """Return the outcome of a scenario that an interruption stopped or prevented."""
     message = "the run was interrupted before this scenario ended"
     return without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
 
 
 def skipped(loaded: LoadedScenario) -> Outcome:
-    """The outcome of a scenario that was not begun, as another had failed."""
+    """Return the outcome of a scenario that was not started because another one had failed."""
     note = "not run: another scenario did not pass (--fail-fast)"
     return _unjudged(loaded).model_copy(update={"status": "skipped", "notes": (note,)})
 
 
 def without_verdict(loaded: LoadedScenario, failure: Failure) -> Outcome:
-    """An error outcome."""
+    """Return an error outcome."""
     return _unjudged(loaded).model_copy(update={"failures": (failure,)})
 
 
@@ -107,14 +107,14 @@ def _unjudged(loaded: LoadedScenario) -> Outcome:
 
 def _written(job: Job) -> Outcome | None:
     try:
-        outcome = Outcome.model_validate_json(_end_of(job.outcome_file, _MOST_OUTCOME))
+        outcome = Outcome.model_validate_json(_end_of(job.outcome_file, _MAX_OUTCOME_BYTES))
     except ValidationError:
         return None
     return outcome if _is_consistent(outcome, job.loaded.scenario) else None
 
 
 def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
-    """Whether every expectation was judged, and the status is what the verdicts make of it."""
+    """Return True if every expectation was judged and the status fits the verdicts."""
     if outcome.status == "error":
         return bool(outcome.failures)
     asked = [(expected.name, expected.severity, expected.location) for expected in scenario.expect]
@@ -124,7 +124,7 @@ def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
 
 
 def _afterwards(child: ChildProcess, ending: Ending) -> Iterator[str]:
-    """What to say of a child that has left a verdict."""
+    """Yield notes about a child process that left a verdict."""
     yield from _left_behind(child)
     if ending != 0:
         by = ending if isinstance(ending, str) else _signal_name(ending) or f"exit {ending}"
@@ -148,14 +148,14 @@ def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
 
 
 def _stuck_at(job: Job) -> Location | None:
-    """The line of the user's code that was at work when the time was up."""
-    noted = _end_of(job.hang_file, _MOST_NOTED).decode("utf-8", errors="replace")
+    """Return the line of user code that was running when the time was up."""
+    noted = _end_of(job.stack_dump_file, _MAX_STACK_DUMP_BYTES).decode("utf-8", errors="replace")
     loaded = job.loaded
     try:
         files = [loaded.workspace.file(name) for name in loaded.scenario.python_files]
-    except PathError:  # a script may have done away with itself
+    except PathError:  # a script may have deleted itself
         return None
-    place = noted_place(noted, files)
+    place = place_in_stack_dump(noted, files)
     if place is None or not (file := Path(place.file)).is_relative_to(Path.cwd()):
         return place
     return replace(place, file=file_name(file.relative_to(Path.cwd())))
@@ -167,11 +167,11 @@ def _limiting_key(document: Document) -> Location:
 
 
 def _last_words(output: str) -> str:
-    return "\n".join(output[-_MOST_LAST_WORDS:].split("\n")[-_MOST_LAST_LINES:])
+    return "\n".join(output[-_MAX_DETAILS_CHARS:].split("\n")[-_MAX_DETAILS_LINES:])
 
 
 def _cause(child: ChildProcess, ending: Ending, output: str, place: Location | None) -> tuple[FailureKind, str, str]:
-    """Kind, title and message of an end without a verdict."""
+    """Return kind, title and message of an end without a verdict."""
     scenario = child.job.loaded.scenario
     if ending == "wall limit":
         limit = f"no verdict after {scenario.wall_seconds:g} s of wall time (wall_limit)"
@@ -187,7 +187,7 @@ def _cause(child: ChildProcess, ending: Ending, output: str, place: Location | N
 
 
 def _stuck(child: ChildProcess, place: Location | None) -> Iterator[str]:
-    """What may hold a scenario up for ever; `place`: the line that is known to have been at work."""
+    """Yield possible reasons why a scenario does not end; `place`: the line that was running, if known."""
     scenario = child.job.loaded.scenario
     if place is not None:
         yield f"{place} did not return"
@@ -203,7 +203,7 @@ def _stuck(child: ChildProcess, place: Location | None) -> Iterator[str]:
 def _cause_of_signal(child: ChildProcess, title: str, output: str) -> tuple[FailureKind, str, str]:
     scenario = child.job.loaded.scenario
     by = f"the process of this scenario was ended by {title}"
-    is_full = child.peak_memory + _UNTOUCHED >= scenario.memory_bytes
+    is_full = child.peak_memory + _UNTOUCHED_BYTES >= scenario.memory_bytes
     if title in _CRASHES and (is_full or _BAD_ALLOC in output):
         taken = f", when it had taken {child.peak_memory / 2**30:.2g} GiB" if child.peak_memory else ""
         return "memory", "out of memory", f"{out_of_memory(child.job)}; {by}{taken}"
@@ -211,10 +211,10 @@ def _cause_of_signal(child: ChildProcess, title: str, output: str) -> tuple[Fail
 
 
 _BAD_ALLOC: Final = "std::bad_alloc"
-# What native code dies of that was given no memory, and has not looked.
+# Signals that end native code which does not check its allocations.
 _CRASHES: Final = ("SIGSEGV", "SIGBUS", "SIGABRT")
-# The limit is on address space; of that, libraries take so much and use little.
-_UNTOUCHED: Final = 256 << 20
+# The limit is on address space; libraries reserve this much and use little of it.
+_UNTOUCHED_BYTES: Final = 256 << 20
 
 _NATIVE: Final = ": native code crashed, in the engine or in a library of the script"
 _MEANINGS: Final[Mapping[str, str]] = {
@@ -227,7 +227,7 @@ _MEANINGS: Final[Mapping[str, str]] = {
     "STATUS_ACCESS_VIOLATION": _NATIVE,
     "STATUS_STACK_OVERFLOW": _NATIVE,
 }
-# Windows has no signals: what a fault ends, ends with one of these as its exit code (NTSTATUS values of [MS-ERREF]).
+# Windows has no signals: a crash gives one of these exit codes (NTSTATUS values of [MS-ERREF]).
 _STATUSES: Final[Mapping[int, str]] = {
     0xC0000005: "STATUS_ACCESS_VIOLATION",
     0xC00000FD: "STATUS_STACK_OVERFLOW",
@@ -235,7 +235,7 @@ _STATUSES: Final[Mapping[int, str]] = {
 
 
 def _signal_name(ending: int) -> str | None:
-    """What ended a child that has not ended by itself."""
+    """Return the name of the signal or status that ended a child process; None if it exited by itself."""
     if ending >= 0:
         return _STATUSES.get(ending)
     try:
@@ -249,7 +249,7 @@ def _is_regular(path: Path) -> bool:
 
 
 def _end_of(path: Path, most: int) -> bytes:
-    """The last bytes of a file; nothing, if it is something else."""
+    """Return the last bytes of a file; nothing if it is not a regular file."""
     try:
         file = open_regular(path, follow_link=False)
     except OSError:

@@ -1,6 +1,6 @@
-"""Whether engines agree on a scenario: how far apart they saw the robot at the same time, and what they judged.
+"""The agreement of engines on a scenario: the distance between their robots at equal times, and their verdicts.
 
-The comparison stands among the expectations of the last outcome that has a verdict: it is as much a claim as they are.
+The comparisons are added to the expectations of the last outcome that has a verdict.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from sim_action.state.trace_storage import TraceError, load_trace
 from sim_action.state.verdict import Verdict
 
 _KEY: Final = "agreement"
-# Of sim time in s: two ways to one moment differ by rounding alone.
-_SAME_TIME: Final = 1e-9
+# In s of sim time: equal moments differ by rounding only.
+_SAME_TIME_S: Final = 1e-9
 
 
-def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path) -> tuple[Outcome, ...]:
-    """The outcomes of one scenario in several engines, the last with a verdict among them held against the first.
+def with_agreement(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path) -> tuple[Outcome, ...]:
+    """Return the outcomes of one scenario in several engines; the last one with a verdict gets the comparisons.
 
-    `folder`: where the results are, from which traces are named.
+    `folder`: the folder of the results; traces are named relative to it.
     """
     if len(outcomes) == 1:
         return (_alone(outcomes[0]),) if loaded.scenario.agreement else outcomes
@@ -47,18 +47,18 @@ def compared(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path
 
 
 def _alone(outcome: Outcome) -> Outcome:
-    """Of a scenario that asks for agreement, where the call has named one engine."""
+    """Return the outcome with a note: agreement needs several engines, but the command line selects one."""
     note = "agreement was not judged: the command line selects one engine"
     return outcome.model_copy(update={"notes": (*outcome.notes, note)})
 
 
 @dataclass(frozen=True, slots=True)
 class _Apart:
-    """What two engines differ in: (T,) differences over (T,) s of sim time.
+    """The differences of two engines in one quantity, (T,) over (T,) s of sim time.
 
     Attributes:
-        what: such as "position".
-        measurement: what the difference is called, up to the engine's name.
+        what: the name of the quantity, such as "position".
+        measurement: the name of the difference, without the engine's name.
     """
 
     what: str
@@ -71,7 +71,7 @@ class _Apart:
 
 @dataclass(frozen=True, slots=True)
 class _Comparison:
-    """One outcome, `last`, held against that of another engine."""
+    """A comparison of one outcome, `last`, with that of another engine."""
 
     loaded: LoadedScenario
     other: Outcome
@@ -79,7 +79,7 @@ class _Comparison:
     folder: Path
 
     def expectations(self) -> Iterator[ExpectationOutcome]:
-        """Whether they judged alike, and how far apart they were."""
+        """Yield the comparisons of verdicts and of positions."""
         yield self._expectation(f"the same verdicts as {self._engine}", self._verdicts())
         apart = tuple(self._apart())
         for difference in apart:
@@ -96,11 +96,11 @@ class _Comparison:
 
     @property
     def _engine(self) -> str:
-        """Of the other outcome: it may have ended before it could say."""
+        """The engine of the other outcome, also if that ended before it could name it."""
         return self.other.engine or self.other.name.rpartition("[")[2].rstrip("]")
 
     def _name(self, apart: _Apart) -> str:
-        """Without a limit it is a measurement: a tick before "the same" would say that somebody had judged it."""
+        """Return the name: "the same ..." with a limit; else a measurement, because nothing was judged."""
         if apart.limit is not None:
             return f"the same {apart.what} as {self._engine}"
         return f"{apart.measurement} {self._engine}"
@@ -133,7 +133,7 @@ class _Comparison:
         if not ours or not theirs:
             return
         ours, theirs = at_the_same_times(ours, theirs)
-        # A script can write what it likes into its trace.
+        # A script can write anything into its trace.
         if not len(ours) or not np.isfinite((ours.state[:, 1:8], theirs.state[:, 1:8])).all():
             return
         position = np.sqrt(np.square(ours.base_position_xyz - theirs.base_position_xyz).sum(axis=1))
@@ -149,7 +149,7 @@ class _Comparison:
             return None
 
     def _verdict(self, apart: _Apart) -> Verdict:
-        """At the moment when they were farthest apart."""
+        """Return the verdict at the moment of the largest difference."""
         worst = int(apart.difference.argmax())
         measured, time = float(apart.difference[worst]), float(apart.time[worst])
         margin = None if apart.limit is None else apart.limit - measured
@@ -161,8 +161,8 @@ class _Comparison:
 
 
 def at_the_same_times(first: Trace, second: Trace) -> tuple[Trace, Trace]:
-    """The moments that both have: both begin at 0, and one goes on where the other has ended."""
-    indices = np.searchsorted(second.time, first.time - _SAME_TIME)
+    """Return the moments that both traces have; both start at 0, and one may end earlier."""
+    indices = np.searchsorted(second.time, first.time - _SAME_TIME_S)
     inside = np.minimum(indices, len(second) - 1)
-    same = np.abs(second.time[inside] - first.time) <= _SAME_TIME
+    same = np.abs(second.time[inside] - first.time) <= _SAME_TIME_S
     return first.rows(np.flatnonzero(same)), second.rows(inside[same])

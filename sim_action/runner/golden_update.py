@@ -1,4 +1,4 @@
-"""`run --update-golden`: which golden files runs write, and that no two write the same one."""
+"""The option `run --update-golden`: it finds the golden files of all runs, refuses shared ones, and writes them."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from sim_action.world.scene import Scene
 Plan = tuple[LoadedScenario, ...] | Refused
 
 
-def with_own_goldens(plans: Iterable[Plan]) -> list[Plan]:
-    """Plans of which each writes golden files of its own, with all moments to write; others are refused.
+def refuse_shared_goldens(plans: Iterable[Plan]) -> list[Plan]:
+    """Return the plans, with all moments recorded; plans that would write the same golden file are refused.
 
-    Of the variations of a scenario, what is wrong is told once.
+    Equal refusals of several variations are given once.
     """
     checked = [_with_places(plan) for plan in plans]
     writers: dict[Path, list[str]] = defaultdict(list)
@@ -35,15 +35,15 @@ def with_own_goldens(plans: Iterable[Plan]) -> list[Plan]:
 
 
 def write_goldens(loaded: LoadedScenario, scene: Scene, trace: Trace) -> tuple[str, ...]:
-    """Writes the golden files of a run; returns what to tell of each. Raises InvalidScenario.
+    """Write the golden files of a run, and return a note on each. Raise InvalidScenario.
 
-    `trace`: of every physics step.
+    `trace`: the trace of every physics step.
     """
     return tuple(_written(scene, trace, expected, matches) for _, expected, matches in _goldens(loaded))
 
 
 def _goldens(loaded: LoadedScenario) -> Iterator[tuple[Path, Expectation, Matches]]:
-    """Each golden file of a scenario, with the expectation that matches it. Raises InvalidScenario."""
+    """Yield each golden file of a scenario, with the expectation that matches it. Raise InvalidScenario."""
     for expected in loaded.scenario.expect:
         for leaf in expected.assertion.leaves():
             if isinstance(leaf, Matches):
@@ -55,7 +55,7 @@ def _goldens(loaded: LoadedScenario) -> Iterator[tuple[Path, Expectation, Matche
 
 
 def _with_places(plan: Plan) -> Plan:
-    """The plan, if all it would write may be written."""
+    """Return the plan if all of its golden files may be written, else its refusal."""
     if isinstance(plan, Refused):
         return plan
     try:
@@ -66,7 +66,7 @@ def _with_places(plan: Plan) -> Plan:
 
 
 def _planned(plan: Plan, writers: Mapping[Path, list[str]]) -> Plan:
-    """The plan with all moments to write, if nobody else writes the same."""
+    """Return the plan with all moments recorded, or a refusal if another run writes the same file."""
     if isinstance(plan, Refused):
         return plan
     goldens = [golden for run in plan for golden in _goldens(run)]

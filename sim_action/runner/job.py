@@ -1,4 +1,4 @@
-"""A job: one scenario to run in a process of its own, and the files by which that answers."""
+"""The job of a child process: the scenario to run, and the files for its results."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import Final
 from sim_action.scenario.model import LoadedScenario
 
 JUDGED: Final = b"judged"
-"""What a child says once its outcome is written, and it has more to do."""
+"""The message of a child process that its outcome is written while it still writes recordings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One scenario to run, and where its traces, its replay and its words go.
+    """The order to run one scenario, with the places of its files.
 
     Attributes:
-        trace: where the trace is written.
+        trace: the file for the trace.
         results: the folder that outcomes name the trace from.
-        folder: the child's own, for `outcome.json`, `output.txt` and `hang.txt`.
-        memory_is_limited: whether the child is held to the scenario's `memory_limit`.
-        replay: where the replay is written; None: nobody asks for it.
-        recordings: where recordings are written, each of the format that its name ends with.
-        hash_seed: with which a fresh interpreter hashes text; None: a fork will do.
-        deadline: of `time.monotonic()`, at which the child is given up; None: it is not.
+        folder: the folder of the child process, for `outcome.json`, `output.txt` and `hang.txt`.
+        memory_is_limited: True if the scenario's `memory_limit` is enforced.
+        replay: the file for the replay; None: no replay is written.
+        recordings: the files for recordings; each suffix names the format.
+        hash_seed: the hash seed of a fresh interpreter; None: a fork is allowed.
+        deadline: the time on `time.monotonic()` at which the child process is ended; None: never.
     """
 
     loaded: LoadedScenario
@@ -40,31 +40,31 @@ class Job:
 
     @property
     def trace_name(self) -> str:
-        """How outcomes name the trace, on every system."""
+        """The name of the trace in outcomes, the same on every system."""
         return self.named(self.trace)
 
     def named(self, path: Path) -> str:
-        """How outcomes name a file of the run, on every system."""
+        """Return the name of a file of the run in outcomes, the same on every system."""
         return Path(os.path.relpath(path, self.results)).as_posix()
 
     @property
     def outcome_file(self) -> Path:
-        """Where the child writes its outcome."""
+        """The file for the outcome."""
         return self.folder / "outcome.json"
 
     @property
-    def hang_file(self) -> Path:
-        """Where the child notes what it is at when its time is up."""
+    def stack_dump_file(self) -> Path:
+        """The file for the stack dump that the child process writes just before its time is up."""
         return self.folder / "hang.txt"
 
     @property
     def output_file(self) -> Path:
-        """Where everything goes that the child prints."""
+        """The file for everything that the child process prints."""
         return self.folder / "output.txt"
 
     @property
     def printed(self) -> int:
-        """How many bytes that has come to."""
+        """The size of the printed output in bytes."""
         try:
             return self.output_file.lstat().st_size
         except OSError:
@@ -72,7 +72,7 @@ class Job:
 
 
 def out_of_memory(job: Job) -> str:
-    """What to say of a scenario that has come to its limit of memory."""
+    """Return the message for a scenario that reached its memory limit."""
     scenario = job.loaded.scenario
     if not job.memory_is_limited:
         return "it needs more memory than this machine has"

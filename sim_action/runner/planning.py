@@ -1,11 +1,11 @@
-"""What a call is to run: which scenarios are its own, on which engines, and what cannot be run."""
+"""The plan of a call: the scenarios of this shard, the engines of each, and the scenarios that cannot run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from sim_action.core.errors import Fault, InvalidScenario, UsageError
+from sim_action.core.errors import InternalError, InvalidScenario, UsageError
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import INSTALL_HINTS, chosen, installed
@@ -16,11 +16,11 @@ from sim_action.scenario.selection import Suite
 from sim_action.scenario.source import Refused, Source
 
 
-def runs_of(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario, ...]:
-    """The scenario once for each engine that it runs on, named after it if there are several.
+def engine_runs(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario, ...]:
+    """Return the scenario once for each of its engines; with several engines, each run is named after its engine.
 
-    `backend`: as it was typed; None: as the scenario says. Raises InvalidScenario where the file asks for an engine
-    that is not here, UsageError where the call does.
+    `backend`: as typed; None: as the scenario says. Raise InvalidScenario if the file asks for an engine that is not
+    installed, UsageError if the command line does.
     """
     if loaded.scenario.robot.is_mjcf:
         return (_on_its_own(loaded, backend),)
@@ -38,7 +38,7 @@ def runs_of(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario
 
 
 def _on_its_own(loaded: LoadedScenario, backend: str | None) -> LoadedScenario:
-    """A model that only MuJoCo can read runs there, or not at all."""
+    """Return the run of a model that only MuJoCo can read. Raise InvalidScenario for other engines."""
     scenario = loaded.scenario
     if scenario.agreement is not None:
         message = f"{scenario.robot.model} is a model for MuJoCo only: there is no other engine to agree with"
@@ -57,8 +57,8 @@ def _several() -> tuple[str, ...]:
     engines = installed()
     if len(engines) < 2:
         missing = "; ".join(how for engine, how in INSTALL_HINTS.items() if engine not in engines)
-        only = f"there is only {engines[0]}" if engines else "there is none"
-        raise UsageError(f"a comparison needs two engines, but {only} ({missing})")
+        only = f"installed: {engines[0]}" if engines else "none is installed"
+        raise UsageError(f"a comparison needs two engines; {only} ({missing})")
     return engines
 
 
@@ -68,12 +68,12 @@ def _on(loaded: LoadedScenario, engine: str, *, named: bool = False) -> LoadedSc
 
 
 Plan = tuple[LoadedScenario, ...] | Refused
-"""A scenario once for each engine that it runs on, or why it runs on none."""
+"""A scenario once for each of its engines, or its refusal."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """What the command line asks for; `shard`, `backend` and `seed`: as typed."""
+    """The request of the command line; `shard`, `backend` and `seed` as typed."""
 
     suite: Suite
     permissions: Permissions
@@ -83,45 +83,45 @@ class PlanRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
-    """What the call runs or tells of, which part of all that is, and which empty patterns it tells of."""
+class RunPlan:
+    """The runs of the call, its shard, and the patterns without a scenario that it reports."""
 
     plans: Sequence[Plan]
     shard: Shard | None
     empty: Sequence[str]
 
 
-def planned(request: PlanRequest) -> Planned:
-    """Reads all scenarios, deals them, and checks what is this call's. Raises UsageError.
+def plan_runs(request: PlanRequest) -> RunPlan:
+    """Read all scenarios, select this shard, and check its part. Raise UsageError.
 
-    Variations are checked on every shard, as what is wrong with one of them may stop them all: whoever has the first
-    one then tells of it, and nobody runs the others.
+    Variations are checked on every shard, because a problem of one variation can stop all of them: the shard with the
+    first one reports it, and no shard runs the others.
     """
     files = request.suite.read(request.permissions, request.seed)
-    # If there is no scenario at all, the exit code says so.
+    # Without any scenario, the exit code reports it.
     empty = request.suite.empty if files else ()
     planner = _Planner(request)
     scenarios = scenarios_of(each for several in files.values() for each in several)
     dealt = [each for several in scenarios for each in planner.dealt(several)]
     shard = Shard.parse(request.shard, len(dealt) + len(empty)) if request.shard is not None else None
     plans = [plan for each in (shard.dealt(dealt) if shard else dealt) for plan in planner.finished(each)]
-    return Planned(plans, shard, empty if shard is None or shard.index == 1 else ())
+    return RunPlan(plans, shard, empty if shard is None or shard.index == 1 else ())
 
 
 def source_of(plan: Plan) -> Source | Refused:
-    """The scenario that is to be run, or cannot be."""
+    """Return the scenario of a plan, whether it can run or not."""
     return plan if isinstance(plan, Refused) else plan[0].source
 
 
 class _Planner:
-    """Makes plans of scenarios, which share what is read for them."""
+    """Makes plans of scenarios that share the files they read."""
 
     def __init__(self, request: PlanRequest) -> None:
         self._request = request
         self._libraries = Libraries()
 
     def dealt(self, several: Sequence[Source | Refused]) -> list[Source | Plan]:
-        """What is dealt one by one of the variations of a scenario, checked, or of one that has none."""
+        """Return the items to distribute over shards: all variations of a scenario, checked, or the scenario itself."""
         numbered = self._request.suite.numbered
         mine = [each for each in several if numbered(each)]
         if not (mine and isinstance(mine[0], Source) and mine[0].group is not None):
@@ -129,7 +129,7 @@ class _Planner:
         return [plan for plan in self._plans(several) if numbered(source_of(plan))]
 
     def finished(self, dealt: Source | Plan) -> Iterable[Plan]:
-        """The plan of what was dealt."""
+        """Return the plans of one distributed item."""
         return self._plans([dealt]) if isinstance(dealt, Source) else [dealt]
 
     def _plans(self, sources: Iterable[Source | Refused]) -> Iterator[Plan]:
@@ -137,21 +137,21 @@ class _Planner:
         return _once(map(self._plan, loaded))
 
     def _plan(self, scenario: LoadedScenario | Refused) -> Plan:
-        """The scenario once for each engine that it runs on."""
+        """Return the plan: the scenario once for each of its engines, or its refusal."""
         if isinstance(scenario, Refused):
             return scenario
         try:
-            return runs_of(_seeded(scenario, self._request.seed), self._request.backend)
+            return engine_runs(_seeded(scenario, self._request.seed), self._request.backend)
         except InvalidScenario as error:
             return scenario.source.refused(error)
         except UsageError:
             raise
         except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
-            return scenario.source.refused(Fault.of(error))
+            return scenario.source.refused(InternalError.of(error))
 
 
 def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
-    """What is wrong with a scenario once, not for each of its variations."""
+    """Yield the plans; equal refusals of several variations are given once."""
     told = set[tuple[str, str]]()
     for plan in planned:
         if isinstance(plan, Refused):
@@ -162,7 +162,7 @@ def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
 
 
 def _seeded(loaded: LoadedScenario, seed: int | None) -> LoadedScenario:
-    """The scenario with the seed that was typed; None: with its own, as one whose variations are of the seed."""
+    """Return the scenario with the typed seed, unless there is none or its variations set the seed."""
     varies = any(varied.key == "seed" for varied in loaded.source.variation)
     return (
         loaded

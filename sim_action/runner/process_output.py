@@ -1,4 +1,4 @@
-"""What engines print below Python: caught at the level of file descriptors, and made into diagnostics."""
+"""The output of a child process: everything that it prints, and a stack dump just before its time is up."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from typing import Final, Literal, TextIO
 from sim_action.core.errors import Location
 from sim_action.results.outcome import Diagnostic
 
-# Bullet's messages carry no line end of their own: a marker begins where the message before it stops. MuJoCo's are
-# lines that `backends.mujoco` prints.
+# Messages of Bullet have no line end of their own: a marker begins where the last message stops. Messages of MuJoCo
+# are lines that `engines.mujoco` prints.
 _MARKER: Final = re.compile(r"(?:b3(Printf|Warning|Error)\[[^\]\n]*\]:?\n?|^mujoco (warning): )", re.MULTILINE)
 _BANNER: Final = re.compile(r"pybullet build time: .*\n?")
 _LEVELS: Final[dict[str, Literal["note", "warning", "error"]]] = {
@@ -28,14 +28,14 @@ _LEVELS: Final[dict[str, Literal["note", "warning", "error"]]] = {
     "warning": "warning",
 }
 _UNBUFFERED: Final = 2  # _IONBF of glibc's stdio.h
-_MOST_DIAGNOSTICS: Final = 50
+_MAX_DIAGNOSTICS: Final = 50
 
 
 def redirect_output(path: Path) -> None:
-    """From now on, everything that this process and its children print goes to a file, and nothing is read.
+    """Send everything that this process and its children print to a file, and leave standard input empty.
 
-    On Linux, C's own buffer is switched off, so that the last words of a process that dies are there: PyBullet uses it,
-    which is to be had there alone.
+    On Linux, the buffer of C's stdout is switched off, so that the last output of a crashed process is kept: PyBullet
+    uses it, and runs on Linux only.
     """
     target = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o600)
     nothing = os.open(os.devnull, os.O_RDONLY)
@@ -48,13 +48,13 @@ def redirect_output(path: Path) -> None:
 
 
 def _text_to(descriptor: int) -> TextIO:
-    """As the output is read: whatever the code page of a Windows console is, UTF-8."""
+    """Return a UTF-8 text stream to a descriptor, independent of the code page of a Windows console."""
     return os.fdopen(os.dup(descriptor), "w", buffering=1, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 @contextmanager
 def muted() -> Iterator[None]:
-    """Nothing that is printed meanwhile, by Python or below it, is seen."""
+    """Discard everything that Python or native code prints in this context."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = [os.dup(1), os.dup(2)]
@@ -71,45 +71,46 @@ def muted() -> Iterator[None]:
 
 
 def split_output(text: str) -> tuple[tuple[Diagnostic, ...], str]:
-    """The engine's messages, each once, and what else was printed."""
+    """Return the messages of engines, each once, and the rest of the output."""
     pieces = _MARKER.split(_BANNER.sub("", text))
     rest, found = [pieces[0]], dict[Diagnostic, None]()
     for bullets, mujocos, body in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
-        # A message ends with its line; what follows belongs to whoever printed it.
+        # A message ends with its line; the following text is other output.
         message, _, after = body.partition("\n")
         if message.strip():
             found[Diagnostic(level=_LEVELS[bullets or mujocos], message=message.strip())] = None
         rest.append(after)
-    return tuple(found)[:_MOST_DIAGNOSTICS], "".join(rest).strip("\n")
+    return tuple(found)[:_MAX_DIAGNOSTICS], "".join(rest).strip("\n")
 
 
-# What is looked at is about to be ended, in s: as a part of its time, no less than it takes to look.
-_BEFORE: Final = 0.2
-_PART: Final = 0.1
+# The dump is written this long before the deadline: at most a share of the time, at most so many seconds.
+_BEFORE_S: Final = 0.2
+_BEFORE_SHARE: Final = 0.1
 _FRAME: Final = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d{1,9}) in ', re.MULTILINE)
 
 
-def note_before(deadline: float, file: Path) -> None:
-    """Just before a time of `time.monotonic()`, writes to a file where this process is.
+def dump_stack_before(deadline: float, file: Path) -> None:
+    """Write a stack dump of this process to a file just before a deadline on `time.monotonic()`.
 
-    What hangs in native code is seen, too: no Python runs for it. Where code has an alarm of its own, nothing is noted.
+    It also works while native code hangs, because no Python code runs for it. If user code sets its own alarm, there
+    is no dump.
     """
     left = deadline - time.monotonic()
-    until = left - min(_BEFORE, _PART * left)
+    until = left - min(_BEFORE_S, _BEFORE_SHARE * left)
     if until <= 0:
         return
     noted = file.open("w", encoding="ascii")
     if sys.platform == "win32":
         faulthandler.dump_traceback_later(until, file=noted)
     else:
-        # The main thread notes itself, and stands still meanwhile: read by another one, frames may vanish, and the
-        # process would end with a segmentation fault.
+        # The main thread dumps its own stack and waits meanwhile: another thread would read frames that vanish, and the
+        # process would crash.
         faulthandler.register(signal.SIGALRM, file=noted, all_threads=False)
         signal.setitimer(signal.ITIMER_REAL, until)
 
 
-def noted_place(text: str, files: Iterable[Path]) -> Location | None:
-    """The innermost line of one of the user's files in what was noted, which may be anybody's words."""
+def place_in_stack_dump(text: str, files: Iterable[Path]) -> Location | None:
+    """Return the innermost line of a user's file in a stack dump, whose text cannot be trusted."""
     known = {str(file).encode("ascii", "backslashreplace").decode(): str(file) for file in files}
     found = next((frame for frame in _FRAME.finditer(text) if frame["file"] in known), None)
     return None if found is None else Location(known[found["file"]], int(found["line"]))

@@ -1,4 +1,4 @@
-"""Runs many scenarios, each in a child process of its own, some at the same time; each ends with an outcome."""
+"""The pool of child processes: it runs many scenarios, several at a time, and returns an outcome for each."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome
 from sim_action.results.stored_files import recording_path, replay_path, trace_paths
-from sim_action.runner.child_outcome import Ending, Limit, interrupted, made_with, outcome_of, skipped
+from sim_action.runner.child_outcome import Ending, Limit, engine_provenance, interrupted, outcome_of, skipped
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.runner.process_output import muted
 from sim_action.scenario.model import LoadedScenario
 
-# The end of a child shows on its pipe at once, and in the process table a moment later; a grandchild may hold the pipe.
-_ENDING_WAIT: Final = 0.002
-_LONGEST_WAIT: Final = 0.25
+# The pipe of a child closes at once, but the process table follows later; a grandchild may keep the pipe open.
+_ENDING_WAIT_S: Final = 0.002
+_MAX_WAIT_S: Final = 0.25
 
 
 class Listener(Protocol):
-    """Who is told how it goes."""
+    """A receiver of progress and outcomes."""
 
     def progress(self, name: str, sim_time: float, real_time_factor: float) -> None:
-        """A scenario has come to a sim time, in s."""
+        """Report that a scenario has reached a sim time, in s."""
 
     def finished(self, outcome: Outcome) -> None:
-        """A scenario is over."""
+        """Report the outcome of a scenario."""
 
 
 def execute(
@@ -80,7 +80,7 @@ def execute(
     if child_type.forks and repeat == 1:
         forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
         _warm_up(forked, formats, replays=replays)
-    # On Windows, what a script has left running may hold files in it.
+    # On Windows, processes that a script left running may keep files open in it.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
         runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
         paths = trace_paths([loaded.scenario.name for loaded, _ in runs], folder)
@@ -118,7 +118,7 @@ def _subfolder(scratch: Path, index: int) -> Path:
 
 
 def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:
-    """Makes ready the engines that they run on, and what children write, once for all of them."""
+    """Import and prepare, once for all forks, the engines and the packages that write results."""
     Outcome.model_rebuild()
     if replays:
         from sim_action.recording.replay import build
@@ -132,14 +132,14 @@ def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, rep
 
 
 def _make_ready(scenarios: Iterable[LoadedScenario], meanwhile: Callable[[], object]) -> None:
-    """What outcomes say alike, looked up once for all, and what the caller needs."""
+    """Look up once what all outcomes share, and call `meanwhile`."""
     for backend in {loaded.scenario.backend for loaded in scenarios}:
-        made_with(backend)
+        engine_provenance(backend)
     meanwhile()
 
 
 class _Scheduler:
-    """One thread, a queue of jobs, and the children that run."""
+    """The scheduler of the pool: one thread, a queue of jobs, and the running child processes."""
 
     def __init__(
         self,
@@ -161,7 +161,7 @@ class _Scheduler:
         self._outcomes: dict[int, Outcome] = {}
 
     def run(self, meanwhile: Callable[[], object]) -> dict[int, Outcome]:
-        """Outcomes by index; what was not begun, or not ended, has none. `meanwhile`: called once, as children run."""
+        """Return outcomes by index; scenarios that did not start or end have none."""
         try:
             self._start()
             meanwhile()
@@ -170,7 +170,7 @@ class _Scheduler:
                 self._wait()
                 self._collect()
         finally:
-            # Whatever happens here, no child outlives the call.
+            # No child process outlives the call.
             for child in self._running.values():
                 child.kill()
                 child.close()
@@ -190,7 +190,7 @@ class _Scheduler:
             [*heard, self._interruption.awakened],
             [],
             [],
-            min(_ENDING_WAIT if ending else _LONGEST_WAIT, max(0.0, nearest)),
+            min(_ENDING_WAIT_S if ending else _MAX_WAIT_S, max(0.0, nearest)),
         )
 
     def _collect(self) -> None:
@@ -214,13 +214,13 @@ class _Scheduler:
 
 
 def _deadline(child: ChildProcess) -> float:
-    """What has its verdict gets as long again to be recorded."""
+    """Return the deadline; after the verdict, the recordings get the same time again."""
     begun = child.started if child.judged is None else child.judged
     return begun + child.job.loaded.scenario.wall_seconds
 
 
 def _exceeded(child: ChildProcess) -> Limit | None:
-    """The limit that a running child has come to."""
+    """Return the limit that a running child process has reached."""
     if time.monotonic() >= _deadline(child):
         return "wall limit"
     return "output limit" if child.job.printed > child.job.loaded.scenario.output_bytes else None

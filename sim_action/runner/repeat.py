@@ -1,6 +1,6 @@
-"""`run --repeat N`: whether all runs of one scenario were the same, and if not, where they first differ.
+"""The option `run --repeat N`: it compares all runs of one scenario, and finds the first difference.
 
-Runs are the same if the robot did the same, bit by bit, and was judged the same.
+Two runs are equal if all states are equal, bit by bit, and all verdicts are equal.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _NO_CODE: Final = (
 )
 
 
-def repeated(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: Path) -> Outcome:
-    """One outcome for all runs of a scenario, in their order; what is flaky has no verdict.
+def merge_repeats(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: Path) -> Outcome:
+    """Return one outcome for all runs of a scenario, in their order; a flaky scenario has no verdict.
 
-    `folder`: where the results are, from which traces are named; of runs that were the same, one trace stays.
+    `folder`: the folder of the results; traces are named relative to it; of equal runs, one trace is kept.
     """
     if len(outcomes) == 1:
         return outcomes[0]
-    # An end that was not the scenario's own says nothing of how often it would have been the same.
+    # An interruption or an internal error says nothing about the repeatability of the scenario.
     ours = next((one for one in outcomes if one.exit_code in (ExitCode.INTERRUPTED, ExitCode.INTERNAL)), None)
     runs = [_Run(number, one) for number, one in enumerate(outcomes, start=1) if one.status != "skipped"]
     if ours is not None or not runs:
@@ -52,14 +52,14 @@ def repeated(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: Path) 
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """One of them, counted from 1."""
+    """One of the runs, counted from 1."""
 
     number: int
     outcome: Outcome
 
     @property
     def key(self) -> Hashable:
-        """Is equal for runs that were the same. What a failure says may have an address or a time of day in it."""
+        """A value that is equal for identical runs; messages are left out: they may hold addresses or times of day."""
         outcome = self.outcome
         reasons = tuple((failure.kind, failure.title, failure.location) for failure in outcome.failures)
         verdicts = tuple(expected.model_dump_json() for expected in outcome.expectations)
@@ -67,7 +67,7 @@ class _Run:
 
     @property
     def ending(self) -> str:
-        """Such as "run 3 failed: travelled 1.2 m of 1.5 m"."""
+        """The result in words, such as "run 3 failed: travelled 1.2 m of 1.5 m"."""
         reasons = [f"{failure.title}: {failure.message}" for failure in self.outcome.failures]
         reasons += [expected.verdict.message for expected in self.outcome.causes_first if expected.failed]
         how = "ended in an error" if self.outcome.status == "error" else self.outcome.status
@@ -75,7 +75,7 @@ class _Run:
 
 
 def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[Outcome, list[Outcome]]:
-    """The outcome of all, and those of which the trace is kept."""
+    """Return the outcome for all runs, and the runs whose traces are kept."""
     alike: dict[Hashable, list[_Run]] = {}
     for run in runs:
         alike.setdefault(run.key, []).append(run)
@@ -104,7 +104,7 @@ def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[O
 
 
 def _parting(first: _Run, other: _Run, folder: Path) -> Divergence | None:
-    """Where they are no longer the same; None: their traces do not tell."""
+    """Return the first difference, or None if the traces show none."""
     ours, theirs = _trace(first.outcome, folder), _trace(other.outcome, folder)
     with suppress(ValueError):
         return None if ours is None or theirs is None else first_divergence(ours, theirs)
@@ -112,7 +112,7 @@ def _parting(first: _Run, other: _Run, folder: Path) -> Divergence | None:
 
 
 def _differences(first: _Run, other: _Run, parted: Divergence | None) -> Iterator[str]:
-    """What tells one run from another."""
+    """Yield the differences between two runs."""
     if parted is not None:
         yield f"run {other.number} differs from run {first.number} {_where(parted)}"
     if first.outcome.digest == other.outcome.digest or first.outcome.status != other.outcome.status:
@@ -133,13 +133,13 @@ def _endings(first: _Run, other: _Run) -> Iterator[str]:
 
 
 def _judged(verdict: Verdict) -> str:
-    """Such as "passed: tilted at most 3 deg (measured 0.0523 rad)"."""
+    """Return a verdict in words, such as "passed: tilted at most 3 deg (measured 0.0523 rad)"."""
     measured = "" if verdict.measured is None else f" (measured {verdict.measured!r} {verdict.unit}".rstrip() + ")"
     return f"{'passed' if verdict.passed else 'failed'}: {verdict.message}{measured}"
 
 
 def _where(found: Divergence) -> str:
-    """Such as "at 0.304 s, in x of base_position_xyz: 0.25 and not 0.26"."""
+    """Return the place of a difference, such as "at 0.304 s, in x of base_position_xyz: 0.25 and not 0.26"."""
     ours, theirs = found.values
     if not found.column:
         return f"at {found.time:.6g} s, where one run ended: they ended at {theirs:.6g} s and {ours:.6g} s"
@@ -154,7 +154,7 @@ def _trace(outcome: Outcome, folder: Path) -> Trace | None:
 
 
 def _remove(folder: Path, outcomes: Iterable[Outcome]) -> None:
-    """Forgets what runs have stored: their only use was to be compared."""
+    """Remove the stored files of runs that were only needed for the comparison."""
     stored = (name for outcome in outcomes for name in (outcome.trace, outcome.replay, *outcome.recordings))
     for path in (stored_file(folder, name) for name in stored if name):
         if path is not None:

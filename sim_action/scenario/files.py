@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.discovery import file_name
-from sim_action.core.errors import Fault, InvalidScenario, Location, Problem
+from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
 from sim_action.core.files import read_at_most
 from sim_action.core.messages import escaped_line, nearest, shown
@@ -53,7 +53,7 @@ def read_file(path: Path, permissions: Permissions, seed: int | None = None) -> 
     except InvalidScenario as error:
         return (Refused(file_name(path), _called(path), None, error),)
     except Exception as error:  # noqa: BLE001 - the other files have scenarios to run
-        return (Refused(file_name(path), _called(path), None, Fault.of(error)),)
+        return (Refused(file_name(path), _called(path), None, InternalError.of(error)),)
 
 
 def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterator[Source | Refused]:

@@ -11,7 +11,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.errors import Fault, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
+from sim_action.core.errors import InternalError, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.robot.loading import ModelLibrary, check_text, load_model
@@ -119,7 +119,7 @@ def _as_one(refused: Sequence[Refused], number: int) -> Refused:
     A fault of sim-action is reported alone, as it may hide other problems. `number` is that of the first variation,
     where the refusal is reported.
     """
-    if fault := next((each for each in refused if isinstance(each.error, Fault)), None):
+    if fault := next((each for each in refused if isinstance(each.error, InternalError)), None):
         return replace(fault, number=number)
     told: list[Problem] = []
     known: set[str] = set()
@@ -141,7 +141,7 @@ def _loaded_or_refused(
     except UsageError:
         raise
     except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
-        return source.refused(Fault.of(error))
+        return source.refused(InternalError.of(error))
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:

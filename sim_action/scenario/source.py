@@ -9,7 +9,7 @@ from typing import Final
 
 from pydantic import JsonValue
 
-from sim_action.core.errors import Fault, InvalidScenario, Location, Problem
+from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 
@@ -73,7 +73,7 @@ class Source:
         told = [Problem(each.location, f"{each.message} ({draws[each.location]})") for each in refused.problems]
         return replace(refused, name=self.name, group=self.group, variation=self.variation, error=InvalidScenario(told))
 
-    def refused(self, error: InvalidScenario | Fault) -> Refused:
+    def refused(self, error: InvalidScenario | InternalError) -> Refused:
         """Return the scenario as refused."""
         return Refused(self.document.file, self.group or self.name, self.line, error, self.number)
 
@@ -85,7 +85,7 @@ class Refused:
     file: str
     name: str
     line: int | None
-    error: InvalidScenario | Fault
+    error: InvalidScenario | InternalError
     number: int = 1
     group: str | None = None
     variation: tuple[Varied, ...] = ()
@@ -93,6 +93,6 @@ class Refused:
     @property
     def problems(self) -> tuple[Problem, ...]:
         """The problems, each with its place."""
-        if isinstance(self.error, Fault):
+        if isinstance(self.error, InternalError):
             return (Problem(Location(self.file, self.line), str(self.error)),)
         return self.error.problems

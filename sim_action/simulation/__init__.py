@@ -1,1 +1,1 @@
-"""One run: the loop, controllers, sensors, monitors, watchdog and the checks before the start."""
+"""The simulation of one scenario: loop, controllers, sensors, monitors, watchdog and start checks."""

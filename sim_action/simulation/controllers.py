@@ -1,4 +1,4 @@
-"""Who drives: the controllers of all command sources, each asked at its ticks, each for joints that no other moves."""
+"""The controllers of all command sources: each runs at its own rate, and each joint obeys one of them."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene
 
 Look = Callable[[int], Observation]
-"""What the robot is like at a step, which is the present; looked at only if somebody asks."""
+"""Returns the observation of the present step; called only if a controller needs it."""
 
 Told = Callable[[float, Twist], None]
-"""Hears of every twist that the base is given, with the sim time in s."""
+"""Receives every twist command of the base, with the sim time in s."""
 
 NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are unknown; name them in robot.drive"
 TWO_WAYS: Final = "a controller sent, at the same tick, a twist and a target for joint"
@@ -30,12 +30,12 @@ TWO_WAYS: Final = "a controller sent, at the same tick, a twist and a target for
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """One source of commands while it runs.
+    """A command source during the run.
 
     Attributes:
-        index: its place below `commands:`.
-        period: physics steps from one tick to the next.
-        moved: the joints that it has moved so far.
+        index: its index in `commands:`.
+        period: physics steps between two ticks.
+        moved: the joints that it has commanded so far.
     """
 
     index: int
@@ -45,17 +45,17 @@ class _Source:
 
 
 class Controls:
-    """The live half of `Scenario.commands` and of the drive that turns their twists into joint targets."""
+    """The open command sources of a scenario, and the drive that turns their twists into joint targets."""
 
     def __init__(
         self, scenario: Scenario, scene: Scene, motion: DriveMotion | None, told: Told = lambda _time, _twist: None
     ) -> None:
-        """Opens the sources. Raises ScriptError; those that are open are closed then."""
+        """Open the sources. Raise ScriptError after closing those that are open."""
         self._rate = scenario.physics.rate
         self._told = told
         self._motion = motion
         self._twist: Twist | None = None
-        # The numbers of the twist that the wheels have come to, and turn on as they were told.
+        # The twist that the wheels have reached; they keep their targets.
         self._reached: tuple[float, ...] = ()
         self._owners: dict[str, _Source] = {}
         self._driver: _Source | None = None
@@ -71,19 +71,19 @@ class Controls:
 
     @property
     def are_watching(self) -> bool:
-        """Whether any of them looks at sensors."""
+        """True if any controller reads sensors."""
         controllers = [source.controller for source in self._sources]
         return any(isinstance(controller, ClosedLoop) and controller.senses for controller in controllers)
 
     @property
     def sensors(self) -> tuple[MountedSensor, ...]:
-        """What they look at beside the sensors of the scenario."""
+        """The sensors of the controllers besides those of the scenario."""
         controllers = [source.controller for source in self._sources]
         return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.sensors)
 
     @property
     def at_rest(self) -> JointTargets:
-        """What holds the robot while it comes to rest before t = 0: its wheels are braked, its joints held."""
+        """The targets that hold the robot while it settles before t = 0: wheels braked, joints held."""
         targets = self._motion.targets(Twist(), 1)[0] if self._motion else JointTargets()
         for source in self._sources:
             if isinstance(source.controller, OpenLoop):
@@ -92,15 +92,15 @@ class Controls:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What they have to tell people after the run."""
+        """The notes of the controllers for people, after the run."""
         return tuple(note for source in self._sources for note in source.controller.notes)
 
     def close(self) -> None:
-        """After the run: ends what sources have started."""
+        """Close the sources after the run, and end the programs that they started."""
         self._closing.close()
 
     def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
-        """Targets for the steps from here to the next tick, or to step `end`; None: as before. Raises ScriptError."""
+        """Return the targets of the steps until the next tick or step `end`; None keeps the last. Raise ScriptError."""
         asked = self._ask(step, look)
         steps = min([end - step, *(source.period - step % source.period for source in self._sources)])
         planned = self._driven(steps)
@@ -109,10 +109,10 @@ class Controls:
         return padded(planned, steps)
 
     def _driven(self, steps: int) -> list[JointTargets]:
-        """What the drive tells the wheels for the present twist; nothing once they were told all of it."""
+        """Return the wheel targets of the present twist; nothing after the wheels have reached it."""
         if self._motion is None or self._twist is None:
             return []
-        # Copied: a script may change the vectors of a twist that it has given.
+        # A copy: a script may change the vectors of its twist later.
         twist = (*self._twist.linear_xyz, *self._twist.angular_xyz)
         if twist == self._reached:
             return []
@@ -121,7 +121,7 @@ class Controls:
         return planned
 
     def _ask(self, step: int, look: Look) -> JointTargets | None:
-        """Takes the commands of this tick; returns the joint targets among them."""
+        """Read the commands of this tick, and return the joint targets among them."""
         targets: JointTargets | None = None
         look_once = lru_cache(maxsize=1)(look) if self._look_together else look
         for source in self._sources:
@@ -138,7 +138,7 @@ class Controls:
         return targets
 
     def _taken(self, source: _Source, command: Command, targets: JointTargets | None) -> JointTargets | None:
-        """Makes a command of a source the present one; returns the joint targets of this tick."""
+        """Apply a command, and return the joint targets of this tick so far."""
         if not isinstance(command, JointTargets):
             self._drive(source)
             self._twist = command
@@ -146,12 +146,12 @@ class Controls:
         self._claim(source, set(command.names()))
         targets = targets.updated_by(command) if targets else command
         if self._motion and not self._motion.joints.isdisjoint(command.names()):
-            # A source that turns the wheels by hand takes them over from the drive.
+            # A source that commands the wheel joints takes them over from the drive.
             targets, self._twist, self._reached = self._motion.released.updated_by(targets), None, ()
         return targets
 
     def _commands(self, source: _Source, step: int, look: Look) -> tuple[Command, ...]:
-        """What a source says at its tick."""
+        """Return the commands of a source at its tick."""
         if isinstance(source.controller, OpenLoop):
             answer = source.controller.command(step / self._rate)
         else:
@@ -161,8 +161,8 @@ class Controls:
         return commands
 
     def _refuse_two_ways(self, commands: tuple[Command, ...]) -> None:
-        """Raises ScriptError for a twist beside targets for the wheels that it turns."""
-        # One command is one way, which saves most ticks the search.
+        """Raise ScriptError for a twist together with targets for the wheels that it turns."""
+        # A single command cannot conflict.
         if self._motion is None or len(commands) < 2 or not any(isinstance(command, Twist) for command in commands):
             return
         named = {name for command in commands if isinstance(command, JointTargets) for name in command.names()}
@@ -170,7 +170,7 @@ class Controls:
             raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive moves; send only one of them")
 
     def _drive(self, source: _Source) -> None:
-        """Makes the base the source's own, and its wheels. Raises ScriptError."""
+        """Assign the base and its wheels to the source. Raise ScriptError."""
         if self._motion is None:
             raise ScriptError(NO_WHEELS)
         driver = self._driver = self._driver or source
@@ -182,7 +182,7 @@ class Controls:
         self._claim(source, self._motion.joints)
 
     def _claim(self, source: _Source, joints: set[str] | frozenset[str]) -> None:
-        """Makes the joints the source's own. Raises ScriptError if another moves one of them."""
+        """Assign the joints to the source. Raise ScriptError if another source moves one of them."""
         if source.moved.issuperset(joints):
             return
         for joint in sorted(joints):
@@ -197,7 +197,7 @@ class Controls:
 
 
 def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
-    """The scene as each is to see it."""
+    """Return the scene for each source; sources with the same code are counted."""
     codes = [source.code for source in sources]
     return [replace(scene, namesake=codes[:index].count(code)) for index, code in enumerate(codes)]
 
@@ -216,5 +216,5 @@ def _opened(index: int, source: CommandSource, scene: Scene, closing: ExitStack)
 
 
 def padded(targets: list[JointTargets], steps: int) -> list[JointTargets | None]:
-    """One entry a step: the last target holds."""
+    """Return one entry per step; None keeps the last target."""
     return [*targets, *[None] * (steps - len(targets))]

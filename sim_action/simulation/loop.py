@@ -1,4 +1,4 @@
-"""The loop: what the controls plan, physics steps that carry it out, and a panel of monitors that sees every step."""
+"""The loop of a run: controllers give targets, the engine steps, and the monitors see every step."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.core.errors import RunError, SourceOver
+from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
-from sim_action.simulation.recorder import Footage
+from sim_action.simulation.recorder import RunRecorder
 from sim_action.simulation.sensors import Sensing
-from sim_action.simulation.start_checks import Arrivals, moved_while_settling, refuse_bad_start
+from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import Trace
@@ -30,28 +30,28 @@ from sim_action.world.scene import Scene
 BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
 
 Progress = Callable[[float], None]
-"""Told the sim time in s as the run goes on."""
+"""Receives the sim time in s during the run."""
 
-# At rest: nothing moves faster than this, in m/s and rad/s, at the end of a period of settling.
+# The speed limit for a robot at rest, in m/s and rad/s, at the end of a settling period.
 _REST_SPEED: Final = 5e-3
-_SETTLE_PERIOD: Final = 0.1
-# How long the panel waits for its next look, in s: it looks at every step then, but looking costs. What was stepped
-# beyond the end of the run is for nothing: goals are there to be met before the end, invariants not to be broken.
-_PERIOD: Final = 0.5
-_PERIOD_WITHOUT_GOALS: Final = 1.0
+_SETTLE_PERIOD_S: Final = 0.1
+# The monitors see all steps of a period at once, because each call costs time. Steps after the end of the run are
+# discarded: a run with goals often ends early, a run without goals rarely does.
+_PERIOD_S: Final = 0.5
+_PERIOD_WITHOUT_GOALS_S: Final = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationRun:
-    """What came of one scenario.
+    """The result of a run that has verdicts.
 
     Attributes:
-        trace: decimated to `Scenario.trace_rate`, from t = 0 to the end.
-        verdicts: one for each expectation, in their order.
-        digest: SHA-256 over the full-rate state.
-        travelled: m between the base's first and last place, on the ground plane.
-        wall_time: s of the loop, without loading and settling.
-        notes: what was assumed or noticed, for people.
+        trace: the trace at `Scenario.trace_rate`, from t = 0 to the end.
+        verdicts: one verdict for each expectation, in their order.
+        digest: SHA-256 of the state at full rate.
+        travelled: the distance in m between the first and last position of the base, on the ground plane.
+        wall_time: the duration of the loop in s, without loading and settling.
+        notes: assumptions and observations, for people.
     """
 
     trace: Trace
@@ -65,16 +65,16 @@ class SimulationRun:
 
     @property
     def sim_time(self) -> float:
-        """When the run was over, in s."""
+        """The sim time at the end, in s."""
         return float(self.trace.time[-1])
 
 
-def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: Footage | None = None) -> SimulationRun:
-    """Runs a scenario to its end. Raises RunError where there can be no verdict.
+def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunRecorder | None = None) -> SimulationRun:
+    """Run a scenario to its end. Raise RunError where there can be no verdict.
 
-    `footage`: what is kept, also of a run that fails; left out: the trace alone.
+    `footage`: the recorder, which also keeps data of a failed run; default: the trace only.
     """
-    footage = footage or Footage(scenario)
+    footage = footage or RunRecorder(scenario)
     drive = _drive_of(scenario, scene)
     scene = drive.prepared(scene) if drive else scene
     channels = Channels.all_of(expected.channels for expected in scenario.expect)
@@ -93,7 +93,7 @@ def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
 
 
 def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
-    """Which wheels commands turn by the drive, or else sensors read."""
+    """Yield notes on the drive: the wheels that commands turn, or that sensors read."""
     stated = scenario.robot.drive
     if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
         drive = stated or recognise(scene.model)
@@ -114,7 +114,7 @@ class _Loop:
         backend: Engine,
         channels: Channels,
         *,
-        footage: Footage,
+        footage: RunRecorder,
     ) -> None:
         self._footage = footage
         self._scenario = scenario
@@ -124,7 +124,7 @@ class _Loop:
         self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
-        self._arrivals = Arrivals.of(scenario)
+        self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0
         with ExitStack() as opened:
@@ -150,13 +150,13 @@ class _Loop:
         footage.begin(start)
         started = time.perf_counter()
         while panel.end is None:
-            trace, failure = self._advance(_PERIOD if panel.is_pending else _PERIOD_WITHOUT_GOALS, progress)
+            trace, failure = self._advance(_PERIOD_S if panel.is_pending else _PERIOD_WITHOUT_GOALS_S, progress)
             if len(trace):
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
                 is_last = panel.end is not None or failure is not None
                 footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
-            if isinstance(failure, SourceOver):
+            if isinstance(failure, ControllersFinished):
                 break
             if failure is not None and panel.end is None:
                 raise failure
@@ -179,9 +179,9 @@ class _Loop:
         return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes)
 
     def _settle(self) -> None:
-        """Lets the robot come to rest before t = 0, with its wheels braked and its joints held."""
+        """Let the robot come to rest before t = 0, with braked wheels and held joints."""
         limit = self._scenario.physics.settle
-        remaining, period = self._scenario.steps(limit), self._scenario.steps(_SETTLE_PERIOD)
+        remaining, period = self._scenario.steps(limit), self._scenario.steps(_SETTLE_PERIOD_S)
         brake = [self._controls.at_rest]
         speed = 0.0
         while remaining > 0:
@@ -200,7 +200,7 @@ class _Loop:
             )
 
     def _advance(self, period: float, progress: Progress) -> tuple[Trace, RunError | None]:
-        """The moments of the next period in s, and what ended it early; the run may have been over before that."""
+        """Return the moments of the next period in s, and the error that ended it early."""
         end, rate = min(self._last_step, self._step + max(1, self._scenario.steps(period))), self._scenario.physics.rate
         failure: RunError | None = None
         try:
@@ -225,7 +225,7 @@ def _fastest(trace: Trace) -> float:
 
 
 def unreached_events(world: World, end: float) -> Iterator[str]:
-    """One note for each disturbance, appearance and path that a run of `end` s of sim time did not come to."""
+    """Yield a note for each disturbance, spawn and path that is due after the end of a run (`end` in s)."""
     for what, begins in _events(world):
         if begins >= end:
             yield f"{what}: it is due at {begins:g} s, but the run ended at {end:.4g} s"

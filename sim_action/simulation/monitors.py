@@ -1,4 +1,4 @@
-"""The panel: the monitors of all expectations, and the one question that the loop asks them: is it over?"""
+"""The panel of monitors: it shows each step to the monitors of all expectations, and decides when the run ends."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, Self
 
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.window import Window
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation
 from sim_action.state.verdict import Verdict
@@ -23,12 +23,12 @@ End = Literal["goals met", "expectation failed", "duration", "time limit", "cont
 
 @dataclass(frozen=True)
 class Panel:
-    """A fold over all monitors.
+    """The state of all monitors; each observation returns a new panel.
 
     Attributes:
-        scenario: whose expectations the monitors are of, in this order.
-        goals: of each, whether it was pending at the start.
-        time: s of sim time, the last moment seen.
+        scenario: the scenario; its expectations have the same order as the monitors.
+        goals: True for each monitor that was pending at the start.
+        time: the sim time of the last moment seen, in s.
     """
 
     scenario: Scenario
@@ -38,7 +38,7 @@ class Panel:
 
     @classmethod
     def open(cls, scenario: Scenario, scene: Scene, start: Observation) -> Self:
-        """The panel before the first step."""
+        """Return the panel before the first step."""
         monitors = tuple(
             Window(expected.assertion.monitor(scene, start), expected.after, expected.before)
             for expected in scenario.expect
@@ -47,18 +47,18 @@ class Panel:
 
     @cached_property
     def has_goals(self) -> bool:
-        """Whether anything was pending at the start that a run can fail by."""
+        """True if an expectation that can fail the run was pending at the start."""
         pairs = zip(self.goals, self.scenario.expect, strict=True)
         return any(goal and expected.severity == "error" for goal, expected in pairs)
 
     def observe(self, trace: Trace) -> Self:
-        """The panel after the moments that follow."""
+        """Return the panel after the following moments."""
         monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
         return replace(self, monitors=monitors, time=float(trace.time[-1]))
 
     @cached_property
     def end(self) -> End | None:
-        """Why the run is over at the last moment seen; None if it goes on."""
+        """The reason why the run ends at the last moment seen; None if it goes on."""
         if any(m.state is State.BROKEN for m in self._decisive()):
             return "expectation failed"
         duration = self.scenario.duration
@@ -69,11 +69,11 @@ class Panel:
         return "time limit" if self._reached(self.scenario.time_limit) else None
 
     def observe_until_end(self, trace: Trace) -> tuple[Self, Trace]:
-        """The panel after these moments, or after the first of them that ends the run; and the moments seen."""
+        """Return the panel at the first moment that ends the run, or after all, with the moments seen."""
         later = self.observe(trace)
         if later.end is None:
             return later, trace
-        # What ended a run does not un-end it: the first such moment is found by halving.
+        # A run that has ended stays ended, so bisection finds the first such moment.
         before, ended = 0, len(trace)
         while ended - before > 1:
             middle = (before + ended) // 2
@@ -82,7 +82,7 @@ class Panel:
         return self.observe(seen), seen
 
     def verdicts(self) -> tuple[Verdict, ...]:
-        """One for each expectation, if nothing more came."""
+        """Return one verdict for each expectation, as if the run ended now."""
         pairs = zip(self.monitors, self.goals, strict=True)
         verdicts = (replace(monitor.verdict(), goal=goal) for monitor, goal in pairs)
         if self.end != "expectation failed":
@@ -95,20 +95,20 @@ class Panel:
 
     @property
     def is_pending(self) -> bool:
-        """Whether there is still something that must come true."""
+        """True if a goal has not come true yet."""
         return any(monitor.state is State.PENDING for monitor in self.monitors)
 
     def _all_opened(self) -> bool:
-        """Whether no expectation is still waiting for its `after`: it would be green without having seen anything."""
+        """Return False while an expectation waits for its `after`: it would pass without an observation."""
         return all(self._reached(expected.after) for expected in self.scenario.expect)
 
     def _reached(self, time: float) -> bool:
-        """Whether the first physics step at or after a sim time has been seen."""
-        return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON
+        """Return True if the first physics step at or after a sim time has been seen."""
+        return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON_S
 
 
 def _undecided(monitor: Window, verdict: Verdict) -> Verdict:
-    """Of a run that an expectation ended, the verdict on any: what this cut off is not the reason to look for."""
+    """Return the verdict after another expectation ended the run; it is marked if it was still undecided."""
     if verdict.passed or monitor.over or monitor.state is State.BROKEN:
         return verdict
     told = ", when the run ended" if monitor.state is State.PENDING else ""

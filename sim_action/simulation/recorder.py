@@ -1,4 +1,4 @@
-"""What is kept of a run while it lasts: the trace that is stored, and, to be shown, 30 moments of each second."""
+"""The recorder of a run: it keeps the stored trace, and 30 moments per second for replays and recordings."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, SensorRecord, frame_stride
 from sim_action.world import World
 
-# Of a run that lasts for hours: what is kept is still to fit into memory.
-_MOST_FRAMES: Final = 200_000
+# A run of hours must still fit into memory.
+_MAX_FRAMES: Final = 200_000
 
 
-class Footage:
-    """Grows with the run; what there is of one that fails is there for whoever began it."""
+class RunRecorder:
+    """The recorded data of a run; after a failure, it holds the data up to the failure."""
 
     def __init__(self, scenario: Scenario, *, filmed: bool = False, recorded: bool = False) -> None:
-        """`filmed`: whether a replay is asked for; `recorded`: whether recordings are."""
+        """Prepare the recorder; `filmed`: for a replay; `recorded`: for recordings."""
         self._judges_contacts = any(expected.channels.contacts for expected in scenario.expect)
         self._contacts: list[Contact] = []
         self._rate = scenario.physics.rate
         self._stride = _stride(self._rate, scenario.trace_rate)
-        often = math.ceil(scenario.time_limit * FRAME_RATE / _MOST_FRAMES)
+        often = math.ceil(scenario.time_limit * FRAME_RATE / _MAX_FRAMES)
         self._film_stride = often * frame_stride(self._rate)
         self._filmed = filmed or recorded
         self._twists: list[tuple[float, Twist]] | None = [] if recorded else None
@@ -40,57 +40,57 @@ class Footage:
         self.start: Observation | None = None
 
     def channels(self, world: World) -> Channels:
-        """What is to be computed of the run for a replay alone."""
+        """Return the channels that only a replay needs."""
         if not self._filmed:
             return Channels()
         moving = (body.name for body in world.objects if body.mass is not None or body.path)
         return Channels(contacts=True, bodies=frozenset(moving))
 
     def begin(self, start: Observation) -> None:
-        """The moment at t = 0."""
+        """Record the moment at t = 0."""
         self.start = start
         self._kept.append(Trace.of_observation(start))
         if self._filmed:
             self._film.append(self._kept[0])
 
     def add(self, seen: Trace, *, judged: Mapping[str, SensorRecord], is_last: bool) -> None:
-        """The moments since the last ones, all that there were; of the last ones, the very last is kept.
+        """Record the moments since the last call; `is_last` keeps the very last one.
 
-        `judged`: what sensors told that assertions read, whether or not the trace keeps them.
+        `judged`: the readings of sensors that assertions use, even if the trace does not keep them.
         """
         wanted = self._rows(seen, self._stride, is_last=is_last)
-        # What is looked at for the replay alone makes no trace larger.
+        # Contacts that only the replay needs are not stored in the trace.
         contacts = seen.contacts if self._judges_contacts else ()
         self._kept.append(replace(seen, state=seen.state[wanted], contacts=contacts))
         if self._filmed:
             self._contacts += seen.contacts
             wanted = self._rows(seen, self._film_stride, is_last=is_last)
-            # Pictures are too large to be kept for a curve of them.
+            # Images are too large to be kept.
             sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}
             film = Trace(seen.joint_names, seen.state[wanted], bodies=seen.bodies, sensors=sensors)
             self._film.append(replace(film, clearances=seen.clearances))
 
     def command(self, time: float, twist: Twist) -> None:
-        """What the base is told at a time in s."""
+        """Record a twist command at a time in s."""
         if self._twists is not None:
             self._twists.append((time, twist))
 
     def twists(self) -> CommandedTwists:
-        """What the base was told, if recordings are asked for."""
+        """Return the twist commands, if recordings are asked for."""
         return CommandedTwists.of(self._twists or ())
 
     def trace(self) -> Trace | None:
-        """At the rate that the scenario asks for; None: it has not begun."""
+        """Return the trace at the rate of the scenario; None before the start."""
         return Trace.concatenate(self._kept) if self._kept else None
 
     def film(self) -> Trace | None:
-        """The same at 30 Hz, with all that was looked at; None: nobody asks for it, or it has not begun."""
+        """Return the trace at 30 Hz with all channels; None before the start, or if it is not asked for."""
         if not self._film:
             return None
         return replace(Trace.concatenate(self._film), contacts=tuple(self._contacts))
 
     def _rows(self, seen: Trace, stride: int, *, is_last: bool) -> NDArray[np.intp]:
-        """Those of every stride-th step, counted from t = 0."""
+        """Return the indices of every stride-th step, counted from t = 0."""
         first_step, last = round(seen.time[0] * self._rate), len(seen) - 1
         rows = np.arange(-first_step % stride, len(seen), stride)
         # numpy's own union imports masked arrays, which takes longer than most replays.

@@ -1,4 +1,4 @@
-"""What is seen of a run: sensors, each read at its own ticks, for controllers and for the trace."""
+"""The sensors of a run: each is read at its own rate, for controllers, assertions and the trace."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from sim_action.world.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class _Running:
-    """A sensor while the run lasts.
+    """A sensor during the run.
 
     Attributes:
-        period: physics steps from one reading to the next.
-        kept: readings that the trace still has to get.
+        period: physics steps between two readings.
+        kept: readings that are not yet in the trace.
     """
 
     mounted: MountedSensor
@@ -33,7 +33,7 @@ class _Running:
 
 
 class Sensing:
-    """The live half of `Scenario.sensors`, and the eyes of controllers."""
+    """The open sensors of a scenario, and the observations of controllers."""
 
     def __init__(
         self,
@@ -45,10 +45,10 @@ class Sensing:
         judged: Collection[str] = (),
         more: Iterable[MountedSensor] = (),
     ) -> None:
-        """What nobody listens to is not read.
+        """Open the sensors that are needed.
 
-        `heard`: whether a controller listens; `judged`: names of the sensors that assertions read; `more`: what
-        controllers look at beside the scenario's own.
+        `heard`: True if a controller reads sensors; `judged`: the names of sensors that assertions read; `more`:
+        sensors of controllers besides those of the scenario.
         """
         self._backend, self._rate = backend, scenario.physics.rate
         self._judged = judged
@@ -59,16 +59,16 @@ class Sensing:
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
 
     def look(self, step: int) -> Observation:
-        """The present, with the latest reading of each sensor."""
+        """Return the present observation, with the latest reading of each sensor."""
         observation = self._backend.observe(step, contacts=self._contacts)
         return replace(observation, sensors=ByName(self._readings)) if self._readings else observation
 
     def next_tick(self, step: int, end: int) -> int:
-        """The first step after this one at which a sensor is read, or `end` if that is earlier."""
+        """Return the next step at which a sensor is read, or `end` if that is earlier."""
         return min([end, *(step - step % running.period + running.period for running in self._sensors)])
 
     def read(self, step: int) -> None:
-        """Takes the readings of this step, if any sensor has its tick."""
+        """Read the sensors that are due at this step."""
         due = [running for running in self._sensors if step % running.period == 0]
         if not due:
             return
@@ -83,13 +83,13 @@ class Sensing:
         return mounted.trace or mounted.name in self._judged
 
     def stored(self, trace: Trace) -> Trace:
-        """A trace without the readings that only assertions were to see."""
+        """Return a trace without the readings that only assertions need."""
         unwanted = {running.mounted.name for running in self._sensors if not running.mounted.trace}
         sensors = {name: record for name, record in trace.sensors.items() if name not in unwanted}
         return trace if len(sensors) == len(trace.sensors) else replace(trace, sensors=sensors)
 
     def collect(self) -> Mapping[str, SensorRecord]:
-        """What was read since the last call, and is judged or to be kept, by the sensors' names."""
+        """Return the readings since the last call that assertions or the trace need, by sensor name."""
         records = {
             running.mounted.name: SensorRecord.of_readings(running.mounted.sensor.key, running.kept)
             for running in self._sensors

@@ -1,7 +1,7 @@
-"""Whether a robot can begin where a scenario puts it: what begins inside something else is thrown out of it.
+"""Checks at the start and at each spawn: no body overlaps another one, and the robot settles without a fall.
 
-An engine takes two bodies apart that are in each other, the faster the deeper they are: 2 cm throw a TurtleBot3 back by
-4 cm, 12 cm at 5 m/s, and what is measured after that says nothing about the robot.
+An engine pushes overlapping bodies apart, the faster the deeper they overlap: 2 cm move a TurtleBot3 by 4 cm, 12 cm
+throw it at 5 m/s. Measurements after that say nothing about the robot.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from sim_action.world import GROUND, placed
 from sim_action.world.parts import GridPart, height_at
 from sim_action.world.scene import Scene
 
-# In rad and m: what gives way by less has come to rest.
-_TILTED: Final = math.radians(2)
-_SUNK: Final = 0.02
+# A base that moves by less has only come to rest.
+_MAX_TILT_RAD: Final = math.radians(2)
+_MAX_SINK_M: Final = 0.02
 
 
 def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashes: Iterable[Clash]) -> None:
-    """Raises BadStart if the robot, which has just been put in its place, or a body that moves is inside something.
+    """Raise BadStart if the robot or a moving body starts inside something.
 
     `at`: the pose of the base link, world frame.
     """
@@ -39,27 +39,27 @@ def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashe
 
 
 def moved_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
-    """What to say of a base that is not as it was put, in the world frame, when the run begins; None: nothing."""
+    """Return a note if the base tilted or sank while the robot settled, else None; poses in the world frame."""
     tilted = _tilt(after) - _tilt(before)
     sunk = before.position_xyz[2] - after.position_xyz[2]
-    stood = scene.robot.pose.z is None  # else it was to fall
-    if scene.bolted or (tilted < _TILTED and (sunk < _SUNK or not stood)):
+    stood = scene.robot.pose.z is None  # else it was meant to fall
+    if scene.bolted or (tilted < _MAX_TILT_RAD and (sunk < _MAX_SINK_M or not stood)):
         return None
-    ways = [f"tilted by {units.display(tilted, 'rad')}"] if tilted >= _TILTED else []
-    ways += [f"came {units.display(sunk, 'm')} down"] if sunk >= _SUNK else []
+    ways = [f"tilted by {units.display(tilted, 'rad')}"] if tilted >= _MAX_TILT_RAD else []
+    ways += [f"came {units.display(sunk, 'm')} down"] if sunk >= _MAX_SINK_M else []
     return f"while the robot settled, before t = 0, its base link '{scene.model.root}' {' and '.join(ways)}"
 
 
 def _tilt(pose: Pose) -> float:
-    """In rad, between the z axis of a frame and the world's."""
+    """Return the angle between the z axis of a frame and the world's, in rad."""
     return math.acos(max(-1.0, min(1.0, geometry.rotate(pose.orientation_xyzw, (0.0, 0.0, 1.0))[2])))
 
 
 def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
-    """One for each body, about the link that is deepest in it."""
+    """Yield one problem for each body that the robot overlaps, about its deepest link."""
     indices = {body.name: index for index, body in enumerate(scene.world.objects)}
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
-    # The engine leaves it where it is, as the author of a robot's foot in a table wants it.
+    # A fixed link in a fixed body does not move: the author may want a robot's foot inside a table.
     bolted = scene.bolted_links
     told = set[str]()
     for link, body, depth in sorted(overlaps, key=lambda overlap: -overlap.depth):
@@ -75,7 +75,7 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
 
 
 def _buried(scene: Scene, at: Pose) -> SpecProblems:
-    """Below a heightfield, where nothing need touch it: an engine's surface has no inside."""
+    """Yield problems of a start below a heightfield: its surface has no inside for the engine."""
     x, y, z = at.position_xyz
     for body in scene.world.objects:
         for part in scene.parts_of(body) if body.heightfield is not None else ():
@@ -89,7 +89,7 @@ def _buried(scene: Scene, at: Pose) -> SpecProblems:
 
 
 def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
-    """One for each body that begins deep in another."""
+    """Yield one problem for each body that starts deep inside another."""
     indices = {body.name: index for index, body in enumerate(scene.world.objects)}
     told = set[str]()
     for body, other, depth in sorted(clashes, key=lambda clash: -clash.depth):
@@ -99,15 +99,15 @@ def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
 
 
 @dataclass(frozen=True, slots=True)
-class Arrivals:
-    """Names of bodies, by the step at which they appear; and the place of each among the world's objects."""
+class Spawns:
+    """The bodies that appear during the run, by their step, and the index of each in the world's objects."""
 
     names: dict[int, tuple[str, ...]]
     indices: dict[str, int]
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
-        """None in most scenarios."""
+        """Return the spawns of a scenario; most have none."""
         names: dict[int, tuple[str, ...]] = {}
         for body in scenario.world.objects:
             if body.appears is not None:
@@ -116,11 +116,11 @@ class Arrivals:
         return cls(names, {body.name: index for index, body in enumerate(scenario.world.objects)})
 
     def next(self, step: int, until: int) -> int:
-        """The first step after `step` at which something appears, or `until` if that comes first."""
+        """Return the first step after `step` at which a body appears, or `until` if that is earlier."""
         return min((arrival for arrival in self.names if step < arrival < until), default=until)
 
     def refuse_blocked(self, step: int, rate: float, backend: Engine) -> None:
-        """Raises RunError if what has appeared at this step is inside the robot, or inside what else moves."""
+        """Raise RunError if a body that has just appeared is inside the robot or another moving body."""
         arrived = self.names.get(step, ())
         if not arrived:
             return

@@ -1,12 +1,12 @@
-"""The watchdog: whether the robot's state is still physics, at every step. What is not leaves a run without a verdict.
+"""The watchdog: it checks at every step that the state is physically possible, else the run has no verdict.
 
-Beside values that are no numbers, it watches what explodes, which in an engine often stays finite (see
-`world.MAX_SPEED`), and what falls: a robot that nothing carries is upright for ever.
+It detects values that are not numbers, speeds that explode (in an engine they often stay finite, see
+`world.MAX_SPEED`), and a robot that falls through the ground: such a robot would stay upright for ever.
 
-The ground fills all that is below z = 0. A base link's origin is no farther from the nearest collision shape than the
-joints and offsets on the way there are long, however they are turned. So if it is deeper than that, the shape is in the
-ground; another metre is left for how far a robot that falls fast comes in within a step, and for meshes that lie
-beside their own origin. What sinks by less is not seen. A base that is bolted to the world cannot sink.
+The ground fills all space below z = 0. The distance from the base link's origin to the nearest collision shape is at
+most the sum of the joint offsets on the way there. If the origin is deeper than that, the shape is inside the ground.
+One more metre is allowed for a fast fall within one step, and for meshes away from their own origin. Smaller sinking
+is not detected. A fixed base cannot sink.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from sim_action.state.trace import FloatArray, Trace
 from sim_action.world import MAX_SPEED, Physics
 from sim_action.world.scene import Scene
 
-_SINKING: Final = 1.0
-# At most this in each of three directions is less than 1 in any.
+_SINK_MARGIN_M: Final = 1.0
+# Three components of at most this size have a norm below 1.
 _IN_EACH_DIRECTION: Final = 1 / math.sqrt(3) - 1e-9
 _ANY_NUMBER: Final = float(np.finfo(np.float64).max)
 
@@ -42,12 +42,13 @@ _SINKS: Final = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Watch:
-    """One quantity over the moments of a trace.
+    """A watched quantity over the moments of a trace.
 
     Attributes:
         where: the part of the robot.
-        values: (T,) magnitudes; NaN where anything in the state of this part is no number.
-        key: of the scenario, that sets the bound, to `most` at most.
+        values: (T,) magnitudes; NaN where a value in the state of this part is not a number.
+        key: the key of the scenario that sets the bound.
+        most: the largest allowed bound.
     """
 
     where: str
@@ -60,11 +61,11 @@ class _Watch:
 
     @property
     def excess(self) -> FloatArray:
-        """(T,) values over the bound: 1 and above is no physics."""
+        """The values divided by the bound, (T,); 1 and above is not physical."""
         return np.nan_to_num(self.values / self.bound, nan=np.inf)
 
     def fault(self, moment: int) -> str:
-        """What is wrong at a moment, and what to do."""
+        """Return the problem at a moment, and the next step for the user."""
         value = float(self.values[moment])
         if not math.isfinite(value):
             return f"first in {self.where}: its state is not a number; {self.causes}"
@@ -75,12 +76,12 @@ class _Watch:
 
 @dataclass(frozen=True, eq=False)
 class Watchdog:
-    """What it takes to tell physics from what is none.
+    """The bounds of a physical state.
 
     Attributes:
-        depth: m that the base link's origin may come below the ground.
-        centre: (14 + 3 J,) a row of `Trace.state`: where the robot began, and zeros.
-        safe: (14 + 3 J,) a state that is nowhere farther than this from `centre` is physics, if it has not sunk.
+        depth: the allowed depth of the base link's origin below the ground, in m.
+        centre: (14 + 3 J,) a row of `Trace.state`: the start position, and zeros.
+        safe: (14 + 3 J,) a state within this distance of `centre` is physical, if the robot has not sunk.
     """
 
     physics: Physics
@@ -91,15 +92,15 @@ class Watchdog:
 
     @classmethod
     def of(cls, scene: Scene, start: Observation) -> Self:
-        """The watchdog of a robot that has just been put in its place."""
+        """Return the watchdog of a robot that has just been placed."""
         physics, model, position = scene.physics, scene.model, start.pose.position_xyz
         centre = np.zeros(14 + 3 * len(model.moving_joints))
         centre[1:4] = position
         return cls(physics, model, _depth(scene, position[2]), centre, _safe(physics, model.moving_joints))
 
     def watch(self, trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
-        """The moments that are physics, and what is wrong with the next."""
-        # A NaN is not less than anything.
+        """Return the moments that are physical, and the error of the next one."""
+        # Comparisons with NaN are False.
         plainly = (np.abs(trace.state - self.centre) <= self.safe).all()
         if plainly and (trace.base_position_xyz[:, 2] > -self.depth).all():
             return trace, None
@@ -107,7 +108,7 @@ class Watchdog:
             return self._judge(trace)
 
     def _judge(self, trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
-        # What happens to joints and base in one step began in a joint: they move the base, it does not move them.
+        # If joints and base fail in the same step, the joints are the cause: they move the base.
         groups = list(self._joints(trace)), list(self._base(trace))
         over = np.array([watch.excess >= 1 for group in groups for watch in group]).any(axis=0)
         if not over.any():
@@ -159,16 +160,16 @@ def _safe(physics: Physics, joints: tuple[Joint, ...]) -> FloatArray:
 
 
 def _depth(scene: Scene, start: float) -> float:
-    """How deep in m the base link's origin may come, if it was put at the height `start`."""
+    """Return the depth in m that the base link's origin may reach, from a start at the height `start`."""
     if scene.bolted:
         return math.inf
-    # A robot that was stood on the ground is above it, wherever its author has drawn the origin.
+    # A robot that was placed on the ground is above it, wherever its origin is.
     drawn_below = -start if scene.placement.z is None else 0.0
-    return scene.physics.max_depth or _SINKING + max(_way_to_shape(scene.model), drawn_below)
+    return scene.physics.max_depth or _SINK_MARGIN_M + max(_way_to_shape(scene.model), drawn_below)
 
 
 def _way_to_shape(model: RobotModel) -> float:
-    """Bound in m on how far the base link's origin is from a collision shape of the robot; 0 if there is none."""
+    """Return a bound in m on the distance from the base link's origin to a collision shape; 0 without shapes."""
     ways = {model.root: 0.0}
     waiting = [model.root]
     while waiting:

@@ -1,4 +1,4 @@
-"""What a command is: a twist for the robot's base, or targets for named joints."""
+"""Commands of controllers: a twist for the robot's base, or targets for named joints."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from sim_action.core.geometry import Twist, Vector3
 
 @dataclass(frozen=True, slots=True)
 class BasePush:
-    """How a base is pushed over the ground by what is not modelled, such as rollers: to a velocity, by a limited force.
+    """A push on the base by parts that are not modelled, such as rollers: towards a velocity, with a limited force.
 
     Attributes:
-        linear_xy: m/s, of the base link's origin, along the base's own x and y.
-        angular_z: rad/s.
-        point_xyz: m, base frame: where the force acts.
-        max_force: N, level.
-        max_torque: N m, about the upright.
+        linear_xy: target velocity of the base link's origin in m/s, along the x and y axes of the base.
+        angular_z: target turn rate in rad/s.
+        point_xyz: the point where the force acts, in m, base frame.
+        max_force: N, horizontal.
+        max_torque: N m, about the vertical axis.
     """
 
     linear_xy: tuple[float, float]
@@ -30,20 +30,20 @@ class BasePush:
 
 
 NO_PUSH: Final = BasePush((0.0, 0.0), 0.0, (0.0, 0.0, 0.0), max_force=0.0, max_torque=0.0)
-"""Lets a base go that was pushed."""
+"""Ends a push."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointTargets:
-    """Where the motors of some joints shall go; joints that are not named keep what they were told before.
+    """Targets for the motors of some joints; joints that are not named keep their last target.
 
     Attributes:
         position: joint name -> rad (or m for a prismatic joint), held by a position servo.
-        velocity: joint name -> rad/s (or m/s), held by a velocity servo. Of a joint that has a position as well: how
-            fast that position is moving on, which its servo follows without falling behind.
-        effort: joint name -> N m (or N), applied as it is.
-        max_effort: joint name -> N m (or N) that the servo of that joint may use; left out: the model's own limit.
-        base: how the base is pushed; None: as before. For drives, not for scripts.
+        velocity: joint name -> rad/s (or m/s), held by a velocity servo. With a position for the same joint: the
+            velocity of the moving position target, which the servo then follows without lag.
+        effort: joint name -> N m (or N), applied directly.
+        max_effort: joint name -> N m (or N), the limit for the servo of that joint; default: the limit of the model.
+        base: the push on the base; None: as before. For drives, not for scripts.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
@@ -53,13 +53,13 @@ class JointTargets:
     base: BasePush | None = None
 
     def names(self) -> Iterator[str]:
-        """Every joint that is given a target, once."""
+        """Yield every joint with a target, once."""
         yield from self.position
         yield from (name for name in self.velocity if name not in self.position)
         yield from self.effort
 
     def updated_by(self, later: JointTargets) -> JointTargets:
-        """These targets, but for the joints that `later` names."""
+        """Return these targets, replaced by those of `later` for the joints that it names."""
         if not any(self.names()) and self.base is None:
             return later
         renamed = set(later.names())
@@ -79,18 +79,18 @@ class JointTargets:
 Command = Twist | JointTargets
 
 Answer = Command | tuple[Command, ...] | None
-"""What a controller says at a tick: a command, several for different joints, or none: the last ones stand."""
+"""The answer of a controller at a tick: a command, several for different joints, or None to keep the last ones."""
 
 
 def commands_of(answer: Answer) -> tuple[Command, ...]:
-    """Each command of an answer."""
+    """Return all commands of a controller's answer."""
     if answer is None:
         return ()
     return answer if isinstance(answer, tuple) else (answer,)
 
 
 def is_finite(command: Command) -> bool:
-    """Whether every number of the command is one that a motor can be given."""
+    """Return True if all numbers of the command are finite."""
     if isinstance(command, Twist):
         return all(map(math.isfinite, (*command.linear_xyz, *command.angular_xyz)))
     if command.base is not None and not is_finite_push(command.base):
@@ -100,6 +100,6 @@ def is_finite(command: Command) -> bool:
 
 
 def is_finite_push(push: BasePush) -> bool:
-    """Whether every number of it is finite."""
+    """Return True if all numbers of the push are finite."""
     numbers = (*push.linear_xy, push.angular_z, *push.point_xyz, push.max_force, push.max_torque)
     return all(map(math.isfinite, numbers))

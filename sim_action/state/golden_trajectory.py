@@ -24,34 +24,34 @@ if TYPE_CHECKING:
 
 
 RESOLUTION: Final = 1e-4
-"""In m and rad: what values are rounded to."""
+"""The resolution of values, in m and rad."""
 
 TITLE: Final = "# sim-action golden trajectory "
-"""How the first line begins; the version of the format and the robot follow."""
+"""The beginning of the first line; the version of the format and the robot follow."""
 
 VERSION: Final = "1"
 _BASE: Final = ("time_s", "x_m", "y_m", "z_m", "yaw_rad")
 
 
 class GoldenError(ValueError):
-    """A file that is no golden trajectory of this robot; the message begins with its line."""
+    """A file that is not a golden trajectory of this robot; the message begins with a line number."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoldenForm:
-    """What a golden trajectory is of: the robot's own name, and the joints that are kept, each with its unit."""
+    """The header of a golden trajectory: the name of the robot, and the recorded joints with their units."""
 
     robot: str
     joints: tuple[tuple[str, str], ...] = ()
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The header, such as time_s, x_m, ..., elbow_rad."""
+        """The names of the columns, such as time_s, x_m, ..., elbow_rad."""
         return (*_BASE, *(f"{name}_{unit}" for name, unit in self.joints))
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """In the order of their columns."""
+        """The names of the joints, in the order of their columns."""
         return tuple(name for name, _ in self.joints)
 
     @property
@@ -62,12 +62,12 @@ class GoldenForm:
 
 _DECIMALS: Final = 4
 _TIME_DECIMALS: Final = 3
-_MOST_BYTES: Final = 20_000_000
+_MAX_BYTES: Final = 20_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class Golden:
-    """A trajectory.
+    """A golden trajectory.
 
     Attributes:
         rows: (T, 5 + J) time in s, rising; x, y, z in m and yaw in rad of the base link, in the world frame; positions
@@ -79,12 +79,12 @@ class Golden:
 
     @property
     def time(self) -> FloatArray:
-        """(T,) s."""
+        """The sim times of the rows, (T,) s."""
         return self.rows[:, 0]
 
     @classmethod
     def of_trace(cls, form: GoldenForm, trace: Trace, rate: float) -> Self:
-        """The trajectory of a run, from its first to its last moment; `rate`: rows in a second, in Hz."""
+        """Return the trajectory of a run, from its first to its last moment; `rate`: rows per second, in Hz."""
         import numpy as np
 
         rows = rows_of(trace, form.joint_names)
@@ -95,23 +95,23 @@ class Golden:
         times: FloatArray = np.unique(np.concatenate(([first], ticks, [last])).round(_TIME_DECIMALS))
         sampled = interpolated(rows, times)
         sampled[:, 4] = _continuous(sampled[:, 4])
-        # Rounding leaves zeros below zero, and adding one takes their sign.
+        # Rounding can give -0.0; adding 0.0 removes the sign.
         return cls(form, np.column_stack((times, np.round(sampled[:, 1:], _DECIMALS) + 0.0)))
 
     @classmethod
     def read(cls, path: Path, form: GoldenForm) -> Self:
-        """Reads a file. Raises OSError, and GoldenError for one that is damaged or of something else."""
+        """Read a file. Raise OSError, and GoldenError for a file that is damaged or of another robot."""
         import numpy as np
 
-        data = read_at_most(path, _MOST_BYTES)
+        data = read_at_most(path, _MAX_BYTES)
         if data is None:
-            raise GoldenError(f"1: the file is larger than {_MOST_BYTES // 1_000_000} MB, the maximum")
+            raise GoldenError(f"1: the file is larger than {_MAX_BYTES // 1_000_000} MB, the maximum")
         lines = data.decode("utf-8-sig", errors="replace").splitlines()
         _check_title(lines[0] if lines else "", form)
         return cls(form, np.array(list(_read_rows(lines, form)), dtype=np.float64))
 
     def text(self) -> str:
-        """The whole file."""
+        """Return the content of the file."""
         written = io.StringIO()
         written.write(f"{self.form.title}\n")
         writer = csv.writer(written, lineterminator="\n")
@@ -121,10 +121,10 @@ class Golden:
         return written.getvalue()
 
     def write(self, path: Path) -> bool:
-        """Writes the file, and folders above it; returns whether it says something new. Raises OSError, ValueError."""
+        """Write the file and its folders; return True if its content changed. Raise OSError, ValueError."""
         data = self.text().encode()
-        if len(data) > _MOST_BYTES:
-            raise ValueError(f"the file would be larger than {_MOST_BYTES // 1_000_000} MB; use a lower 'rate'")
+        if len(data) > _MAX_BYTES:
+            raise ValueError(f"the file would be larger than {_MAX_BYTES // 1_000_000} MB; use a lower 'rate'")
         if path.is_file() and path.read_bytes() == data:
             return False
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -134,7 +134,7 @@ class Golden:
 
 
 def rows_of(trace: Trace, joints: Sequence[str]) -> FloatArray:
-    """(T, 5 + J) what a golden trajectory holds, of each moment of a trace; yaw in (-pi, pi]."""
+    """Return the rows (T, 5 + J) of a golden trajectory for all moments of a trace; yaw in (-pi, pi]."""
     import numpy as np
 
     columns = [trace.joint_position[:, trace.joint_names.index(name)] for name in joints]
@@ -142,9 +142,9 @@ def rows_of(trace: Trace, joints: Sequence[str]) -> FloatArray:
 
 
 def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
-    """(N, 5 + J) rows at N times: straight between the two rows around each, and a yaw the short way round.
+    """Return rows (N, 5 + J) at N times: linear between two rows, yaw on the short way round.
 
-    What is before the first row or after the last is as that one. The rows farther away change no digit of it.
+    Before the first row and after the last row, the values are constant. Only the two nearest rows count.
     """
     import numpy as np
 
@@ -152,7 +152,7 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
     before = np.maximum(after - 1, 0)
     step = rows[after] - rows[before]
     step[:, 4] = wrapped(step[:, 4])
-    # What is exactly at a row is that row, whatever came before it.
+    # A time that equals a row's time gives exactly that row.
     lead = np.divide(times - rows[after, 0], step[:, 0], out=np.zeros(len(times)), where=step[:, 0] > 0)
     found = rows[after] + np.minimum(lead, 0.0)[:, None] * step
     found[:, 0] = times
@@ -160,14 +160,14 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
 
 
 def wrapped(angle: FloatArray) -> FloatArray:
-    """Angles in rad, in [-pi, pi)."""
+    """Return angles in rad, wrapped to [-pi, pi)."""
     import numpy as np
 
     return np.asarray(np.remainder(angle + np.pi, 2 * np.pi) - np.pi, dtype=np.float64)
 
 
 def _continuous(yaw: FloatArray) -> FloatArray:
-    """Without jumps from pi to -pi; what begins there begins at pi, on which side of it that may be."""
+    """Return yaw without jumps from pi to -pi; a start at either of them becomes pi."""
     import numpy as np
 
     turned = np.unwrap(yaw)

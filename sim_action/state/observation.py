@@ -14,7 +14,7 @@ _Thing = TypeVar("_Thing")
 
 
 class JointState(NamedTuple):
-    """One joint: position in rad (m if prismatic), velocity in rad/s (m/s), motor effort in N m (N)."""
+    """The state of a joint: position in rad (m if prismatic), velocity in rad/s (m/s), motor effort in N m (N)."""
 
     position: float
     velocity: float
@@ -22,7 +22,7 @@ class JointState(NamedTuple):
 
 
 class ByName(dict[str, _Thing]):
-    """Things of one kind; asked for a name that there is not, it says which there are."""
+    """A dict of things of one kind; the error for an unknown name lists the known ones."""
 
     __slots__ = ()
 
@@ -31,13 +31,13 @@ class ByName(dict[str, _Thing]):
 
 
 class Contact(NamedTuple):
-    """A link of the robot touching a body of the world.
+    """A contact between a link of the robot and a body of the world.
 
     Attributes:
         time: sim time in s.
         link: name of the robot's link.
         body: name of the other body; the ground is "ground".
-        position_xyz: where, in m, world frame.
+        position_xyz: the place in m, world frame.
         force: normal force in N.
     """
 
@@ -49,7 +49,7 @@ class Contact(NamedTuple):
 
 
 class Overlap(NamedTuple):
-    """A link of the robot inside a body of the world: how deep in m, where it is deepest."""
+    """A link of the robot that is inside a body of the world; `depth` in m, at the deepest point."""
 
     link: str
     body: str
@@ -57,9 +57,9 @@ class Overlap(NamedTuple):
 
 
 class PresentContacts(Sequence[Contact]):
-    """The contacts of one moment, which are read from the engine only if somebody looks at them.
+    """The contacts of the present moment, read from the engine only when they are used.
 
-    The engine knows the present alone: before it goes on, it lets those that are still held be read (`settle`).
+    The engine knows only the present: before the next step, it calls `settle` for all contacts still in use.
     """
 
     __slots__ = ("__weakref__", "_found", "_read")
@@ -69,7 +69,7 @@ class PresentContacts(Sequence[Contact]):
         self._found: tuple[Contact, ...] | None = None
 
     def settle(self) -> tuple[Contact, ...]:
-        """What they are, also when the engine has gone on."""
+        """Read the contacts now and keep them, so that they stay valid after the next step."""
         if self._found is None:
             self._found = tuple(self._read())
         return self._found
@@ -97,12 +97,12 @@ class PresentContacts(Sequence[Contact]):
         return repr(self.settle())
 
     def __reduce__(self) -> tuple[type[tuple[Contact, ...]], tuple[tuple[Contact, ...]]]:
-        # A copy is not known to the engine, which would go on without letting it be read.
+        # The engine does not know of a copy, and would step on without settling it.
         return tuple, (self.settle(),)
 
 
 class Clash(NamedTuple):
-    """A body of the world that moves, inside another one or the ground: how deep in m, where it is deepest."""
+    """A moving body of the world that is inside another body or the ground; `depth` in m, at the deepest point."""
 
     body: str
     other: str
@@ -115,11 +115,11 @@ class Observation:
 
     Attributes:
         time: sim time in s since the first command.
-        pose: base link in the world frame (its link frame, not its centre of mass).
+        pose: pose of the base link in the world frame (its link frame, not its centre of mass).
         twist: velocity of the base link's origin, world frame.
         joints: joint name -> state, for every joint that moves.
-        contacts: what touches the robot now, the ground included.
-        sensors: name -> its latest reading, for every sensor of the scenario.
+        contacts: the present contacts of the robot, with the ground included.
+        sensors: sensor name -> its latest reading, for every sensor of the scenario.
     """
 
     time: float

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadingColumn:
-    """One column.
+    """A column of readings in a trace.
 
     Attributes:
-        dimension: of its numbers.
+        dimension: the dimension of its numbers.
         axes: a letter for each number, such as "xyz"; "" for a single one.
-        many: whether it holds any number of numbers instead, such as the ranges of a scan.
+        many: True if a reading holds any number of values, such as the ranges of a scan.
     """
 
     dimension: Dimension
@@ -33,7 +33,7 @@ class ReadingColumn:
 
     @property
     def is_single(self) -> bool:
-        """Whether it is one number."""
+        """True if a reading has one number in this column."""
         return not self.axes and not self.many
 
 
@@ -65,33 +65,33 @@ READING_COLUMNS: Final[Mapping[str, Mapping[str, ReadingColumn]]] = MappingProxy
         },
     }
 )
-"""Kind of sensor -> its columns by name."""
+"""The columns of each kind of sensor, by name."""
 
 
 _FULL_CIRCLE: Final = 2 * math.pi
-# Angles that are meant to be the same differ by rounding.
+# Equal angles may differ by rounding.
 _ANGLE_EPSILON: Final = 1e-9
 
 
 class Reading(Protocol):
-    """What all readings are."""
+    """The interface of all readings."""
 
     @property
     def time(self) -> float:
-        """Sim time in s at which it was measured."""
+        """The sim time of the measurement in s."""
 
     def columns(self) -> Mapping[str, ArrayLike]:
-        """What changes from one reading to the next, under the names that a stored trace has it by."""
+        """Return the values that change from one reading to the next, by the names of their columns in a trace."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContactReading:
-    """Whether a link touches something.
+    """The reading of a contact sensor: the contacts of one link.
 
     Attributes:
-        touching: whether it does.
+        touching: True if the link touches something.
         force: sum of the normal forces in N.
-        bodies: names of what it touches; the ground is "ground".
+        bodies: the names of the touched bodies; the ground is "ground".
     """
 
     time: float
@@ -100,18 +100,18 @@ class ContactReading:
     bodies: tuple[str, ...]
 
     def columns(self) -> Mapping[str, Any]:
-        """See Reading.columns."""
+        """Return the stored values; see Reading.columns."""
         return {"touching": float(self.touching), "force": float(self.force)}
 
 
 @dataclass(frozen=True, slots=True)
 class ImuReading:
-    """How a sensor turns and accelerates, and how it is turned.
+    """The reading of an IMU: orientation, angular velocity and linear acceleration.
 
     Attributes:
-        orientation_xyzw: of the sensor in the world.
-        angular_velocity_xyz: rad/s, sensor frame.
-        linear_acceleration_xyz: m/s^2, sensor frame, the specific force: at rest, gravity upwards.
+        orientation_xyzw: the orientation of the sensor in the world.
+        angular_velocity_xyz: the angular velocity in rad/s, sensor frame.
+        linear_acceleration_xyz: the specific force in m/s^2, sensor frame: at rest it is gravity, upwards.
     """
 
     time: float
@@ -120,7 +120,7 @@ class ImuReading:
     linear_acceleration_xyz: Vector3
 
     def columns(self) -> Mapping[str, Any]:
-        """See Reading.columns."""
+        """Return the stored values; see Reading.columns."""
         return {
             "orientation_xyzw": self.orientation_xyzw,
             "angular_velocity_xyz": self.angular_velocity_xyz,
@@ -130,11 +130,11 @@ class ImuReading:
 
 @dataclass(frozen=True, slots=True)
 class OdometryReading:
-    """Where a robot believes it is by its wheels.
+    """The reading of wheel odometry: the pose and the twist of the base, computed from its wheels.
 
     Attributes:
-        pose: of the base link, world frame; where it begins, that is the truth.
-        twist: of the base link, in its own frame, in the mean since the reading before.
+        pose: the pose of the base link, world frame; at the start it is exact.
+        twist: the mean twist of the base link since the last reading, in its own frame.
     """
 
     time: float
@@ -142,7 +142,7 @@ class OdometryReading:
     twist: Twist
 
     def columns(self) -> Mapping[str, Any]:
-        """See Reading.columns."""
+        """Return the stored values; see Reading.columns."""
         return {
             "position_xyz": self.pose.position_xyz,
             "orientation_xyzw": self.pose.orientation_xyzw,
@@ -153,11 +153,11 @@ class OdometryReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraImage:
-    """What a camera sees; rows go down, columns to the right. The arrays cannot be written to.
+    """The image of a camera; rows go down, columns to the right. The arrays are read-only.
 
     Attributes:
         rgb: (H, W, 3) red, green and blue, 0 to 255.
-        depth: (H, W) in m along the way that the camera looks, not along the ray of the pixel; inf where nothing is.
+        depth: (H, W) in m along the viewing direction of the camera, not along the ray of the pixel; inf for no hit.
     """
 
     time: float
@@ -165,19 +165,19 @@ class CameraImage:
     depth: NDArray[np.float32]
 
     def columns(self) -> Mapping[str, Any]:
-        """See Reading.columns."""
+        """Return the stored values; see Reading.columns."""
         return {"rgb": self.rgb, "depth": self.depth}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LidarScan:
-    """How far it is to what surrounds a sensor, in the plane of its x and y axes.
+    """The scan of a lidar: distances to its surroundings, in the plane of the sensor's x and y axes.
 
     Attributes:
-        angle_min: of the first ray in rad, counter-clockwise about the sensor's z axis from its x axis.
-        angle_increment: rad from one ray to the next.
-        range_min, range_max: m, between which distances are measured.
-        ranges: (N,) m; inf: nothing is in range; -inf: something is nearer than `range_min` (ROS REP 117). Read only.
+        angle_min: the angle of the first ray in rad, counter-clockwise about the sensor's z axis from its x axis.
+        angle_increment: the angle between two rays in rad.
+        range_min, range_max: the limits of measured distances in m.
+        ranges: (N,) m; inf: nothing in range; -inf: something nearer than `range_min` (ROS REP 117). Read-only.
     """
 
     time: float
@@ -189,16 +189,16 @@ class LidarScan:
 
     @property
     def angles(self) -> NDArray[np.float64]:
-        """(N,) rad, of each ray."""
+        """The angles of the rays, (N,) rad."""
         import numpy as np
 
         return self.angle_min + self.angle_increment * np.arange(len(self.ranges), dtype=np.float64)
 
     def nearest(self, start_angle: float, end_angle: float) -> float:
-        """The shortest range in m from one angle counter-clockwise to the other, in rad; inf: nothing is there.
+        """Return the shortest range in m between two angles in rad, counter-clockwise; inf if nothing is there.
 
-        `nearest(1.0, 0.5)` looks round the back. Between rays, the nearest ray counts; where the sensor does not look
-        at all, the answer is inf.
+        `nearest(1.0, 0.5)` covers the back. If no ray lies between the angles, the nearest ray counts; outside
+        the field of view the result is inf.
         """
         import numpy as np
 
@@ -208,11 +208,11 @@ class LidarScan:
         past = (self.angles - start_angle + _ANGLE_EPSILON) % _FULL_CIRCLE
         within = past <= width + 2 * _ANGLE_EPSILON
         if not within.any() and width < self.angle_increment:
-            # How far each ray is before the one angle or past the other.
+            # The angle of each ray to the nearer of the two limits.
             beside = np.minimum(past - width, _FULL_CIRCLE - past)
             within = beside <= min(self.angle_increment, beside.min() + 4 * _ANGLE_EPSILON)
         return float(self.ranges[within].min(initial=math.inf))
 
     def columns(self) -> Mapping[str, Any]:
-        """See Reading.columns."""
+        """Return the stored values; see Reading.columns."""
         return {"ranges": self.ranges}

@@ -12,17 +12,17 @@ from sim_action.state.trace import COLUMNS, Trace
 
 
 class Digest:
-    """SHA-256 over the state at every step, however the steps are cut into traces."""
+    """A SHA-256 digest of the state at every step, independent of how the steps are cut into traces."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
 
     def add(self, trace: Trace) -> None:
-        """Takes in the steps that follow."""
+        """Add the following steps."""
         self._hash.update(trace.state.astype("<f8", order="C", copy=False).tobytes())
 
     def hexdigest(self) -> str:
-        """64 hexadecimal digits."""
+        """Return the digest as 64 hexadecimal digits."""
         return self._hash.hexdigest()
 
 
@@ -31,9 +31,9 @@ class Divergence:
     """The first difference between two traces.
 
     Attributes:
-        time: in s of sim time; of the one that was over first, its end, if nothing differs until then.
-        column: such as "x of base_position_xyz", or "joint_velocity of elbow"; empty if one was just over first.
-        values: of the two, in SI; if one was over first, the times at which they were over.
+        time: the sim time in s; if one trace is only shorter, its end.
+        column: such as "x of base_position_xyz", or "joint_velocity of elbow"; empty if one trace is only shorter.
+        values: the two values in SI; if one trace is only shorter, both end times in s.
     """
 
     time: float
@@ -42,11 +42,11 @@ class Divergence:
 
 
 def first_divergence(first: Trace, second: Trace) -> Divergence | None:
-    """Bit by bit, moment by moment; None: they are the same. Raises ValueError for traces of different robots."""
+    """Return the first bit that differs, or None. Raise ValueError for traces of different robots."""
     if first.joint_names != second.joint_names:
         raise ValueError("the traces have different joints")
     common = min(len(first), len(second))
-    # As a digest has it: zeros with different signs are different.
+    # As in a digest, 0.0 and -0.0 are different.
     ours, theirs = (np.ascontiguousarray(trace.state[:common]) for trace in (first, second))
     rows, columns = np.nonzero(ours.view(np.int64) != theirs.view(np.int64))
     if len(rows):
@@ -60,7 +60,7 @@ def first_divergence(first: Trace, second: Trace) -> Divergence | None:
 
 
 def _column_names(joints: tuple[str, ...]) -> Iterator[str]:
-    """Of all columns of a state, in their order."""
+    """Yield the names of all columns of a state, in their order."""
     for name in COLUMNS:
         if name.startswith("joint_"):
             yield from (f"{name} of {joint}" for joint in joints)

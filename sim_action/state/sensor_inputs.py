@@ -18,38 +18,38 @@ if TYPE_CHECKING:
 
 
 class EngineQueries(Protocol):
-    """An engine, as sensors see it."""
+    """The queries of sensors to a physics engine; none of them changes the run."""
 
     def link_pose(self, link: str) -> Pose:
-        """Of a link's frame, which is not its centre of mass, in the world."""
+        """Return the pose of a link's frame in the world; the frame is not the centre of mass."""
 
     def link_twist(self, link: str) -> Twist:
-        """Of the origin of a link's frame, in the world frame."""
+        """Return the twist of the origin of a link's frame, in the world frame."""
 
     def body_pose(self, body: str) -> Pose:
-        """Of the middle of a body of the world, by its name; not of the ground."""
+        """Return the pose of the centre of a body of the world, by name; the ground has none."""
 
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Casts rays that meet the bodies of the world and the ground, and never the robot.
+        """Cast rays that hit the bodies of the world and the ground, but never the robot.
 
-        What `start_xyz` is inside of is not met, either: rays see surfaces from outside.
+        A body around `start_xyz` is not hit: rays see surfaces from outside only.
 
         Args:
-            start_xyz: where all of them begin, in m, world frame.
-            ends_xyz: (N, 3) where they end, in m, world frame.
+            start_xyz: the start of all rays, in m, world frame.
+            ends_xyz: (N, 3) the ends of the rays, in m, world frame.
 
         Returns:
-            (N,) the share of its way, 0 to 1, after which each ray meets a surface; inf: it meets none.
+            (N,) the fraction of each ray, 0 to 1, at which it hits a surface; inf: no hit.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class PlanarWay:
-    """A way over the ground on an arc: how far a point of the base goes, as seen from the base, while that turns.
+    """A motion of a point of the base along an arc on the ground, in the axes of the turning base.
 
     Attributes:
-        x, y: m along the axes of the base, added up on the way.
-        turn: rad to the left.
+        x, y: the distance in m along the axes of the base, summed along the arc.
+        turn: the turn to the left in rad.
     """
 
     x: float
@@ -57,12 +57,12 @@ class PlanarWay:
     turn: float
 
     def of_point(self, x: float, y: float) -> PlanarWay:
-        """The way of the point of the base that is at (x, y) m of this one."""
+        """Return the motion of the point of the base that is at (x, y) m from this one."""
         return PlanarWay(self.x - self.turn * y, self.y + self.turn * x, self.turn)
 
     def pose(self) -> Pose:
-        """Where it leads to, seen from where it begins. Exact: an arc is its chord, half-way turned."""
-        # Of a state that is not finite nothing is known; the watchdog tells of it.
+        """Return the end pose, seen from the start pose. Exact: the chord of an arc points in its mean direction."""
+        # The watchdog reports a state that is not finite.
         turn = self.turn if math.isfinite(self.turn) else math.nan
         half = turn / 2
         chord = math.sin(half) / half if half else 1.0
@@ -71,24 +71,24 @@ class PlanarWay:
         return Pose(position, quaternion_from_rpy(0.0, 0.0, turn))
 
     def twist(self, duration: float) -> Twist:
-        """The velocity at which it takes so many seconds, in the frame of the base."""
+        """Return the velocity that makes this motion in `duration` s, in the frame of the base."""
         return Twist((self.x / duration, self.y / duration, 0.0), (0.0, 0.0, self.turn / duration))
 
 
 class WheelMotion(Protocol):
-    """How the wheels of a robot move it."""
+    """The relation between the wheels of a robot and the motion of its base."""
 
     @property
     def gears(self) -> Mapping[str, float]:
-        """Joint of a wheel -> m that it rolls forward while the joint turns by 1 rad."""
+        """The rolling distance in m for 1 rad of each wheel joint."""
 
     @property
     def steering(self) -> tuple[str, ...]:
-        """Joints that steer."""
+        """The joints that steer."""
 
     @property
     def middle_xy(self) -> tuple[float, float]:
-        """The point whose way is told, in m, base frame: what the robot turns about where it turns on the spot."""
+        """The reference point of the motion in m, base frame: the centre of a turn on the spot."""
 
     def way(self, rolled: Mapping[str, float], steered: Mapping[str, float]) -> PlanarWay:
-        """Of that point. `rolled`: joint of a wheel -> m forward; `steered`: joint -> its mean position in rad."""
+        """Return the motion of the reference point."""

@@ -1,6 +1,6 @@
-"""A trace: the robot's state as columns over sim time, and the contacts it had.
+"""The trace of a run: the robot's state as columns over sim time, and its contacts.
 
-The simulation loop hands monitors short traces at full rate; what is stored is decimated, but for the contacts.
+The simulation loop gives monitors short traces at full rate. Stored traces have a lower rate, but all contacts.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRecord
@@ -47,15 +47,15 @@ _WIDTHS: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """State over T moments for J joints; SI units, world frame.
+    """The state over T moments for J joints; SI units, world frame.
 
     Attributes:
         joint_names: J names, the order of the joint columns.
         state: (T, 14 + 3 J), a row a moment; the properties below are its columns, in this order.
-        contacts: of the robot with bodies other than the ground, from every step between the first and last moment.
-        sensors: name -> what it told until the last moment, for sensors that the trace keeps.
-        clearances: watch -> how near the robot came; from every step, as contacts are.
-        bodies: name -> where a body of the world was, for those that move, if a replay is asked for.
+        contacts: contacts of the robot with bodies other than the ground, from every step of the trace.
+        sensors: sensor name -> its readings, for sensors that the trace keeps.
+        clearances: watch -> the observed distances, from every step.
+        bodies: body name -> its poses, for moving bodies, if a replay is asked for.
     """
 
     joint_names: tuple[str, ...]
@@ -72,7 +72,7 @@ class Trace:
     def of_columns(
         cls, joint_names: tuple[str, ...], contacts: tuple[Contact, ...] = (), **columns: FloatArray
     ) -> Self:
-        """A trace from its columns; raises ValueError if one is missing or of another length or width."""
+        """Return a trace from its columns; raise ValueError if a column is missing or has another length or width."""
         rows, joints = len(columns["time"]), len(joint_names)
         for name, column in columns.items():
             width = _WIDTHS.get(name, joints)
@@ -82,7 +82,7 @@ class Trace:
 
     @classmethod
     def of_observation(cls, observation: Observation) -> Self:
-        """A trace of one moment, without contacts."""
+        """Return a trace of one moment, without contacts."""
         pose, twist, joints = observation.pose, observation.twist, observation.joints
         base = (*pose.position_xyz, *pose.orientation_xyzw, *twist.linear_xyz, *twist.angular_xyz)
         groups = zip(*joints.values(), strict=True)
@@ -91,7 +91,7 @@ class Trace:
 
     @classmethod
     def concatenate(cls, traces: Sequence[Self]) -> Self:
-        """Traces of the same robot, one after the other."""
+        """Return traces of the same robot, joined in their order."""
         contacts = tuple(contact for trace in traces for contact in trace.contacts)
         sensors = _joined([trace.sensors for trace in traces], SensorRecord.concatenate)
         clearances = _joined([trace.clearances for trace in traces], ClearanceRecord.concatenate)
@@ -101,42 +101,42 @@ class Trace:
 
     @property
     def time(self) -> FloatArray:
-        """(T,) s since the first command, rising."""
+        """The sim time since the first command, (T,) s, rising."""
         return self.state[:, 0]
 
     @property
     def base_position_xyz(self) -> FloatArray:
-        """(T, 3) m, origin of the base link."""
+        """The position of the base link's origin, (T, 3) m."""
         return self.state[:, 1:4]
 
     @property
     def base_orientation_xyzw(self) -> FloatArray:
-        """(T, 4) unit quaternions of the base link."""
+        """The orientation of the base link, (T, 4) unit quaternions."""
         return self.state[:, 4:8]
 
     @property
     def base_linear_xyz(self) -> FloatArray:
-        """(T, 3) m/s, velocity of the base link's origin."""
+        """The velocity of the base link's origin, (T, 3) m/s."""
         return self.state[:, 8:11]
 
     @property
     def base_angular_xyz(self) -> FloatArray:
-        """(T, 3) rad/s of the base link."""
+        """The angular velocity of the base link, (T, 3) rad/s."""
         return self.state[:, 11:14]
 
     @property
     def joint_position(self) -> FloatArray:
-        """(T, J) rad, or m if prismatic."""
+        """The positions of the joints, (T, J) rad, or m if prismatic."""
         return self._joint_columns(0)
 
     @property
     def joint_velocity(self) -> FloatArray:
-        """(T, J) rad/s, or m/s if prismatic."""
+        """The velocities of the joints, (T, J) rad/s, or m/s if prismatic."""
         return self._joint_columns(1)
 
     @property
     def joint_effort(self) -> FloatArray:
-        """(T, J) N m, or N if prismatic, of the motors."""
+        """The efforts of the motors, (T, J) N m, or N if prismatic."""
         return self._joint_columns(2)
 
     def _joint_columns(self, group: int) -> FloatArray:
@@ -144,42 +144,42 @@ class Trace:
         return self.state[:, 14 + group * joints : 14 + (group + 1) * joints]
 
     def first(self, count: int) -> Self:
-        """The first moments, at least one, with the contacts up to the last of them."""
+        """Return the first `count` moments (at least one), with the contacts up to the last of them."""
         end = self.time[count - 1]
         return self._part(slice(count), -np.inf, end, end)
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Some of the moments, with all contacts, readings, clearances and bodies."""
+        """Return some of the moments, with all contacts, readings, clearances and bodies."""
         return replace(self, state=self.state[wanted])
 
     def between(self, start: float, end: float) -> Self:
-        """Moments, contacts, clearances and bodies with start <= time <= end, and readings with start <= time < end.
+        """Return all data with start <= time <= end, but readings with start <= time < end.
 
-        What is read at a moment is told with the next one: a run that was cut at `end` would not have it yet.
+        A reading belongs to the step after it: a run that ends at `end` does not have it yet.
         """
-        told_until = end - 2 * TIME_EPSILON
+        told_until = end - 2 * TIME_EPSILON_S
         is_whole = len(self) and start <= self._first and self._last <= (told_until if self.sensors else end)
         if is_whole:
             return self
-        start, end = start - TIME_EPSILON, end + TIME_EPSILON
+        start, end = start - TIME_EPSILON_S, end + TIME_EPSILON_S
         first, last = np.searchsorted(self.time, (start, end))
         return self._part(slice(int(first), int(last)), start, end, told_until)
 
     @cached_property
     def _first(self) -> float:
-        """The time of what it tells first, in s: contacts and the like may be from between moments."""
+        """The earliest time of all data in s: contacts and other records may lie between moments."""
         told = (*(contact.time for contact in self.contacts), *(record.time[0] for record in self._records))
         return float(min([self.time[0], *told]))
 
     @cached_property
     def _last(self) -> float:
-        """The same of what it tells last."""
+        """The latest time of all data in s."""
         told = (*(contact.time for contact in self.contacts), *(record.time[-1] for record in self._records))
         return float(max([self.time[-1], *told]))
 
     @property
     def _records(self) -> list[SensorRecord | ClearanceRecord | BodyRecord]:
-        """Those that have any moment."""
+        """The records that are not empty."""
         records: list[SensorRecord | ClearanceRecord | BodyRecord] = []
         for several in (self.sensors, self.clearances, self.bodies):
             records += several.values()
@@ -187,7 +187,7 @@ class Trace:
 
     @property
     def _tells(self) -> bool:
-        """Whether there is anything beside the state."""
+        """True if there is data besides the state."""
         return bool(self.contacts or self.sensors or self.clearances or self.bodies)
 
     def _part(self, wanted: slice, start: float, end: float, told_until: float) -> Self:
@@ -204,53 +204,53 @@ class Trace:
 
     @cached_property
     def speed(self) -> FloatArray:
-        """(T,) m/s of the base link's origin."""
+        """The speed of the base link's origin, (T,) m/s."""
         return _norm(self.base_linear_xyz)
 
     @cached_property
     def turn_rate(self) -> FloatArray:
-        """(T,) rad/s, magnitude of the base's angular velocity."""
+        """The magnitude of the base's angular velocity, (T,) rad/s."""
         return _norm(self.base_angular_xyz)
 
     @cached_property
     def yaw(self) -> FloatArray:
-        """(T,) rad in (-pi, pi], heading of the base about the world's z axis."""
+        """The heading of the base about the world's z axis, (T,) rad in (-pi, pi]."""
         x, y, z, w = self.base_orientation_xyzw.T
         return _array(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
     @cached_property
     def tilt(self) -> FloatArray:
-        """(T,) rad in [0, pi] between the base's z axis and the world's."""
+        """The angle between the base's z axis and the world's, (T,) rad in [0, pi]."""
         x, y, _, _ = self.base_orientation_xyzw.T
         return _array(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
 
     def distance_to(self, point_xyz: Vector3) -> FloatArray:
-        """(T,) m from a point, in space."""
+        """Return the distance to a point in space, (T,) m."""
         return _norm(self.base_position_xyz - np.asarray(point_xyz))
 
     def planar_distance_to(self, x: float, y: float) -> FloatArray:
-        """(T,) m from a point, on the ground plane."""
+        """Return the distance to a point on the ground plane, (T,) m."""
         return _norm(self.base_position_xyz[:, :2] - np.asarray((x, y)))
 
     def yaw_error_to(self, yaw: float | FloatArray) -> FloatArray:
-        """(T,) rad in [0, pi] between the heading and `yaw`, or (T,) of them."""
+        """Return the angle between the heading and `yaw`, (T,) rad in [0, pi]."""
         return np.abs(np.remainder(self.yaw - yaw + np.pi, 2 * np.pi) - np.pi)
 
     def arc_length_from(self, point_xyz: Vector3, length: float = 0.0) -> FloatArray:
-        """(T,) m of path behind the robot, if it was at `point_xyz`, after `length` m, before the first moment."""
+        """Return the length of the path so far, (T,) m, from `point_xyz`, where it is `length` m."""
         path = np.vstack((np.asarray(point_xyz), self.base_position_xyz))
         # The sum begins with `length`: added afterwards, it would round differently for every way to cut a trace.
         return np.cumsum(np.concatenate(([length], _norm(np.diff(path, axis=0)))))[1:]
 
 
 def _joined(several: Sequence[Mapping[_Key, _Record]], join: Callable[[list[_Record]], _Record]) -> dict[_Key, _Record]:
-    """Records of the same key, one after the other."""
+    """Return records with the same key, joined in their order."""
     keys = dict.fromkeys(key for records in several for key in records)
     return {key: join([records[key] for records in several if key in records]) for key in keys}
 
 
 def _array(values: Any) -> FloatArray:
-    """Numpy's stubs lose the element type in arithmetic on columns."""
+    """Return float64; numpy's stubs lose the element type in arithmetic on columns."""
     return np.asarray(values, dtype=np.float64)
 
 

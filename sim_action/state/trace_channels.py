@@ -1,6 +1,6 @@
-"""What is computed of a run only if somebody asks for it: contacts, clearance, readings of sensors.
+"""The channels of a trace that are computed on request only: contacts, clearances, sensor readings, bodies.
 
-An assertion declares its channels; a run computes those of all its assertions together, and nothing else.
+An assertion declares its channels. A run computes the channels of all its assertions, and nothing else.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Self
 
 @dataclass(frozen=True, slots=True)
 class ClearanceWatch:
-    """The least distance between any of these links and any of these bodies.
+    """A request for the smallest distance between some links of the robot and some bodies.
 
     Attributes:
-        links: of the robot; None: all.
-        bodies: of the world; None: all but the ground.
-        within: m; what is farther away is not told.
-        always: whether it is told at every step; else only at those where it is less than ever before.
+        links: links of the robot; None: all.
+        bodies: bodies of the world; None: all except the ground.
+        within: the largest reported distance in m.
+        always: True to report every step; else only steps with a new minimum.
     """
 
     links: tuple[str, ...] | None = None
@@ -32,14 +32,14 @@ class ClearanceWatch:
 
 @dataclass(frozen=True, slots=True)
 class Channels:
-    """What is asked for; `|` joins two of them.
+    """The requested channels; `|` joins two requests.
 
     Attributes:
-        contacts: whether `Trace.contacts` are.
-        clearances: which of `Trace.clearances` are.
-        sensors: names of those that are read, and stand in `Trace.sensors` for monitors.
-        bodies: names of those whose `Trace.bodies` are.
-        openings: sim times in s from which somebody looks: "ever before" begins anew at each.
+        contacts: True if `Trace.contacts` is needed.
+        clearances: the entries of `Trace.clearances` that are needed.
+        sensors: the names of sensors that monitors need in `Trace.sensors`.
+        bodies: the names of bodies that are needed in `Trace.bodies`.
+        openings: sim times in s at which an observation begins, and the minimum of a clearance is reset.
     """
 
     contacts: bool = False
@@ -50,7 +50,7 @@ class Channels:
 
     @classmethod
     def all_of(cls, several: Iterable[Self]) -> Self:
-        """What any of them asks for."""
+        """Return the union of several requests."""
         return reduce(or_, several, cls())
 
     def __or__(self, other: Self) -> Self:
@@ -64,5 +64,5 @@ class Channels:
         )
 
     def opening_at(self, time: float) -> Self:
-        """The same, looked at from a sim time on."""
+        """Return the same request, observed from a sim time on."""
         return replace(self, openings=self.openings | {time})

@@ -10,25 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.readings import Reading
 
 FRAME_RATE: Final = 30.0
-"""Hz: how often bodies are looked at, and a replay shows them."""
+"""The frame rate of replays in Hz, and of the poses of bodies."""
 
 
 def frame_stride(rate: float) -> int:
-    """Physics steps at `rate` Hz from one look to the next."""
+    """Return the number of physics steps at `rate` Hz between two frames."""
     return max(1, round(rate / FRAME_RATE))
 
 
 @dataclass(frozen=True, eq=False)
 class BodyRecord:
-    """The poses of one body in the world frame, at N moments, 30 a second.
+    """The poses of one body in the world frame, at N moments, 30 per second.
 
     Attributes:
         time: (N,) s, rising.
-        position_xyz: (N, 3) m, of its frame's origin, as `pose` in its scenario.
+        position_xyz: (N, 3) m, the origin of its frame, as `pose` in the scenario.
         orientation_xyzw: (N, 4) unit quaternions.
     """
 
@@ -41,7 +41,7 @@ class BodyRecord:
 
     @classmethod
     def concatenate(cls, records: Sequence[Self]) -> Self:
-        """Records of the same body, one after the other."""
+        """Return records of the same body, joined in their order."""
         return cls(
             np.concatenate([record.time for record in records]),
             np.concatenate([record.position_xyz for record in records]),
@@ -49,24 +49,24 @@ class BodyRecord:
         )
 
     def between(self, start: float, end: float) -> Self:
-        """The moments with start <= time <= end."""
-        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
+        """Return the moments with start <= time <= end."""
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON_S, end + TIME_EPSILON_S))
         return self.rows(slice(int(first), int(last)))
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Some of the moments."""
+        """Return some of the moments."""
         return type(self)(self.time[wanted], self.position_xyz[wanted], self.orientation_xyzw[wanted])
 
     @property
     def is_whole(self) -> bool:
-        """Whether its columns fit each other."""
+        """True if the columns have the same length."""
         count = len(self.time)
         shapes = (self.time.shape, self.position_xyz.shape, self.orientation_xyzw.shape)
         return shapes == ((count,), (count, 3), (count, 4))
 
 
 class Nearness(NamedTuple):
-    """How near something is: sim time in s, distance in m (negative inside), and what is nearest to what."""
+    """A distance at a sim time: time in s, distance in m (negative inside), and the link and body that are nearest."""
 
     time: float
     distance: float
@@ -76,13 +76,13 @@ class Nearness(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClearanceRecord:
-    """Distances at N moments: at every step that came nearer than any before, or at all of them.
+    """The distances at N moments: at all steps, or at each step that is nearer than all before.
 
     Attributes:
-        pairs: (link, body) that were nearest to each other at some moment.
+        pairs: the pairs (link, body) that were nearest at some moment.
         time: (N,) s, rising.
-        distance: (N,) m, negative inside of each other.
-        pair: (N,) which of `pairs` it was.
+        distance: (N,) m, negative for an overlap.
+        pair: (N,) the index into `pairs`.
     """
 
     pairs: tuple[tuple[str, str], ...]
@@ -95,7 +95,7 @@ class ClearanceRecord:
 
     @classmethod
     def of(cls, found: Sequence[Nearness]) -> Self:
-        """The record of these moments."""
+        """Return the record of these moments."""
         pairs = tuple(dict.fromkeys((one.link, one.body) for one in found))
         numbers = {pair: number for number, pair in enumerate(pairs)}
         return cls(
@@ -107,7 +107,7 @@ class ClearanceRecord:
 
     @classmethod
     def concatenate(cls, records: Sequence[Self]) -> Self:
-        """Records of the same watch, one after the other."""
+        """Return records of the same watch, joined in their order."""
         pairs = tuple(dict.fromkeys(pair for record in records for pair in record.pairs))
         places = [np.array([pairs.index(pair) for pair in record.pairs], dtype=np.int64) for record in records]
         return cls(
@@ -118,19 +118,19 @@ class ClearanceRecord:
         )
 
     def between(self, start: float, end: float) -> Self:
-        """The moments with start <= time <= end."""
-        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
+        """Return the moments with start <= time <= end."""
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON_S, end + TIME_EPSILON_S))
         wanted = slice(int(first), int(last))
         return type(self)(self.pairs, self.time[wanted], self.distance[wanted], self.pair[wanted])
 
     @property
     def is_whole(self) -> bool:
-        """Whether its columns fit each other."""
+        """True if the columns have the same length and name pairs that exist."""
         shapes = {self.time.shape, self.distance.shape, self.pair.shape}
         return shapes == {(len(self.time),)} and bool(((self.pair >= 0) & (self.pair < len(self.pairs))).all())
 
     def at(self, index: int) -> Nearness:
-        """One of the moments."""
+        """Return one of the moments."""
         return Nearness(float(self.time[index]), float(self.distance[index]), *self.pairs[int(self.pair[index])])
 
 
@@ -139,9 +139,9 @@ class SensorRecord:
     """The readings of one sensor, at its own rate.
 
     Attributes:
-        kind: of sensor, as scenarios name it.
+        kind: the kind of sensor, as scenarios name it.
         time: (N,) s, rising.
-        columns: name -> (N, ...) numbers; see the kind's reading.
+        columns: column name -> (N, ...) numbers; see READING_COLUMNS.
     """
 
     kind: str
@@ -153,20 +153,20 @@ class SensorRecord:
 
     @classmethod
     def of_readings(cls, kind: str, readings: Sequence[Reading]) -> Self:
-        """The record of at least one reading."""
+        """Return the record of at least one reading."""
         rows = [reading.columns() for reading in readings]
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return cls(kind, np.array([reading.time for reading in readings]), columns)
 
     @classmethod
     def concatenate(cls, records: Sequence[Self]) -> Self:
-        """Records of the same sensor, one after the other."""
+        """Return records of the same sensor, joined in their order."""
         columns = {name: np.concatenate([record.columns[name] for record in records]) for name in records[0].columns}
         return cls(records[0].kind, np.concatenate([record.time for record in records]), columns)
 
     def between(self, start: float, end: float) -> Self:
-        """The readings with start <= time <= end."""
-        first, last = np.searchsorted(self.time, (start - TIME_EPSILON, end + TIME_EPSILON))
+        """Return the readings with start <= time <= end."""
+        first, last = np.searchsorted(self.time, (start - TIME_EPSILON_S, end + TIME_EPSILON_S))
         columns = {name: column[first:last] for name, column in self.columns.items()}
         return type(self)(self.kind, self.time[first:last], columns)
 
@@ -177,7 +177,7 @@ def _none(width: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class CommandedTwists:
-    """N commands, in the order in which they were given.
+    """The twists that the base was commanded, in their order.
 
     Attributes:
         time: (N,) s, rising.
@@ -189,7 +189,7 @@ class CommandedTwists:
 
     @classmethod
     def of(cls, told: Sequence[tuple[float, Twist]]) -> Self:
-        """From times in s and twists."""
+        """Return the record of pairs of time in s and twist."""
         values = [[*twist.linear_xyz, *twist.angular_xyz] for _, twist in told]
         return cls(np.array([time for time, _ in told]), np.array(values).reshape(-1, 6))
 

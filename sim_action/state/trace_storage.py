@@ -1,4 +1,4 @@
-"""Stored traces: a .npz file with one array a field; contacts as `contact_*`, the rest numbered."""
+"""Storage of traces: a .npz file with one array for each column; sensors, clearances and bodies are numbered."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRe
 
 _BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
-_MOST_BYTES: Final = 2_000_000_000
+_MAX_BYTES: Final = 2_000_000_000
 
 
 class TraceError(ValueError):
-    """A file that is no trace."""
+    """A file that is not a trace."""
 
 
 def save_trace(trace: Trace, path: Path) -> None:
-    """Writes a trace as .npz."""
+    """Write a trace as .npz."""
     columns = {name: getattr(trace, name) for name in COLUMNS}
     told = {
         **_contact_arrays(trace),
@@ -39,7 +39,7 @@ def save_trace(trace: Trace, path: Path) -> None:
 
 
 def load_trace(path: Path) -> Trace:
-    """Reads what `save_trace` wrote. Raises TraceError; never unpickles."""
+    """Read a file that `save_trace` wrote, without unpickling. Raise TraceError."""
     try:
         with open_regular(path, follow_link=True) as file, np.load(file, allow_pickle=False) as stored:
             _refuse_too_large(stored)
@@ -49,15 +49,15 @@ def load_trace(path: Path) -> Trace:
             trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
             return replace(trace, sensors=sensors, clearances=clearances, bodies=_body_records(stored))
-    except Exception as error:  # noqa: BLE001 - numpy and zipfile raise a dozen kinds on garbage
+    except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files
         raise TraceError(f"{path}: not a trace: {error}") from None
 
 
 def _refuse_too_large(stored: Any) -> None:
-    """A stranger's file may be small and hold much."""
+    """Raise ValueError for a small file that unpacks to a huge one."""
     size = sum(member.file_size for member in stored.zip.infolist())
-    if size > _MOST_BYTES:
-        raise ValueError(f"it holds {size // 1_000_000} MB; a trace holds at most {_MOST_BYTES // 1_000_000} MB")
+    if size > _MAX_BYTES:
+        raise ValueError(f"it holds {size // 1_000_000} MB; a trace holds at most {_MAX_BYTES // 1_000_000} MB")
 
 
 def _contact_arrays(trace: Trace) -> dict[str, Any]:
@@ -77,7 +77,7 @@ def _contact(time: float, link: str, body: str, position_xyz: list[float], force
 
 
 def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:
-    """What a trace's file holds of its sensors: numbered, as what people call them is no name for a file."""
+    """Return the arrays of all sensors; they are numbered, because names of sensors are not valid in files."""
     if not sensors:
         return {}
     arrays: dict[str, Any] = {
@@ -91,7 +91,7 @@ def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:
 
 
 def _sensor_records(stored: Mapping[str, Any]) -> dict[str, SensorRecord]:
-    """What `_sensor_arrays` has made into arrays."""
+    """Return the records from the arrays that `_sensor_arrays` made."""
     if "sensor_names" not in stored:
         return {}
     records = {}
@@ -103,7 +103,7 @@ def _sensor_records(stored: Mapping[str, Any]) -> dict[str, SensorRecord]:
 
 
 def _clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> dict[str, Any]:
-    """What a trace's file holds of clearances, numbered."""
+    """Return the arrays of all clearances, numbered."""
     arrays: dict[str, Any] = {}
     for index, (watch, record) in enumerate(clearances.items()):
         start = f"clearance_{index}_"
@@ -116,7 +116,7 @@ def _clearance_arrays(clearances: Mapping[ClearanceWatch, ClearanceRecord]) -> d
 
 
 def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, ClearanceRecord]:
-    """What `_clearance_arrays` has made into arrays."""
+    """Return the records from the arrays that `_clearance_arrays` made."""
     records = {}
     index = 0
     while (start := f"clearance_{index}_") + "range" in stored:
@@ -135,7 +135,7 @@ def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, Cleara
 
 
 def _body_arrays(bodies: Mapping[str, BodyRecord]) -> dict[str, Any]:
-    """What a trace's file holds of bodies, numbered."""
+    """Return the arrays of all bodies, numbered."""
     arrays: dict[str, Any] = {"body_names": np.array(list(bodies), dtype=np.str_)} if bodies else {}
     for index, record in enumerate(bodies.values()):
         arrays |= {f"body_{index}_{name}": getattr(record, name) for name in _BODY_COLUMNS}
@@ -143,7 +143,7 @@ def _body_arrays(bodies: Mapping[str, BodyRecord]) -> dict[str, Any]:
 
 
 def _body_records(stored: Mapping[str, Any]) -> dict[str, BodyRecord]:
-    """What `_body_arrays` has made into arrays."""
+    """Return the records from the arrays that `_body_arrays` made."""
     records = {}
     for index, name in enumerate(stored["body_names"].tolist() if "body_names" in stored else ()):
         record = BodyRecord(*(stored[f"body_{index}_{column}"] for column in _BODY_COLUMNS))

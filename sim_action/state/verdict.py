@@ -13,18 +13,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What was measured against what was asked.
+    """The measured value of an assertion, and the limit that it was compared with.
 
     Attributes:
-        passed: whether the assertion held.
-        measured: the value that decided it, in `unit`; None if nothing was there to measure.
-        limit: what it was held against, in `unit`.
-        margin: distance to the limit, in `unit`; positive on the good side.
-        unit: SI symbol, empty for a count.
-        time: sim time in s at which it was decided, or at which an invariant came nearest to its limit.
+        passed: True if the assertion held.
+        measured: the value that decided it, in `unit`; None if there was nothing to measure.
+        limit: the limit for the value, in `unit`.
+        margin: the distance to the limit, in `unit`; positive on the passing side.
+        unit: an SI symbol, empty for a count.
+        time: the sim time in s of the decision, or of the smallest margin of an invariant.
         message: one sentence for people.
-        cut_off: whether it failed as something else ended the run before it was decided: not the reason to look for.
-        goal: whether it had to come true once; its margin is that of the moment it did, and says little.
+        cut_off: True if it failed only because another failure ended the run before its decision.
+        goal: True if it had to become true once; its margin then belongs to that moment, and says little.
     """
 
     passed: bool
@@ -40,16 +40,16 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """One curve of an expectation.
+    """A curve that an assertion observed, with its limits.
 
     Attributes:
-        name: what people call it: "travelled", "tilt".
-        unit: of values and limits, an SI symbol as in `Verdict.unit`.
-        time: (N,) s of sim time, rising; its own, as readings and contacts come at a rate of theirs.
-        values: (N,) in `unit`; NaN: nothing is there.
-        lower: what the values have to be above (a goal: at some moment of the window); None: no such limit.
-        upper: what they have to be below; where it is less than `lower`, either of both is enough.
-        start, end: s of sim time, the window that the limits hold for; the same: they hold at that moment alone.
+        name: the name of the quantity, such as "travelled" or "tilt".
+        unit: the SI symbol of values and limits, as in `Verdict.unit`.
+        time: (N,) sim time in s, rising; each signal has its own rate.
+        values: (N,) in `unit`; NaN: no value.
+        lower: the lower limit of the values (for a goal: at some moment of the window); None: no limit.
+        upper: the upper limit; if it is less than `lower`, one of the two limits is enough.
+        start, end: the window of the limits, in s of sim time; if equal, the limits hold at that moment only.
     """
 
     name: str
@@ -62,26 +62,26 @@ class Signal:
     end: float = math.inf
 
     def at_end(self) -> Self:
-        """The curve whose limits hold when all is over."""
+        """Return the curve with limits that hold at the end only."""
         return replace(self, start=math.inf)
 
     def contrary(self) -> Self:
-        """The curve of what must not hold: what had to be above has to be below."""
+        """Return the curve of the negated assertion: lower and upper limit change places."""
         return replace(self, lower=self.upper, upper=self.lower)
 
     def within(self, start: float, end: float) -> Self:
-        """The curve whose limits hold from `start` to `end`, in s; those that hold at the end alone, at this one."""
+        """Return the curve with limits that hold from `start` to `end` in s; limits for the end hold at `end`."""
         start = max(start, min(self.start, end))
         return replace(self, start=start, end=max(start, min(end, self.end)))
 
 
-# How far a bound that goes on for ever is drawn, either way.
-_FAR: Final = 5.0
+# Half the drawn length of an infinite line, in m.
+_HALF_LENGTH_M: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """On the ground plane, or as high as `z`."""
+    """A circle on the ground plane, or at the height `z`."""
 
     x: float
     y: float
@@ -91,14 +91,14 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class Polygon:
-    """An area of the ground plane, as its corners."""
+    """An area of the ground plane, given by its corners."""
 
     points: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Polyline:
-    """A way from point to point."""
+    """A path from point to point."""
 
     points: tuple[tuple[float, float, float], ...]
 
@@ -116,20 +116,20 @@ Mark: TypeAlias = Circle | Polygon | Polyline | Arrow
 
 
 def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Polygon:
-    """The area between two bounds each."""
+    """Return the area between two bounds for x and two for y."""
     return Polygon(((x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])))
 
 
 def line(axis: str, at: float, middle_xy: tuple[float, float]) -> Polyline:
-    """All places of the ground plane with one x, or one y; drawn for some metres about `middle_xy`."""
+    """Return the line of all places with one x, or one y; it is drawn for some metres around `middle_xy`."""
     x, y = middle_xy
     if axis == "x":
-        return Polyline(((at, y - _FAR, 0.0), (at, y + _FAR, 0.0)))
-    return Polyline(((x - _FAR, at, 0.0), (x + _FAR, at, 0.0)))
+        return Polyline(((at, y - _HALF_LENGTH_M, 0.0), (at, y + _HALF_LENGTH_M, 0.0)))
+    return Polyline(((x - _HALF_LENGTH_M, at, 0.0), (x + _HALF_LENGTH_M, at, 0.0)))
 
 
 def goal(x: float, y: float, z: float | None, tolerance: float, yaw: float | None) -> Iterator[Mark]:
-    """A place to come to, and how to head there."""
+    """Yield the marks of a goal: its circle, and the heading if one is asked for."""
     yield Circle(x, y, tolerance, z or 0.0)
     if yaw is not None and math.isfinite(yaw):
         yield Arrow(x, y, yaw)

@@ -13,7 +13,7 @@ from sim_action.recording.replay.replay_file import Replay
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.simulation.recorder import Footage
+from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.trace import Trace
 from sim_action.state.trace_storage import load_trace, save_trace
 from tests.integration.engines import on_every_engine
@@ -37,7 +37,7 @@ backend: {engine}
 
 
 def filmed(loaded: LoadedScenario, *, asked: bool = True) -> tuple[SimulationRun, Trace | None]:
-    footage = Footage(loaded.scenario, filmed=asked)
+    footage = RunRecorder(loaded.scenario, filmed=asked)
     run = simulate(loaded.scenario, build_scene(loaded), lambda _: None, footage)
     return run, footage.film()
 
@@ -107,7 +107,7 @@ def test_what_explodes_has_been_seen_until_then(tmp_path: Path) -> None:
     # It speeds up by 1 m/s^2.
     text = f"{LEAST}physics: {{max_speed: 0.3 m/s}}\n"
     loaded = load(tmp_path, text)
-    footage = Footage(loaded.scenario, filmed=True)
+    footage = RunRecorder(loaded.scenario, filmed=True)
     with pytest.raises(SimulationUnstable):
         simulate(loaded.scenario, build_scene(loaded), lambda _: None, footage)
     film = footage.film()

@@ -125,7 +125,7 @@ def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None
 
 def test_a_pipe_is_no_results_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "results.json")
-    with pytest.raises(UsageError, match="no regular file"):
+    with pytest.raises(UsageError, match="not a regular file"):
         Results.read(tmp_path / "results.json")
 
 

@@ -23,7 +23,7 @@ import os, sys
 from pathlib import Path
 from sim_action.scenario.loading import load_scenario
 from sim_action.runner.job import Job
-from sim_action.runner.child_main import run_job, turn_to
+from sim_action.runner.child_main import run_job, become_child
 
 opened = 0
 def count(event, arguments):
@@ -35,7 +35,7 @@ out = os.dup(1)
 loaded = load_scenario(Path("s.sim.yml"))
 before = opened
 job = Job(loaded, here / "trace.npz", here, here)
-turn_to(job)
+become_child(job)
 run_job(job, os.open(os.devnull, os.O_WRONLY))
 os.write(out, f"{before} {opened - before}".encode())
 """

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
-from sim_action.runner.engine_agreement import at_the_same_times, compared
+from sim_action.runner.engine_agreement import at_the_same_times, with_agreement
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.state.trace import Trace
@@ -51,19 +51,19 @@ def held_against(
 ) -> tuple[Outcome, list[ExpectationOutcome]]:
     """The later outcome, and what the comparison has added to it."""
     outcomes = (ran(folder, "pybullet", FIRST), ran(folder, "mujoco", second, holds=holds))
-    first, last = compared(loaded(folder, more), outcomes, folder)
+    first, last = with_agreement(loaded(folder, more), outcomes, folder)
     assert first == outcomes[0]
     return last, list(last.expectations[1:])
 
 
 def test_one_outcome_stays_as_it_is(tmp_path: Path) -> None:
     alone = ran(tmp_path, "pybullet", FIRST)
-    assert compared(loaded(tmp_path), (alone,), tmp_path) == (alone,)
+    assert with_agreement(loaded(tmp_path), (alone,), tmp_path) == (alone,)
 
 
 def test_agreement_that_was_asked_and_not_judged_is_noted(tmp_path: Path) -> None:
     alone = ran(tmp_path, "pybullet", FIRST)
-    (noted,) = compared(loaded(tmp_path, ASKED), (alone,), tmp_path)
+    (noted,) = with_agreement(loaded(tmp_path, ASKED), (alone,), tmp_path)
     assert noted.notes == ("agreement was not judged: the command line selects one engine",)
 
 
@@ -117,7 +117,7 @@ def test_an_engine_without_a_verdict_is_told_at_the_one_that_has_one(place: int,
     outcomes = [ran(tmp_path, "pybullet", FIRST), ran(tmp_path, "mujoco", FIRST)]
     broken = Outcome(name=outcomes[place].name, file="drives.sim.yml", status="error", failures=(failure,))
     outcomes[place] = broken
-    after = compared(loaded(tmp_path, ASKED), tuple(outcomes), tmp_path)
+    after = with_agreement(loaded(tmp_path, ASKED), tuple(outcomes), tmp_path)
     assert after[place] == broken
     (verdicts,) = after[1 - place].expectations[1:]
     assert verdicts.failed
@@ -127,13 +127,13 @@ def test_an_engine_without_a_verdict_is_told_at_the_one_that_has_one(place: int,
 def test_two_without_a_verdict_have_nothing_to_compare(tmp_path: Path) -> None:
     failure = Failure(kind="engine", title="engine error", message="gave up")
     broken = Outcome(name="drives [x]", file="drives.sim.yml", status="error", failures=(failure,))
-    assert compared(loaded(tmp_path, ASKED), (broken, broken), tmp_path) == (broken, broken)
+    assert with_agreement(loaded(tmp_path, ASKED), (broken, broken), tmp_path) == (broken, broken)
 
 
 def test_a_trace_that_is_gone_leaves_the_verdicts_to_compare(tmp_path: Path) -> None:
     outcomes = (ran(tmp_path, "pybullet", FIRST), ran(tmp_path, "mujoco", NEAR))
     (tmp_path / "traces/mujoco.npz").unlink()
-    _, last = compared(loaded(tmp_path), outcomes, tmp_path)
+    _, last = with_agreement(loaded(tmp_path), outcomes, tmp_path)
     assert [one.name for one in last.expectations] == ["travel", "the same verdicts as pybullet 1.0"]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_action.core.workspace import Permissions
-from sim_action.runner.golden_update import with_own_goldens
-from sim_action.runner.planning import Plan, runs_of
+from sim_action.runner.golden_update import refuse_shared_goldens
+from sim_action.runner.planning import Plan, engine_runs
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.source import Refused, Source
@@ -23,7 +23,7 @@ def plans(folder: Path, *texts: str) -> list[Plan]:
         path.write_text(text)
         sources += read_file(path, UPDATING)
     loaded = load_all(sources, UPDATING)
-    return with_own_goldens([one if isinstance(one, Refused) else runs_of(one, None) for one in loaded])
+    return refuse_shared_goldens([one if isinstance(one, Refused) else engine_runs(one, None) for one in loaded])
 
 
 def matching(name: str) -> str:

@@ -14,7 +14,7 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.workspace import Permissions
 from sim_action.engines import ENGINES, chosen, installed
-from sim_action.runner.planning import Planned, PlanRequest, planned, runs_of, source_of
+from sim_action.runner.planning import PlanRequest, RunPlan, engine_runs, plan_runs, source_of
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.selection import Suite
@@ -44,7 +44,7 @@ def loaded(folder: Path, more: str = "") -> LoadedScenario:
 
 
 def engines(folder: Path, more: str = "", backend: str | None = None) -> list[tuple[str, str]]:
-    return [(run.scenario.name, run.scenario.backend) for run in runs_of(loaded(folder, more), backend)]
+    return [(run.scenario.name, run.scenario.backend) for run in engine_runs(loaded(folder, more), backend)]
 
 
 def test_a_scenario_may_name_every_engine_there_is() -> None:
@@ -83,7 +83,7 @@ def test_on_several_each_run_has_the_name_of_its_engine(more: str, backend: str 
     ("more", "message"),
     [
         ("backend: mujoco", "4:1: backend: the engine mujoco is not installed; installed: pybullet"),
-        ("agreement: {yaw: 1}", "4:1: agreement: a comparison needs two engines, but there is only pybullet"),
+        ("agreement: {yaw: 1}", "4:1: agreement: a comparison needs two engines; installed: pybullet"),
     ],
 )
 def test_an_engine_that_the_file_asks_for_and_is_not_there_is_told_on_its_line(
@@ -110,7 +110,7 @@ def test_without_any_engine_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
 
 
 def test_an_agreement_asks_something(tmp_path: Path) -> None:
-    with pytest.raises(InvalidScenario, match="agreement: says how far they may be apart"):
+    with pytest.raises(InvalidScenario, match="agreement: must have 'position', 'yaw' or both"):
         loaded(tmp_path, "agreement: {}")
 
 
@@ -125,7 +125,7 @@ def ant(folder: Path, more: str = "") -> LoadedScenario:
 
 @pytest.mark.parametrize("backend", [None, "mujoco", "all"])
 def test_a_model_of_mujocos_own_runs_there(backend: str | None, tmp_path: Path) -> None:
-    (run,) = runs_of(ant(tmp_path), backend)
+    (run,) = engine_runs(ant(tmp_path), backend)
     assert (run.scenario.name, run.scenario.backend, run.model) == ("stands", "mujoco", None)
 
 
@@ -139,7 +139,7 @@ def test_a_model_of_mujocos_own_runs_there(backend: str | None, tmp_path: Path) 
 )
 def test_a_model_of_mujocos_own_runs_nowhere_else(more: str, backend: str | None, message: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario) as refused:
-        runs_of(ant(tmp_path, more), backend)
+        engine_runs(ant(tmp_path, more), backend)
     assert message in str(refused.value.problems[0])
 
 
@@ -147,7 +147,7 @@ def test_a_model_of_mujocos_own_runs_nowhere_else(more: str, backend: str | None
 @pytest.mark.usefixtures("only_pybullet")
 def test_a_model_of_mujocos_own_is_told_where_mujoco_is_missing(tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario, match=r"2:9: robot\.model: an \.xml file is a model for MuJoCo; the engine"):
-        runs_of(ant(tmp_path), None)
+        engine_runs(ant(tmp_path), None)
 
 
 def test_a_model_of_mujocos_own_is_not_read_before_it_runs(tmp_path: Path) -> None:
@@ -174,7 +174,9 @@ def test_what_is_installed_has_wheels_there(system: str, machine: str, python: s
 
 
 def test_an_agreement_and_one_engine_exclude_each_other(tmp_path: Path) -> None:
-    with pytest.raises(InvalidScenario, match=r"5:1: backend: leave it out beside 'agreement'"):
+    with pytest.raises(
+        InvalidScenario, match=r"5:1: backend: remove it: 'agreement' runs the scenario on every engine"
+    ):
         loaded(tmp_path, "agreement: {yaw: 1}\nbackend: mujoco")
 
 
@@ -197,11 +199,11 @@ def files(tmp_path: Path) -> list[Path]:
     return [tmp_path / name for name in FILES]
 
 
-def plan(suite: Suite, shard: str | None = None) -> Planned:
-    return planned(PlanRequest(suite, Permissions(), shard, None, None))
+def plan(suite: Suite, shard: str | None = None) -> RunPlan:
+    return plan_runs(PlanRequest(suite, Permissions(), shard, None, None))
 
 
-def names(found: Planned) -> list[str]:
+def names(found: RunPlan) -> list[str]:
     return [source_of(each).name for each in found.plans]
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import Location
 from sim_action.results.outcome import Diagnostic
-from sim_action.runner.process_output import note_before, noted_place, split_output
+from sim_action.runner.process_output import dump_stack_before, place_in_stack_dump, split_output
 
 BANNER = "pybullet build time: Jan 29 2025 23:20:52\n"
 WARNING = "b3Warning[examples/Importers/ImportURDFDemo/BulletUrdfImporter.cpp,126]:\nNo inertial data for link"
@@ -74,14 +74,14 @@ ROOT = Path(__file__).parents[2]
 STUCK = """\
 import sys, threading, time
 from pathlib import Path
-from sim_action.runner.process_output import note_before
-from sim_action.runner.process_output import note_before
+from sim_action.runner.process_output import dump_stack_before
+from sim_action.runner.process_output import dump_stack_before
 
 def inner():
     while "in <module>" not in Path(sys.argv[1]).read_text():
         pass
 
-note_before(time.monotonic() + 2, Path(sys.argv[1]))
+dump_stack_before(time.monotonic() + 2, Path(sys.argv[1]))
 threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
 inner()
 """
@@ -90,15 +90,15 @@ inner()
 BUSY = """\
 import sys, time
 from pathlib import Path
-from sim_action.runner.process_output import note_before
-from sim_action.runner.process_output import note_before
+from sim_action.runner.process_output import dump_stack_before
+from sim_action.runner.process_output import dump_stack_before
 
 def deep(count):
     return count and deep(count - 1)
 
 noted = Path(sys.argv[1])
 for _ in range(50):
-    note_before(time.monotonic() + 0.02, noted)
+    dump_stack_before(time.monotonic() + 0.02, noted)
     while noted.exists() and "in <module>" not in noted.read_text():
         deep(50)
 """
@@ -117,7 +117,7 @@ def test_a_process_notes_where_it_is(tmp_path: Path) -> None:
     program = tmp_path / "st\u00fcck \U0001f916.py"
     program.write_text(STUCK)
     subprocess.run([sys.executable, program, tmp_path / "noted"], env={"PYTHONPATH": str(ROOT)}, check=True, timeout=60)
-    place = noted_place((tmp_path / "noted").read_text(), [tmp_path / "other.py", program])
+    place = place_in_stack_dump((tmp_path / "noted").read_text(), [tmp_path / "other.py", program])
     assert place is not None
     assert place.file == str(program)
     assert place.line in (6, 7)
@@ -132,13 +132,13 @@ Thread 0x0001 (most recent call first):
   File "/w/level.py", line 7 in step
   File "/w/level.py", line 70 in judge
 """
-    assert noted_place(text, [Path("/w/level.py")]) == Location("/w/level.py", 7)
-    assert noted_place(text, [Path("/w/helper.py"), Path("/w/level.py")]) == Location("/w/helper.py", 3)
-    assert noted_place(text, [Path("/w/other.py")]) is None
-    assert noted_place("", [Path("/w/level.py")]) is None
-    assert noted_place('  File "/w/level.py", line ' + "9" * 5000, [Path("/w/level.py")]) is None
+    assert place_in_stack_dump(text, [Path("/w/level.py")]) == Location("/w/level.py", 7)
+    assert place_in_stack_dump(text, [Path("/w/helper.py"), Path("/w/level.py")]) == Location("/w/helper.py", 3)
+    assert place_in_stack_dump(text, [Path("/w/other.py")]) is None
+    assert place_in_stack_dump("", [Path("/w/level.py")]) is None
+    assert place_in_stack_dump('  File "/w/level.py", line ' + "9" * 5000, [Path("/w/level.py")]) is None
 
 
 def test_of_what_is_late_nothing_is_noted(tmp_path: Path) -> None:
-    note_before(time.monotonic() - 1, tmp_path / "noted")
+    dump_stack_before(time.monotonic() - 1, tmp_path / "noted")
     assert not (tmp_path / "noted").exists()

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from sim_action.core.errors import Fault
+from sim_action.core.errors import InternalError
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.runner.child_outcome import interrupted, skipped
-from sim_action.runner.repeat import repeated
+from sim_action.runner.repeat import merge_repeats
 from sim_action.scenario.model import LoadedScenario
 from sim_action.state.trace_storage import save_trace
 from tests.outcomes import outcome
@@ -33,11 +33,11 @@ def failed(kind: str, message: str = "at 0.5 s") -> Outcome:
 
 
 def test_one_run_is_told_as_it_is(loaded: LoadedScenario, tmp_path: Path) -> None:
-    assert repeated(loaded, [ran()], tmp_path) == ran()
+    assert merge_repeats(loaded, [ran()], tmp_path) == ran()
 
 
 def test_runs_that_are_the_same_are_one_that_took_as_long(loaded: LoadedScenario, tmp_path: Path) -> None:
-    told = repeated(loaded, [ran(wall_time=1.0), ran(wall_time=2.0)], tmp_path)
+    told = merge_repeats(loaded, [ran(wall_time=1.0), ran(wall_time=2.0)], tmp_path)
     assert told.repeats
     assert (told.status, told.wall_time, told.repeats.count, told.simulated) == ("passed", 3.0, 2, 0.0)
 
@@ -48,7 +48,7 @@ def test_the_most_that_agree_are_held_against_the_first_that_does_not(loaded: Lo
     for number, digest in enumerate("abbcb", start=1):
         save_trace(trace([0.0, 0.25], x=[0.0, float("abc".index(digest))]), tmp_path / f"traces/{number}.npz")
         runs.append(ran(digest, trace=f"traces/{number}.npz"))
-    told = repeated(loaded, runs, tmp_path)
+    told = merge_repeats(loaded, runs, tmp_path)
     assert told.repeats
     assert (told.repeats.count, told.repeats.agreed, told.repeats.digests) == (5, 3, 3)
     message = told.failures[0].message
@@ -62,39 +62,39 @@ def test_the_most_that_agree_are_held_against_the_first_that_does_not(loaded: Lo
 
 
 def test_where_no_code_of_the_users_runs_it_is_for_us_to_mend(loaded: LoadedScenario, tmp_path: Path) -> None:
-    message = repeated(loaded, [ran("a"), ran("b")], tmp_path).failures[0].message
+    message = merge_repeats(loaded, [ran("a"), ran("b")], tmp_path).failures[0].message
     assert message.startswith("none of 2 runs agree")
-    assert repeated(loaded, [ran("a"), ran("b")], tmp_path).failures[0].time is None
+    assert merge_repeats(loaded, [ran("a"), ran("b")], tmp_path).failures[0].time is None
     assert "please report it" in message
 
 
 @pytest.mark.parametrize("kind", ["script", "crash", "wall limit", "unstable"])
 def test_errors_are_the_same_whatever_time_they_tell(kind: str, loaded: LoadedScenario, tmp_path: Path) -> None:
-    told = repeated(loaded, [failed(kind), failed(kind, "at 0.6 s, in <object at 0x7f>")], tmp_path)
+    told = merge_repeats(loaded, [failed(kind), failed(kind, "at 0.6 s, in <object at 0x7f>")], tmp_path)
     assert told.repeats
     assert (told.status, told.repeats.agreed, told.repeats.digests) == ("error", 2, 0)
 
 
 def test_an_error_among_passes_is_flaky_and_told(loaded: LoadedScenario, tmp_path: Path) -> None:
-    told = repeated(loaded, [ran(), failed("crash"), ran()], tmp_path)
+    told = merge_repeats(loaded, [ran(), failed("crash"), ran()], tmp_path)
     assert told.status == "flaky"
     assert "run 1 passed, run 2 ended in an error (crash error: at 0.5 s)" in told.failures[0].message
 
 
 def test_an_interruption_and_a_fault_of_ours_come_first(loaded: LoadedScenario, tmp_path: Path) -> None:
-    fault = ran(None, status="error", expectations=(), failures=(Failure.of_fault(Fault("oh")),))
+    fault = ran(None, status="error", expectations=(), failures=(Failure.of_fault(InternalError("oh")),))
     for end in (interrupted(loaded), fault):
-        assert repeated(loaded, [ran(), end, ran("b")], tmp_path) == end
+        assert merge_repeats(loaded, [ran(), end, ran("b")], tmp_path) == end
 
 
 def test_what_was_not_run_as_often_is_not_green(loaded: LoadedScenario, tmp_path: Path) -> None:
-    told = repeated(loaded, [ran(), skipped(loaded)], tmp_path)
+    told = merge_repeats(loaded, [ran(), skipped(loaded)], tmp_path)
     assert (told.status, told.expectations) == ("skipped", ())
-    assert repeated(loaded, [skipped(loaded), skipped(loaded)], tmp_path) == skipped(loaded)
+    assert merge_repeats(loaded, [skipped(loaded), skipped(loaded)], tmp_path) == skipped(loaded)
 
 
 def test_files_that_lie_elsewhere_are_left_alone(loaded: LoadedScenario, tmp_path: Path) -> None:
     (tmp_path / "results").mkdir()
     (tmp_path / "mine.npz").write_text("mine")
-    repeated(loaded, [ran(), ran(trace="../mine.npz")], tmp_path / "results")
+    merge_repeats(loaded, [ran(), ran(trace="../mine.npz")], tmp_path / "results")
     assert (tmp_path / "mine.npz").read_text() == "mine"

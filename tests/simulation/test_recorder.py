@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from sim_action.assertions.upright import Upright
-from sim_action.simulation.recorder import Footage
+from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.observation import JointState
 from tests import traces
 
@@ -18,7 +18,7 @@ STRIDE = 24
 @pytest.mark.parametrize("steps", [1, 23, 24, 25, 240, 241])
 @pytest.mark.parametrize("cut", [1, 24, 100, 239])
 def test_however_a_run_is_cut_all_moments_of_its_rate_are_kept_and_the_last(steps: int, cut: int) -> None:
-    footage = Footage(traces.scenario(traces.expectation(Upright())))
+    footage = RunRecorder(traces.scenario(traces.expectation(Upright())))
     footage.begin(replace(traces.START, joints=dict.fromkeys(traces.WHEELS, JointState(0, 0, 0))))
     for first in range(1, steps + 1, cut):
         last = min(first + cut - 1, steps)

@@ -17,7 +17,7 @@ from sim_action.engines import Engine
 from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.overlap_checks import DEPTH
-from sim_action.simulation.start_checks import Arrivals, moved_while_settling, refuse_bad_start
+from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, Body, Heightfield, Physics, World
 from sim_action.world.parts import GridPart
@@ -164,15 +164,15 @@ time_limit: 10 s
 
 
 @pytest.fixture
-def arrivals(tmp_path: Path) -> Arrivals:
-    return Arrivals.of(load(tmp_path, TEXT).scenario)
+def arrivals(tmp_path: Path) -> Spawns:
+    return Spawns.of(load(tmp_path, TEXT).scenario)
 
 
-def test_steps_are_the_first_at_or_after_a_time(arrivals: Arrivals) -> None:
+def test_steps_are_the_first_at_or_after_a_time(arrivals: Spawns) -> None:
     assert arrivals.names == {120: ("first",), 121: ("second", "third")}
 
 
-def test_the_next_arrival_ends_a_period_that_it_falls_in(arrivals: Arrivals) -> None:
+def test_the_next_arrival_ends_a_period_that_it_falls_in(arrivals: Spawns) -> None:
     assert [arrivals.next(step, step + 24) for step in (0, 95, 96, 97, 119, 120, 121)] == [
         24,
         119,
@@ -200,23 +200,23 @@ class Inside:
         return self.bodies
 
 
-def refuse(arrivals: Arrivals, step: int, engine: Inside) -> None:
+def refuse(arrivals: Spawns, step: int, engine: Inside) -> None:
     arrivals.refuse_blocked(step, 240.0, cast(Engine, engine))
 
 
-def test_engines_are_asked_only_when_something_appears(arrivals: Arrivals) -> None:
+def test_engines_are_asked_only_when_something_appears(arrivals: Spawns) -> None:
     engine = Inside()
     for step in range(100, 130):
         refuse(arrivals, step, engine)
     assert engine.asked == 2
 
 
-def test_what_was_there_before_is_not_told(arrivals: Arrivals) -> None:
+def test_what_was_there_before_is_not_told(arrivals: Spawns) -> None:
     links = (Overlap("base", "first", 0.1), Overlap("base", "ever", 0.1), Overlap("base", "third", 0.004))
     refuse(arrivals, 121, Inside(links, (Clash("first", "ever", 0.1),)))
 
 
-def test_the_deepest_is_told(arrivals: Arrivals) -> None:
+def test_the_deepest_is_told(arrivals: Spawns) -> None:
     links = (Overlap("base", "second", 0.01), Overlap("wheel", "second", 0.02), Overlap("arm", "ever", 1.0))
     with pytest.raises(RunError, match=r"'second' appears at 0.5042 s, 0.02 m inside the robot's link 'wheel'") as told:
         refuse(arrivals, 121, Inside(links))
@@ -224,6 +224,6 @@ def test_the_deepest_is_told(arrivals: Arrivals) -> None:
 
 
 @pytest.mark.parametrize("clash", [Clash("ever", "third", 0.03), Clash("third", "ever", 0.03)])
-def test_bodies_are_inside_each_other_either_way(arrivals: Arrivals, clash: Clash) -> None:
+def test_bodies_are_inside_each_other_either_way(arrivals: Spawns, clash: Clash) -> None:
     with pytest.raises(RunError, match=r"'third' appears at 0.5042 s, 0.03 m inside 'ever', and the engine would"):
         refuse(arrivals, 121, Inside(bodies=(clash,)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Signal
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class Window:
         if is_cumulative(monitor):
             monitor = monitor.begin(trace.between(-math.inf, self.after))
         monitor = monitor.observe(trace.between(self.after, self.before))
-        return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - TIME_EPSILON))
+        return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - TIME_EPSILON_S))
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""

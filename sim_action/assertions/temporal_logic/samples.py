@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from sim_action.assertions.temporal_logic.formula import Signal
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.trace import FloatArray, Trace
 
 
@@ -55,11 +55,11 @@ class Samples:
 
     def at_or_after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """Return the index of the first step at or after a time, or (N,) of them."""
-        return np.asarray(np.searchsorted(self.time, np.asarray(time) - TIME_EPSILON), dtype=np.intp)
+        return np.asarray(np.searchsorted(self.time, np.asarray(time) - TIME_EPSILON_S), dtype=np.intp)
 
     def after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """Return the index of the first step after a time, or (N,) of them."""
-        return np.asarray(np.searchsorted(self.time, np.asarray(time) + TIME_EPSILON), dtype=np.intp)
+        return np.asarray(np.searchsorted(self.time, np.asarray(time) + TIME_EPSILON_S), dtype=np.intp)
 
 
 def _column(trace: Trace, signal: Signal, start_xy: tuple[float, float]) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core.units import TIME_EPSILON, first_step
+from sim_action.core.units import TIME_EPSILON_S, first_step
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_records import CommandedTwists
@@ -51,7 +51,7 @@ class RecordedRun:
         found = {}
         for name, record in self.trace.bodies.items():
             # Where it was not looked at, it is as just before.
-            rows = np.searchsorted(record.time, self.trace.time + TIME_EPSILON, side="right") - 1
+            rows = np.searchsorted(record.time, self.trace.time + TIME_EPSILON_S, side="right") - 1
             found[name] = np.column_stack((record.position_xyz, record.orientation_xyzw))[rows.clip(0)]
         for body in self.scene.world.objects:
             if body.appears is not None:
@@ -61,7 +61,7 @@ class RecordedRun:
 
     def _is_there(self, appears: float) -> NDArray[np.bool_]:
         rate = self.scene.physics.rate
-        return self.trace.time >= first_step(appears, rate) / rate - TIME_EPSILON
+        return self.trace.time >= first_step(appears, rate) / rate - TIME_EPSILON_S
 
     def _fixed(self, body: Body) -> FloatArray:
         pose = placed(body, self.scene.parts_of(body))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.robot.kinematics import link_poses, robot_box
 from sim_action.robot.robot_model import RobotModel
@@ -98,8 +98,8 @@ def shown_moments(time: NDArray[np.float64], rate: int) -> tuple[list[int], int]
     """The moments that are shown, the last of them at the end, and how many times too fast the film runs."""
     duration = float(time[-1] - time[0])
     speed = max(1, int(np.ceil(duration * rate / MAX_PICTURES)))
-    wanted = np.append(np.arange(time[0], time[-1] - TIME_EPSILON, speed / rate), time[-1])
-    return (np.searchsorted(time, wanted + TIME_EPSILON, side="right") - 1).tolist(), speed
+    wanted = np.append(np.arange(time[0], time[-1] - TIME_EPSILON_S, speed / rate), time[-1])
+    return (np.searchsorted(time, wanted + TIME_EPSILON_S, side="right") - 1).tolist(), speed
 
 
 class _Stage:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
 from sim_action.recording.replay.replay_file import Frames, PoseColumns
 from sim_action.state.trace import Trace
@@ -53,12 +53,12 @@ def frames_of(trace: Trace, tracks: Sequence[Track], rate: float, sliding: Seque
 def _track(track: Track, time: FloatArray) -> PoseColumns:
     """A body at these moments; where it was not looked at, as just before, and until it appears, as then."""
     record = track.record
-    first = min(int(np.searchsorted(record.time, track.appears - TIME_EPSILON)), len(record) - 1)
-    rows = np.searchsorted(record.time, time + TIME_EPSILON, side="right") - 1
+    first = min(int(np.searchsorted(record.time, track.appears - TIME_EPSILON_S)), len(record) - 1)
+    rows = np.searchsorted(record.time, time + TIME_EPSILON_S, side="right") - 1
     rows = np.clip(rows, first, None)
     position, orientation = record.position_xyz[rows], _steady(record.orientation_xyzw[rows])
     since = time[-1] - record.time[-1]
-    if since > TIME_EPSILON and len(record) - first > 1:
+    if since > TIME_EPSILON_S and len(record) - first > 1:
         # The very last moment comes between two looks: it goes on as it went.
         ahead = since / (record.time[-1] - record.time[-2])
         position[-1] += ahead * (record.position_xyz[-1] - record.position_xyz[-2])

@@ -1,7 +1,7 @@
-"""A child process for one scenario: how it is born, listened to, and ended.
+"""The child process of one scenario: its start, its progress and its end.
 
-There are two ways. `linux` is the better one, and is taken where it is to be had; `portable` needs no more than the
-standard library has on every system. What it cannot do stands in its docstring.
+There are two implementations. `linux_child` isolates better and is used on Linux. `portable_child` needs only the
+standard library; its docstring lists its limits.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def child_type_here() -> type[ChildProcess]:
-    """The way of this system: the one place that chooses."""
+    """Return the type of child processes for this system; no other code chooses."""
     if sys.platform == "linux":
         from sim_action.runner.isolation.linux_child import LinuxChild
 

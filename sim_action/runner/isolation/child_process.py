@@ -1,4 +1,4 @@
-"""What a child is, whichever way it was born: the scenario's own process, as its caller sees it."""
+"""The child process of one scenario, as the parent sees it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import ClassVar, Final, Self
 
 from sim_action.runner.job import JUDGED, Job
 
-# What a user's script has no business to see (the names that GitHub documents for runners).
+# Variables that user scripts must not see (the names that GitHub documents for runners).
 _SECRET_NAMES: Final = frozenset(
     {"GITHUB_TOKEN", "GH_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"}
 )
@@ -21,18 +21,18 @@ _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[3]
 
 
 class ChildProcess(ABC):
-    """A running child.
+    """A running child process.
 
     Attributes:
-        forks: whether children may be copies of this process, with what it has imported.
-        limits_memory: whether a child is held to its scenario's `memory_limit`.
-        progress: what `select` can wait for; there is something to hear, or the child is gone.
-        sim_time: the last that was heard, in s.
-        left: after `close`, how many processes it left behind that were ended, as far as known.
-        peak_memory: after `close`, the most that was resident of one of its processes, in bytes; 0 if not known.
-        silent: whether there will be nothing more to hear.
-        judged: `time.monotonic()` when it said that its outcome is written, and it goes on; None: it has not.
-        started: `time.monotonic()` at its birth.
+        forks: True if child processes may be forks of this process, with its imported modules.
+        limits_memory: True if the scenario's `memory_limit` is enforced.
+        progress: readable for `select` if there is progress, or if the child process has ended.
+        sim_time: the last reported sim time, in s.
+        left: after `close`, the number of processes that it left behind and that were ended, as far as known.
+        peak_memory: after `close`, the largest resident memory of one of its processes in bytes; 0 if not known.
+        silent: True if there will be no more progress.
+        judged: `time.monotonic()` when it reported that its outcome is written; None: not yet.
+        started: `time.monotonic()` at its start.
     """
 
     forks: ClassVar[bool]
@@ -52,22 +52,22 @@ class ChildProcess(ABC):
     @classmethod
     @abstractmethod
     def start(cls, job: Job) -> Self:
-        """A child for this job. Raises OSError."""
+        """Start a child process for this job. Raise OSError."""
 
     @abstractmethod
     def poll(self) -> int | None:
-        """The exit status if the child is gone (negative: the signal that ended it), else None."""
+        """Return the exit status after the end (negative: the signal that ended it), else None."""
 
     @abstractmethod
     def kill(self) -> None:
-        """Ends the child."""
+        """End the child process."""
 
     @abstractmethod
     def close(self) -> None:
-        """After its end: ends the processes that it left behind, as far as they can be known, and forgets it."""
+        """Clean up after its end: end the processes that it left behind, as far as they are known."""
 
     def listen(self) -> None:
-        """Takes in what the child has said of its progress: sim times, one a line."""
+        """Read the progress of the child process: sim times, one per line."""
         with suppress(BlockingIOError):
             heard = self._heard()
             self.silent = not heard
@@ -78,7 +78,7 @@ class ChildProcess(ABC):
                 self._take(line)
 
     def _take(self, line: bytes) -> None:
-        """Raises ValueError."""
+        """Handle a line of progress. Raise ValueError."""
         if line == JUDGED:
             self.judged = self.judged or time.monotonic()
         else:
@@ -86,16 +86,16 @@ class ChildProcess(ABC):
 
     @abstractmethod
     def _heard(self) -> bytes:
-        """What there is to hear; nothing at the end. Raises BlockingIOError as long as there is nothing yet."""
+        """Return the available bytes; nothing at the end. Raise BlockingIOError while there are none yet."""
 
 
 def environment(hash_seed: int | None = None) -> dict[str, str]:
-    """The caller's, without what a stranger's script could act with. Hygiene, not a boundary."""
+    """Return the caller's environment without secrets and workflow files. This is hygiene, not a security boundary."""
     kept = {
         name: value
         for name, value in os.environ.items()
         if name not in _SECRET_NAMES and not name.startswith(_SECRET_PREFIXES)
     }
     path = os.pathsep.join(filter(None, (str(_PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
-    # With a random seed, a controller that walks through a set would give another result every time.
+    # With a random hash seed, a controller that iterates over a set would differ in every run.
     return {**kept, "PYTHONPATH": path, "PYTHONHASHSEED": str(hash_seed or 0)}

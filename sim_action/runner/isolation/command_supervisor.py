@@ -1,8 +1,8 @@
-"""Runs a command line, and ends all its descendants when it ends.
+"""A program that runs a command line, and ends all of its descendants when it ends.
 
 Usage: `python -m sim_action.runner.isolation.command_supervisor WORDS`.
 
-SIGTERM, or the end of whoever has started it, ends everything at once. Its exit code is that of the command.
+SIGTERM, or the end of its parent process, ends everything at once. Its exit code is that of the command.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _NOT_STARTED = 127
 
 
 def main() -> NoReturn:
-    """The entry of a fresh interpreter."""
+    """Run the program in a fresh interpreter."""
     become_subreaper()
     command = os.fork()
     if command == 0:
@@ -39,14 +39,14 @@ def main() -> NoReturn:
 
 
 def _become(words: list[str]) -> NoReturn:
-    """Never returns into the keeper's code."""
+    """Become the command; never return."""
     try:
         os.setpgid(0, 0)
         prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        # What the keeper does not hear, the command does.
+        # The supervisor ignores Ctrl-C; the command does not.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, AWAITED_SIGNALS)
-        os.execvp(words[0], words)  # noqa: S606 - as it was asked for
+        os.execvp(words[0], words)  # noqa: S606 - the caller's own command
     except OSError as error:
         os.write(2, f"{words[0]}: {error.strerror}\n".encode())
     finally:

@@ -1,7 +1,7 @@
-"""The way of Linux: a child that is held to its limits, and ended with everything that it left behind.
+"""Child processes on Linux: with resource limits, and with an end for all processes that they leave behind.
 
-Where no code of the user's runs, it is a fork of this process, and has no children. Else, and where a run is repeated,
-it is a `supervisor`, whose child is the scenario's own process: copies of one process would share what may differ.
+Without user code, the child process is a fork of this process and has no children. With user code, and for repeated
+runs, it is a `supervisor` whose child runs the scenario: forks of one process would share state that may differ.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ import traceback
 from contextlib import suppress
 from typing import Final, NoReturn, Self
 
-from sim_action.runner.child_main import run_job, turn_to
+from sim_action.runner.child_main import become_child, run_job
 from sim_action.runner.isolation.child_process import ChildProcess, environment
 from sim_action.runner.isolation.process_control import impose_limits, processes
 from sim_action.runner.job import Job
 
 assert sys.platform == "linux"
 
-# How long a supervisor may take to end what it is there for, in s: longer, if the machine is busy or it was stopped.
-_ENDING: Final = 5.0
-_ENDING_POLL: Final = 0.001
+# The time for a supervisor to end all descendants; a busy machine needs long.
+_ENDING_TIMEOUT_S: Final = 5.0
+_ENDING_POLL_S: Final = 0.001
 
 
 class LinuxChild(ChildProcess):
-    """A running child. Its process is the leader of a session and group of its own."""
+    """A running child process, the leader of its own session and group."""
 
     forks = True
     limits_memory = True
@@ -45,13 +45,13 @@ class LinuxChild(ChildProcess):
 
     @classmethod
     def start(cls, job: Job) -> Self:
-        """Forks this process, or starts a fresh interpreter where user code will run, threads do, or it is asked for.
+        """Fork this process, or start a fresh interpreter for user code, for repeats, or if this process has threads.
 
         Raises OSError.
         """
         reader, writer = os.pipe()
         os.set_blocking(reader, False)
-        # A caller that does not listen is no reason to wait.
+        # The child process must not wait for a caller that does not read.
         os.set_blocking(writer, False)
         try:
             of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
@@ -62,9 +62,9 @@ class LinuxChild(ChildProcess):
         return cls(job, pid, reader, supervised=alone)
 
     def poll(self) -> int | None:
-        """The exit status if the child is gone (negative: the signal that ended it), else None.
+        """Return the exit status after the end (negative: the signal that ended it), else None.
 
-        It is not reaped yet: until `close`, its number cannot become another process's.
+        It is not reaped yet: until `close`, its number is not reused for another process.
         """
         ended = os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         if ended is None:
@@ -72,7 +72,7 @@ class LinuxChild(ChildProcess):
         return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
 
     def kill(self) -> None:
-        """Ends the child, also one that has not become the leader of its group yet."""
+        """End the child process, also one that is not yet the leader of its group."""
         if not self._supervised:
             os.kill(self._pid, signal.SIGKILL)
             return
@@ -80,7 +80,7 @@ class LinuxChild(ChildProcess):
         os.kill(self._pid, signal.SIGCONT)
 
     def close(self) -> None:
-        """After its end: ends the processes that it left behind, and forgets it."""
+        """Clean up after its end: end the processes that it left behind."""
         if self._supervised:
             self._await_supervisor()
         else:
@@ -105,11 +105,11 @@ class LinuxChild(ChildProcess):
             os.killpg(self._pid, signal.SIGKILL)
 
     def _await_supervisor(self) -> None:
-        patience = time.monotonic() + _ENDING
+        patience = time.monotonic() + _ENDING_TIMEOUT_S
         while (status := self.poll()) is None and time.monotonic() < patience:
-            time.sleep(_ENDING_POLL)
+            time.sleep(_ENDING_POLL_S)
         if status is None or status == -signal.SIGKILL:
-            # The supervisor itself may have been killed, by what it should have ended.
+            # The supervisor may have been killed by a process that it should end.
             os.kill(self._pid, signal.SIGKILL)
             self._kill_session()
 
@@ -123,7 +123,7 @@ class LinuxChild(ChildProcess):
 def _fork(job: Job, writer: int) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
-    # What is there already is no garbage of the child's: to look through it would take time, and copy all its pages.
+    # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
     gc.freeze()
     pid = os.fork()
     if pid == 0:
@@ -133,12 +133,12 @@ def _fork(job: Job, writer: int) -> int:
 
 
 def _child_main(job: Job, writer: int) -> NoReturn:
-    """Never returns into the parent's code, whatever happens."""
+    """Run the job in the fork; never return into the parent's code."""
     code = 1
     try:
         signal.set_wakeup_fd(-1)
         os.setsid()
-        turn_to(job)
+        become_child(job)
         impose_limits(job.loaded.scenario.memory_bytes)
         run_job(job, writer)
         code = 0
@@ -164,6 +164,6 @@ def _spawn(job: Job, writer: int) -> int:
             start_new_session=True,
             env=environment(job.hash_seed),
         )
-    # This object would wait for the process too; from here on, its number is all that counts.
+    # Popen must not wait for the process too; only its number is used from here on.
     process.returncode = 0
     return process.pid

@@ -1,14 +1,14 @@
-"""The way of macOS and Windows: a fresh interpreter for every scenario, by what the standard library has everywhere.
+"""Child processes on macOS and Windows: a fresh interpreter for every scenario, with the standard library only.
 
-It runs, and is tested, on Linux too. A thread of this process sends the job, and passes on what the child says to a
-socket, since that is what `select` can wait for on Windows. The child ends when this process does, whatever that dies
-of. What `linux` does and this way cannot:
+It also runs, and is tested, on Linux. A thread of this process sends the job, and copies the progress to a socket,
+because `select` on Windows can wait for sockets only. The child process ends when this process ends, even when that is
+killed. Differences from `linux_child`:
 
-- End all that a script leaves behind. Where there are process groups (macOS), those that stay in the group of the child
-  are ended, and not counted; on Windows, where a job object would do it, none are.
-- Hold a script to `memory_limit`, or bound the files that it writes: the machine's memory is the limit. What it prints
-  is bounded.
-- Be quick: a fresh interpreter imports the engine again.
+- Processes that a script leaves behind are not all ended. On macOS, those in the child's process group are ended, but
+  not counted. On Windows, none are ended; this would need a job object.
+- `memory_limit` is not enforced, and written files are not limited: the memory of the machine is the limit. Printed
+  output is limited.
+- It is slower: a fresh interpreter imports the engine again.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from typing import Final, NoReturn, Self
 from sim_action.runner.isolation.child_process import ChildProcess, environment
 from sim_action.runner.job import Job
 
-# A process that the script left behind may hold the pipe, in s.
-_LAST_WORDS: Final = 1.0
+# A process that the script left behind may keep the pipe open.
+_RELAY_TIMEOUT_S: Final = 1.0
 
 
 class PortableChild(ChildProcess):
-    """A running child; where there are process groups, the leader of one."""
+    """A running child process, the leader of a group where there are process groups."""
 
     forks = False
     limits_memory = False
@@ -48,8 +48,8 @@ class PortableChild(ChildProcess):
 
     @classmethod
     def start(cls, job: Job) -> Self:
-        """Starts a fresh interpreter. Raises OSError."""
-        # What goes wrong before the child sees to its own output is told in the same place.
+        """Start a fresh interpreter. Raise OSError."""
+        # Errors before the child redirects its output go to the same file.
         with job.output_file.open("ab") as words:
             process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "sim_action.runner.isolation.portable_child"],
@@ -69,23 +69,23 @@ class PortableChild(ChildProcess):
             raise
 
     def poll(self) -> int | None:
-        """The exit status if the child is gone (negative: the signal that ended it), else None.
+        """Return the exit status after the end (negative: the signal that ended it), else None.
 
-        Windows knows no signals: what ended a child there is a positive number.
+        Windows has no signals: a crash gives a positive number there.
         """
         return self._process.poll()
 
     def kill(self) -> None:
-        """Ends the child and, where there are process groups, its group."""
+        """End the child process and, where there are process groups, its group."""
         self._process.kill()
         self._kill_group()
 
     def close(self) -> None:
-        """After its end: ends what it left behind in its group, and forgets it."""
+        """Clean up after its end: end the processes in its group."""
         self._process.wait()
-        # While the group has a member, no other process gets its number; it was reaped a moment ago, if it has none.
+        # The number of a group with members is not reused; an empty group was reaped a moment ago.
         self._kill_group()
-        self._relay.join(_LAST_WORDS)
+        self._relay.join(_RELAY_TIMEOUT_S)
         self.listen()
         self._progress.close()
         if self._process.stdin:
@@ -101,15 +101,15 @@ class PortableChild(ChildProcess):
         try:
             return self._progress.recv(65536)
         except ConnectionError:
-            # On Windows, this is a connection of TCP, which can end so, too.
+            # On Windows this is a TCP connection, which can end with an error.
             return b""
 
 
 def _relay(job: bytes, process: subprocess.Popen[bytes], progress: socket.socket) -> None:
-    """Sends the job, and passes on what the child says until it says no more."""
+    """Send the job, and pass on the progress until there is no more."""
     assert process.stdin
     assert process.stdout
-    # A child may be gone before it has read its job; the end of this pipe tells it that its caller is gone.
+    # The child may end before it reads its job. The end of this pipe reports the end of the caller.
     with suppress(OSError):
         process.stdin.write(job)
         process.stdin.flush()
@@ -123,24 +123,24 @@ def main() -> NoReturn:
 
     The job comes on standard input, which stays open as long as the caller is there; progress goes to standard output.
     """
-    from sim_action.runner.child_main import leave, received_job, run_job, turn_to
+    from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
     try:
         caller, progress = os.dup(0), os.dup(1)
         job = received_job()
-        turn_to(job)
-        # Not before standard input is another: on Windows, whoever asks anything of a pipe that is read has to wait.
+        become_child(job)
+        # Only after standard input is replaced: on Windows, each call on a pipe waits for a pending read.
         threading.Thread(target=_end_with, args=(caller,), daemon=True).start()
         run_job(job, progress)
-        leave()
-    except BaseException:  # noqa: BLE001 - threads that the user's code has left would hold up the end
+        exit_child()
+    except BaseException:  # noqa: BLE001 - threads of user code would delay the end
         traceback.print_exc()
     finally:
         os._exit(1)
 
 
 def _end_with(caller: int) -> None:
-    """A caller that is killed outright cannot end its children."""
+    """End this process when the caller is gone: a caller that is killed cannot end its children."""
     with suppress(OSError):
         os.read(caller, 1)
         os._exit(1)

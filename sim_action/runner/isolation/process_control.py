@@ -1,4 +1,8 @@
-"""What Linux holds a scenario's process to, and all below it."""
+"""Control of processes on Linux: resource limits, the process table, and the end of all descendants.
+
+`become_subreaper` makes a process a "child subreaper" (prctl(2)): a descendant that loses its parent becomes its own
+child, even after `setsid` and a double fork. When it has no child left, no descendant is left.
+"""
 
 from __future__ import annotations
 
@@ -15,35 +19,34 @@ from typing import Final, NamedTuple, NoReturn
 assert sys.platform == "linux"
 
 PR_SET_PDEATHSIG: Final = 1
-"""Of Linux's sys/prctl.h, as are those that the supervisor needs."""
+"""A constant of Linux's sys/prctl.h, like those below."""
 
 
 def prctl(option: int, value: int) -> None:
-    """Sets an option of this process (prctl(2))."""
+    """Set an option of this process (prctl(2))."""
     ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
 
 
 def impose_limits(memory: int) -> None:
-    """Sets the limits of this process; `memory`: address space, in bytes."""
-    # A parent that is killed outright cannot end its children.
+    """Set the resource limits of this process; `memory`: address space, in bytes."""
+    # A parent that is killed by SIGKILL cannot end its children.
     prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     _limit(resource.RLIMIT_AS, memory)
-    # What it prints is bounded by the caller, who looks now and then; this holds while the caller is held up. A trace
-    # was in memory before it becomes a file. The number of processes is not limited: RLIMIT_NPROC counts those of the
-    # user, the rest of the job among them.
+    # The caller also limits printed output, but only checks now and then. A trace was in memory before it becomes a
+    # file. The number of processes is not limited: RLIMIT_NPROC counts all processes of the user.
     _limit(resource.RLIMIT_FSIZE, memory)
     _limit(resource.RLIMIT_CORE, 0)
 
 
 def _limit(kind: int, most: int) -> None:
-    """Sets a limit of this process and all below it; a lower one that is there already stays."""
+    """Set one limit of this process and its descendants; a lower limit stays."""
     _, hard = resource.getrlimit(kind)
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(kind, (most, most))
 
 
 class Process(NamedTuple):
-    """One process: its number, that of its parent, and that of its session."""
+    """A process: its number, the number of its parent, and that of its session."""
 
     number: int
     parent: int
@@ -51,14 +54,14 @@ class Process(NamedTuple):
 
 
 def processes() -> Iterator[Process]:
-    """Those that can be seen, also those that have ended and are not reaped yet."""
+    """Yield all visible processes, also those that have ended and are not reaped yet."""
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit():
             try:
                 stat = (folder / "stat").read_bytes()
             except OSError:
                 continue
-            # The name of the program comes before, in brackets, and may hold brackets itself.
+            # The program's name stands before, in brackets, and may contain brackets.
             _state, parent, _group, session, *_ = stat[stat.rindex(b")") + 2 :].split()
             yield Process(int(folder.name), int(parent), int(session))
 
@@ -66,18 +69,18 @@ def processes() -> Iterator[Process]:
 assert sys.platform == "linux"
 
 AWAITED_SIGNALS: Final = (signal.SIGCHLD, signal.SIGTERM)
-"""Blocked from `become_subreaper` on; whoever forks a child unblocks them there."""
+"""Blocked from `become_subreaper` on; a forked child must unblock them."""
 
 _PR_SET_DUMPABLE: Final = 4
 _PR_SET_CHILD_SUBREAPER: Final = 36
 
 
 def become_subreaper() -> None:
-    """Makes this process the one that its descendants fall to; SIGTERM, also of its parent's end, is only noted."""
+    """Make this process adopt its descendants; SIGTERM, also at its parent's end, is blocked and waits."""
     prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    # A caller that is killed outright asks nobody to end anything.
+    # A caller that is killed by SIGKILL cannot ask for the end.
     prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    # Ending by the signal of a crash is no second crash.
+    # `exit_as` with the signal of a crash must not dump a second core.
     prctl(_PR_SET_DUMPABLE, 0)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -86,9 +89,9 @@ def become_subreaper() -> None:
 
 
 def wait_for_child(worker: int) -> int:
-    """The exit code of a child, or the negative number of the signal that ended it; SIGTERM's if asked to end it.
+    """Return the exit code of a child (negative: the signal that ended it), or -SIGTERM if this process is to end.
 
-    The child is not reaped yet, so that its number cannot become another group's.
+    The child is not reaped yet, so that its number cannot be reused for another group.
     """
     while signal.sigwait(AWAITED_SIGNALS) != signal.SIGTERM:
         while ended := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT):
@@ -99,7 +102,7 @@ def wait_for_child(worker: int) -> int:
 
 
 def end_descendants(worker: int) -> int:
-    """Kills whatever descends from this process; returns how many there were beside that child, which leads a group."""
+    """Kill all descendants; return their number without the child `worker`, which leads a group."""
     with suppress(ProcessLookupError):
         os.killpg(worker, signal.SIGKILL)
     with suppress(ProcessLookupError):
@@ -117,7 +120,7 @@ def end_descendants(worker: int) -> int:
 
 
 def exit_as(status: int) -> NoReturn:
-    """Ends this process with an exit code, or by a signal, whose negative number it is."""
+    """End this process with an exit code or, if it is negative, by that signal."""
     if status < 0:
         if -status not in (signal.SIGKILL, signal.SIGSTOP):
             signal.signal(-status, signal.SIG_DFL)

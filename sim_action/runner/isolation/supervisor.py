@@ -1,10 +1,10 @@
-"""The process between the caller's and that of a scenario with code of the user's: it ends what that leaves behind.
+"""The process between the caller and a scenario with user code: it ends all processes that the scenario leaves.
 
-All that descends from it falls to it (`reaper`). And a script that signals its parent, or the group of its parent,
-ends its own scenario only: the scenario's process has a group of its own, and so has this one.
+It adopts all its descendants (see `process_control`). A script that signals its parent, or the group of its parent,
+ends only its own scenario: the scenario's process and this one have groups of their own.
 
-It ends as the scenario's process ended, with the same exit code or by the same signal; SIGTERM asks it to end all. That
-it is not `sim_action.runner.child_main` itself keeps it small: no engine and no arrays are imported here.
+It ends with the same exit code or signal as the scenario's process. SIGTERM makes it end all descendants. It stays
+small, because it imports `sim_action.runner.child_main`, with engine and numpy, only after the fork.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ assert sys.platform == "linux"
 
 
 def main() -> NoReturn:
-    """The entry of a fresh interpreter: the job comes on standard input, the progress descriptor as the argument."""
+    """Run in a fresh interpreter: the job comes on standard input, the progress descriptor as the argument."""
     progress = int(sys.argv[1])
     become_subreaper()
     worker = os.fork()
@@ -42,17 +42,17 @@ def main() -> NoReturn:
 
 
 def _work(progress: int) -> NoReturn:
-    """Becomes the scenario's process; never returns into this module."""
+    """Become the scenario's process; never return."""
     try:
         os.setpgid(0, 0)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, AWAITED_SIGNALS)
-        from sim_action.runner.child_main import leave, received_job, run_job, turn_to
+        from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
         job = received_job()
-        turn_to(job)
+        become_child(job)
         impose_limits(job.loaded.scenario.memory_bytes)
         run_job(job, progress)
-        leave()
+        exit_child()
     except BaseException:  # noqa: BLE001 - nothing may return into the supervisor's code
         traceback.print_exc()
     finally:
@@ -60,7 +60,7 @@ def _work(progress: int) -> NoReturn:
 
 
 def _report(progress: int, left: int) -> None:
-    """Tells the caller what `linux.LinuxChild` takes in: how many were left, and the most memory of any, in bytes."""
+    """Report to `LinuxChild` how many processes were left, and the most memory of any, in bytes."""
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
     with suppress(OSError):
         os.set_blocking(progress, False)

@@ -10,7 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.meshes.convex_hull import hull_faces
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
@@ -168,7 +168,9 @@ def _contacts_form(shape: ContactKey, frames: Frames) -> CdrForm:
 def _by_moment(run: RecordedRun) -> Iterator[tuple[int, ContactPoints]]:
     """Moments, and where each pair touched last until then, since the moment before."""
     touches, time = run.trace.contacts, run.trace.time
-    moments = np.searchsorted(time, np.array([touch.time for touch in touches]) - TIME_EPSILON).clip(max=len(time) - 1)
+    moments = np.searchsorted(time, np.array([touch.time for touch in touches]) - TIME_EPSILON_S).clip(
+        max=len(time) - 1
+    )
     found = defaultdict[int, dict[tuple[str, str], tuple[float, list[Vector3]]]](dict)
     for moment, touch in zip(moments.tolist(), touches, strict=True):
         pairs, pair = found[moment], (touch.link, touch.body)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
-from sim_action.core.units import TIME_EPSILON
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
@@ -122,7 +122,7 @@ class Believed:
 
     def latest(self, time: FloatArray) -> FloatArray:
         """(T, 7) the last pose that was told until each time."""
-        told = np.searchsorted(self.time, time + TIME_EPSILON, side="right") - 1
+        told = np.searchsorted(self.time, time + TIME_EPSILON_S, side="right") - 1
         poses: FloatArray = self.poses[told.clip(0)]
         return poses
 

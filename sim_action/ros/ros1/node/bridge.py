@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from threading import Event
 from typing import Final
 
-from sim_action.core.errors import SourceOver
+from sim_action.core.errors import ControllersFinished
 from sim_action.core.geometry import Pose, Twist
 from sim_action.ros.lockstep import Lockstep
 from sim_action.ros.ros1.node.current_state import CurrentState, ModelFrame
@@ -62,16 +62,16 @@ class Bridge:
         self._devices, self.commands = tuple(devices), commands
         self._start = session.current.time
         self.first_command: float | None = None
-        self.over: SourceOver | None = None
+        self.over: ControllersFinished | None = None
 
     def tick(self, seen: Observation) -> Answer:
         """Publish a moment, wait until the nodes have handled it, and return their commands.
 
-        Raises SourceOver if no node is left, WorldChanged if a node changes the world.
+        Raises ControllersFinished if no node is left, WorldChanged if a node changes the world.
         """
         try:
             return self._answer(seen)
-        except SourceOver as over:
+        except ControllersFinished as over:
             self.over = over
             raise
 

@@ -26,7 +26,7 @@ from sim_action.ros.ros1.node.plugins import TICKS, Device, RobotCommands, Wirin
 from sim_action.ros.ros1.node.world_models import SpawnedRobot, to_placement
 from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.simulation.recorder import Footage
+from sim_action.simulation.recorder import RunRecorder
 from sim_action.world import Physics
 from sim_action.world.scene import Scene
 
@@ -62,7 +62,7 @@ class Episode:
 
     scenario: Scenario
     scene: Scene
-    footage: Footage
+    footage: RunRecorder
     bridge: Bridge
 
     def run(self) -> SimulationRun:
@@ -109,7 +109,7 @@ class EpisodeFactory:
             seed=self._request.seed,
         )
         scene = Scene(robot, model, models.world, scenario.physics, workspace, scenario.seed)
-        return Episode(scenario, scene, Footage(scenario, filmed=self._request.replay), bridge)
+        return Episode(scenario, scene, RunRecorder(scenario, filmed=self._request.replay), bridge)
 
     def _wants_links(self, devices: list[Device]) -> bool:
         session = self._session

@@ -13,7 +13,7 @@ from typing import Final
 
 import rospy
 
-from sim_action.core.errors import BadStart, ModelError, RunError, SimulationUnstable, SourceOver
+from sim_action.core.errors import BadStart, ControllersFinished, ModelError, RunError, SimulationUnstable
 from sim_action.results.outcome import Failure
 from sim_action.ros.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
@@ -83,7 +83,7 @@ class _Server:
             end = self._simulate()
         except TestFinished:
             end = "test finished"
-        except SourceOver:
+        except ControllersFinished:
             end = "nodes finished"
         except (RunError, ModelError, BadWorld, OSError) as error:
             failure = _failure_of(error)
@@ -106,7 +106,7 @@ class _Server:
         return WorldModels(read.world, SpawnedRobot(robot.name, robot.description, robot.pose, file=file))
 
     def _simulate(self) -> End:
-        """Simulate to the end. Raises RunError; SourceOver if all nodes leave before a robot is spawned."""
+        """Simulate to the end. Raises RunError; ControllersFinished if all nodes leave before a robot is spawned."""
         self._await_robot()
         while True:
             episode = self._stage.episode(left=self._left())
@@ -135,10 +135,10 @@ class _Server:
         return None if limit is None else max(limit - self._current.time, 1 / self._request.physics_rate)
 
     def _await_robot(self) -> None:
-        """Wait for a robot. Raises SourceOver if all nodes leave before."""
+        """Wait for a robot. Raises ControllersFinished if all nodes leave before."""
         while self._current.world_models.robot is None:
             if rospy.is_shutdown():
-                raise SourceOver("the nodes ended before a robot was spawned")
+                raise ControllersFinished("the nodes ended before a robot was spawned")
             self._current.world_models, _ = self._changes.apply(self._current.world_models)
             time.sleep(_POLL_S)
 
@@ -174,7 +174,7 @@ def _world_argument() -> str:
     return next((word for word in rospy.myargv()[1:] if word.endswith(".world")), "worlds/empty.world")
 
 
-def _end_of(over: SourceOver | None) -> End:
+def _end_of(over: ControllersFinished | None) -> End:
     if isinstance(over, TestFinished):
         return "test finished"
     return "time limit" if over is None else "nodes finished"

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, Self
 
-from sim_action.core.errors import SourceOver
+from sim_action.core.errors import ControllersFinished
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist, Vector3, rpy_from_quaternion
 from sim_action.state.command import Answer, JointTargets, commands_of
@@ -156,7 +156,7 @@ Alter = Callable[[WorldModels], WorldModels]
 """Function from models to changed models. Raises ValueError with the message for the caller of the service."""
 
 
-class WorldChanged(SourceOver):
+class WorldChanged(ControllersFinished):
     """The world changed: the episode ends, and the next one starts from the current state."""
 
 
