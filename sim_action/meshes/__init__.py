@@ -1,8 +1,8 @@
-"""Mesh files that a model names, read far enough to say what they are, and rewritten for the engine.
+"""Read mesh files (STL, OBJ, COLLADA) and rewrite them as convex hulls for the engines.
 
-An engine's own readers die of a wrong index, hang on a material that is a pipe, and take a file that they do not
-understand for a shape that nothing can touch (tests/integration/test_meshes.py holds what PyBullet does with each).
-So it is handed only files that were written here: `clean_mesh` leaves the points of convex hulls, and nothing else.
+The engines' own readers crash on a wrong index, hang on a material that is a pipe, and turn unreadable files into
+shapes without contacts (see tests/integration/test_meshes.py for PyBullet). They therefore get only files that
+`clean_mesh` has written, which hold the points of convex hulls.
 """
 
 from __future__ import annotations
@@ -37,29 +37,29 @@ __all__ = [
 READERS: Final[Mapping[str, Callable[[bytes], Mesh]]] = MappingProxyType(
     {"stl": read_stl, "obj": read_obj, "dae": read_collada}
 )
-"""How a file is read, by the end of its name."""
+"""File extension -> reader."""
 
 _LFS_POINTER: Final = b"version https://git-lfs"
 
 
 def read_mesh(path: Path) -> MeshFacts:
-    """What a mesh file holds. Raises MeshError."""
+    """Return the facts of a mesh file. Raises MeshError."""
     return facts_of(_format(path), _parsed(path, mesh_bytes(path)))
 
 
 def parsed_mesh(path: Path) -> Mesh:
-    """The triangles of a mesh file. Raises MeshError."""
+    """Return the triangles of a mesh file. Raises MeshError."""
     return _parsed(path, mesh_bytes(path))
 
 
 def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margin: float = 0.0) -> CleanMesh:
-    """Rewrites a mesh as an OBJ of hulls in metres, to be used with no scale; a file of the same content only once.
+    """Rewrite a mesh as an OBJ of hulls in metres, for use without a scale; equal files are rewritten only once.
 
     Args:
         path: of the mesh.
-        folder: where rewritten meshes are kept, by content. What is found there is believed.
-        scale: of the URDF's `<mesh scale>`: what one unit of the file is in m.
-        margin: in m, what the engine adds around a hull; the hulls are drawn in by as much.
+        folder: cache of rewritten meshes, by content; its files are trusted.
+        scale: `<mesh scale>` of the URDF: the length in m of one unit of the file.
+        margin: collision margin in m that the engine adds around a hull; the hulls are shrunk by it.
 
     Raises MeshError.
     """
@@ -78,23 +78,23 @@ def _format(path: Path) -> str:
 
 def _parsed(path: Path, data: bytes) -> Mesh:
     if data.startswith(_LFS_POINTER):
-        message = "is a pointer of Git LFS, not the mesh; fetch it: git lfs pull, or actions/checkout with lfs: true"
+        message = "is a Git LFS pointer, not the mesh; fetch it: git lfs pull, or actions/checkout with lfs: true"
         raise MeshError("broken-mesh", message)
     return READERS[_format(path)](data)
 
 
 def mesh_bytes(path: Path) -> bytes:
-    """What is in a mesh file, as it is. Raises MeshError."""
+    """Return the bytes of a mesh file. Raises MeshError."""
     if _format(path) not in READERS:
-        message = f"'{path.suffix}' files are not read; convert it to one of .{', .'.join(READERS)}"
+        message = f"'{path.suffix}' files are not supported; convert it to one of .{', .'.join(READERS)}"
         raise MeshError("unknown-mesh-format", message)
     try:
         data = read_at_most(path, MAX_BYTES)
     except FileNotFoundError:
-        raise MeshError("missing-mesh", "is not there") from None
-    except (OSError, ValueError) as error:  # a NUL in its name
+        raise MeshError("missing-mesh", "does not exist") from None
+    except (OSError, ValueError) as error:  # a NUL in the name
         raise MeshError("broken-mesh", f"cannot be read: {error}") from None
     if data is None:
-        message = f"has more than {MAX_BYTES // 1_000_000} MB; a few thousand triangles are plenty to collide with"
+        message = f"is larger than {MAX_BYTES // 1_000_000} MB; a few thousand triangles are enough for collisions"
         raise MeshError("too-large-mesh", message)
     return data

@@ -1,7 +1,7 @@
-"""COLLADA (.dae): the surfaces that its scene shows, in metres.
+"""Read COLLADA (.dae): the geometries of its scene, in metres.
 
-The unit is applied and `up_axis` is not, as in RViz, MoveIt and PyBullet: robots are drawn as they stand, whatever
-their files say is up. Each surface that the scene shows is a part of its own, where PyBullet takes one hull of all.
+The unit of the file is applied but `up_axis` is ignored, as in RViz, MoveIt and PyBullet. Each instance of a geometry
+becomes a part of its own, where PyBullet takes one hull of all.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 
 
 def read_collada(data: bytes) -> Mesh:
-    """Reads the bytes of a file. Raises MeshError."""
+    """Read the bytes of a file. Raises MeshError."""
     root, lines = parse(data)
     if root.tag != "COLLADA":
-        raise MeshError("broken-mesh", f"is no COLLADA: it begins with <{root.tag[:40]}>", 1)
+        raise MeshError("broken-mesh", f"is not a COLLADA file: its root element is <{root.tag[:40]}>", 1)
     document = Document(root, lines)
     return _assembled(document, shown_geometries(document))
 
 
 def _assembled(document: Document, shown: Iterable[tuple[Element, NDArray[np.float64]]]) -> Mesh:
-    """One mesh of geometries, each with where it is."""
+    """Assemble one mesh from geometries, each with its transformation."""
     import numpy as np
 
     geometries: dict[Element, tuple[NDArray[np.float64], NDArray[np.int64]]] = {}
@@ -57,7 +57,7 @@ def _assembled(document: Document, shown: Iterable[tuple[Element, NDArray[np.flo
         refuse_more_triangles(counts[1])
         refuse_more_parts(len(parts))
         with np.errstate(over="ignore", invalid="ignore"):  # refused below
-            # Not by a product of matrices: its last digit is not the same on every machine.
+            # No matrix product: its last digit differs between machines.
             points.append((found[:, None, :] * placed[:3, :3]).sum(axis=2) + placed[:3, 3])
     return mesh_of(np.concatenate(points), parts)
 
@@ -67,9 +67,9 @@ _MAX_NODES: Final = 20_000
 
 
 def shown_geometries(document: Document) -> Iterator[tuple[Element, NDArray[np.float64]]]:
-    """Each <geometry> that is shown, and the matrix (4, 4) that puts it into the mesh's frame, in m.
+    """Yield each <geometry> instance of the scene, with its transformation (4, 4) to the mesh's frame in m.
 
-    Of a file without a scene, that is each that it holds. Raises MeshError.
+    A file without a scene yields each geometry once. Raises MeshError.
     """
     import numpy as np
 
@@ -91,7 +91,7 @@ def _scene(document: Document) -> Element | None:
 
 
 class _Walk:
-    """One way through the nodes of a scene; a node that is used twice is seen twice."""
+    """A traversal of a scene's nodes; a node with two instances is visited twice."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -108,7 +108,9 @@ class _Walk:
             elif child.tag == "instance_geometry":
                 yield self._document.named(child, "url", "geometry"), placed
             elif child.tag == "instance_controller":
-                message = "a skin that a skeleton moves has no shape of its own; export the surface alone"
+                message = (
+                    "skinned meshes (<instance_controller>) are not supported; export the surface without its skeleton"
+                )
                 raise self._document.error(child, message)
 
     def _node(
@@ -116,14 +118,14 @@ class _Walk:
     ) -> Iterator[tuple[Element, NDArray[np.float64]]]:
         self._seen += 1
         if depth == _MAX_NODE_DEPTH:
-            raise self._document.error(node, f"more than {_MAX_NODE_DEPTH} nodes inside each other")
+            raise self._document.error(node, f"more than {_MAX_NODE_DEPTH} nested nodes")
         if self._seen > _MAX_NODES:
             raise self._document.error(node, f"the scene shows more than {_MAX_NODES:,} nodes", "too-large-mesh")
         yield from self.below(node, _transformed(self._document, node, placed), depth + 1)
 
 
 def _transformed(document: Document, node: Element, placed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The transformations of a node, in the order of the file: the last acts on the points first."""
+    """Apply the transformations of a node in file order; the last one acts on the points first."""
     import numpy as np
 
     for element in node:
@@ -135,7 +137,7 @@ def _transformed(document: Document, node: Element, placed: NDArray[np.float64])
             with np.errstate(over="ignore", invalid="ignore"):  # refused with the points
                 placed = placed @ matrix(numbers)
         elif element.tag in ("lookat", "skew"):
-            raise document.error(element, "is not read; bake it into the points, or give a <matrix>")
+            raise document.error(element, "is not supported; apply it to the points, or use a <matrix>")
     return placed
 
 
@@ -158,7 +160,7 @@ def _scale(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _rotate(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """About an axis by degrees (Rodrigues)."""
+    """Return the rotation about an axis by an angle in degrees (Rodrigues)."""
     import numpy as np
 
     x, y, z, degrees = (float(number) for number in numbers)
@@ -176,17 +178,17 @@ _Transformation = tuple[int, Callable[["NDArray[np.float64]"], "NDArray[np.float
 _TRANSFORMATIONS: Final[Mapping[str, _Transformation]] = MappingProxyType(
     {"matrix": (16, _matrix), "translate": (3, _translate), "scale": (3, _scale), "rotate": (4, _rotate)}
 )
-"""Tag -> how many numbers it holds, and the matrix (4, 4) that they stand for."""
+"""Tag -> count of its numbers, and the function that makes a matrix (4, 4) of them."""
 
 
 _SURFACES: Final = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 
-# Inputs of a surface, such as texture coordinates: there are a handful.
+# Limit of inputs of a surface, such as texture coordinates.
 _MAX_INPUTS: Final = 64
 
 
 def read_geometry(document: Document, geometry: Element) -> Surface:
-    """All its surfaces, as one. Raises MeshError."""
+    """Return all surfaces of a geometry as one. Raises MeshError."""
     import numpy as np
 
     points, triangles, above = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
@@ -200,39 +202,41 @@ def read_geometry(document: Document, geometry: Element) -> Surface:
 
 
 def _surface(document: Document, element: Element) -> Surface:
-    """The triangles of an element, and those points that they use."""
+    """Return the triangles of an element and the points that they use."""
     import numpy as np
 
     named, triangles = _corners(document, element)
     if not len(triangles):
         return np.zeros((0, 3)), triangles
     points = _points(document, named)
-    # Takes as long as there are corners: many surfaces may share a source of many points.
+    # The cost depends on the corners only, because many surfaces may share one large source of points.
     used, rows = np.unique(triangles, return_inverse=True)
     if used[-1] >= len(points):
-        message = f"names point {used[-1]:,}, counted from 0, and there are {len(points):,}; export the mesh again"
+        message = f"refers to point {used[-1]:,} (from 0), but there are only {len(points):,}; export the mesh again"
         raise document.error(element, message, "mesh-index")
     return points[used], rows.reshape(-1, 3)
 
 
 def _points(document: Document, vertex_input: Element) -> NDArray[np.float64]:
-    """Where the points are that an input of a surface stands for."""
+    """Return the points of an input of a surface."""
     vertices = document.named(vertex_input, "source", "vertices")
     positions = _input(document, vertices, "POSITION")
     source = document.named(positions, "source", "source")
     accessor = source.find("technique_common/accessor")
     if accessor is None:
-        raise document.error(source, "there is no <technique_common> with an <accessor> in it")
+        raise document.error(source, "it has no <technique_common> with an <accessor>")
     numbers = document.numbers_once(document.named(accessor, "source", "float_array"))
     stride = document.whole(accessor, "stride", otherwise=1)
     if not 3 <= stride <= _MAX_INPUTS:
-        raise document.error(accessor, f"stride={stride}: a point has three coordinates")
+        raise document.error(
+            accessor, f"stride={stride}: expected 3 to {_MAX_INPUTS}, because a point has three coordinates"
+        )
     numbers = numbers[document.whole(accessor, "offset", otherwise=0) :]
     return numbers[: len(numbers) // stride * stride].reshape(-1, stride)[:, :3]
 
 
 def _corners(document: Document, element: Element) -> tuple[Element, NDArray[np.int64]]:
-    """The input that says where a surface's points are, and its triangles, rows of that input's points."""
+    """Return the vertex input of a surface, and its triangles as indices of that input's points."""
     import numpy as np
 
     vertex = _input(document, element, "VERTEX")
@@ -249,7 +253,7 @@ def _corners(document: Document, element: Element) -> tuple[Element, NDArray[np.
 
 
 def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np.int64]:
-    """How many corners each polygon has, or each strip or fan of triangles."""
+    """Return the number of corners of each polygon, strip or fan."""
     import numpy as np
 
     if element.tag == "triangles":
@@ -261,7 +265,7 @@ def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np
 
 
 def _triangulated(corners: NDArray[np.int64], counts: NDArray[np.int64], *, is_strip: bool) -> NDArray[np.int64]:
-    """A polygon is taken for the fan of triangles about its first corner."""
+    """Split polygons into triangles; a polygon is treated as a fan about its first corner."""
     import numpy as np
 
     each = np.maximum(counts - 2, 0)
@@ -276,5 +280,5 @@ def _triangulated(corners: NDArray[np.int64], counts: NDArray[np.int64], *, is_s
 def _input(document: Document, element: Element, semantic: str) -> Element:
     found = element.find(f"input[@semantic='{semantic}']")
     if found is None:
-        raise document.error(element, f'there is no <input semantic="{semantic}"> in it')
+        raise document.error(element, f'it has no <input semantic="{semantic}">')
     return found

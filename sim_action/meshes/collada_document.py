@@ -1,4 +1,4 @@
-"""What is looked up in a COLLADA file: identifiers, lines, and numbers in text."""
+"""Parse the XML of COLLADA files, with line numbers, and look up identifiers, attributes and numbers."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Lines = dict[Element, int]
 
 
 def parse(data: bytes) -> tuple[Element, Lines]:
-    """The root, and the line of each element. Tags come without their namespace. Raises MeshError."""
+    """Return the root element and the line of each element. Tags lose their namespace. Raises MeshError."""
     return _Parser().parse(data)
 
 
 class _Parser:
-    """One file while it is parsed."""
+    """The parser of one file."""
 
     def __init__(self) -> None:
         self._builder = ET.TreeBuilder()
@@ -42,7 +42,9 @@ class _Parser:
         self._depth = 0
 
     def parse(self, data: bytes) -> tuple[Element, Lines]:
-        if data.count(b"=") > _MAX_ATTRIBUTES:  # all those of an element are in memory before it is seen
+        if (
+            data.count(b"=") > _MAX_ATTRIBUTES
+        ):  # all attributes of an element are in memory before its handler is called
             raise MeshError("too-large-mesh", f"more than {_MAX_ATTRIBUTES:,} attributes")
         try:
             self._expat.Parse(data, True)
@@ -56,7 +58,7 @@ class _Parser:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         self._depth += 1
         if self._depth > _MAX_ELEMENT_DEPTH:
-            self._refuse("broken-mesh", f"more than {_MAX_ELEMENT_DEPTH} elements inside each other")
+            self._refuse("broken-mesh", f"more than {_MAX_ELEMENT_DEPTH} nested elements")
         if len(self._lines) == _MAX_ELEMENTS:
             self._refuse("too-large-mesh", f"more than {_MAX_ELEMENTS:,} elements")
         element = self._builder.start(tag.rpartition(":")[2], attributes)
@@ -74,7 +76,7 @@ class _Parser:
 
 
 class Document:
-    """The elements of a file."""
+    """The elements of a file, by identifier."""
 
     def __init__(self, root: Element, lines: Lines) -> None:
         self.root = root
@@ -86,26 +88,26 @@ class Document:
                 self._by_id.setdefault((element.tag, element.attrib["id"]), element)
 
     def error(self, element: Element, message: str, rule: str = "broken-mesh") -> MeshError:
-        """What is wrong with an element."""
+        """Return an error that names an element and its line."""
         return MeshError(rule, f"<{element.tag[:40]}>: {message}", self._lines[element])
 
     def named(self, element: Element, attribute: str, tag: str) -> Element:
-        """The element that an attribute of this one names. Raises MeshError."""
+        """Return the element that an attribute refers to. Raises MeshError."""
         name = element.get(attribute, "")
         found = self._by_id.get((tag, name[1:])) if name.startswith("#") else None
         if found is None:
-            raise self.error(element, f"{attribute}={shown(name)}: there is no <{tag}> of this name in the file")
+            raise self.error(element, f"{attribute}={shown(name)}: the file has no <{tag}> with this id")
         return found
 
     def whole(self, element: Element, attribute: str, *, otherwise: int) -> int:
-        """A whole number from 0. Raises MeshError."""
+        """Return an attribute that is a whole number from 0. Raises MeshError."""
         text = element.get(attribute, str(otherwise)).strip()
         if not (text.isascii() and text.isdigit() and len(text) < 10):
             raise self.error(element, f"{attribute}={shown(text)}: expected a whole number from 0")
         return int(text)
 
     def positive(self, element: Element, attribute: str) -> float:
-        """A number greater than 0. Raises MeshError."""
+        """Return an attribute that is a number greater than 0. Raises MeshError."""
         text = element.get(attribute, "1")
         try:
             number = float(text)
@@ -116,27 +118,27 @@ class Document:
         return number
 
     def numbers(self, element: Element) -> NDArray[np.float64]:
-        """The numbers that an element holds. Raises MeshError."""
+        """Return the numbers in the text of an element. Raises MeshError."""
         import numpy as np
 
         text = element.text or ""
         if not text.strip():
             return np.zeros(0)
         with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # of text that is no number
+            warnings.simplefilter("error", DeprecationWarning)  # raised for text that is not a number
             try:
                 return np.fromstring(text, sep=" ")
             except (ValueError, DeprecationWarning):
                 raise self.error(element, "expected numbers, found other text") from None
 
     def numbers_once(self, element: Element) -> NDArray[np.float64]:
-        """The same, for an element that others refer to, many perhaps."""
+        """Return the same from a cache, for an element with several references."""
         if element not in self._numbers:
             self._numbers[element] = self.numbers(element)
         return self._numbers[element]
 
     def rows(self, element: Element) -> NDArray[np.int64]:
-        """The whole numbers from 0 that an element holds. Raises MeshError."""
+        """Return the whole numbers from 0 in the text of an element. Raises MeshError."""
         import numpy as np
 
         found = self.numbers(element)

@@ -1,4 +1,4 @@
-"""What of a mesh an engine collides with: the points of convex hulls."""
+"""Convex hulls of a mesh for collisions, the facts of a mesh, and the test whether a part is convex."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ if TYPE_CHECKING:
 
 
 MAX_HULLS: Final = 256
-"""Of a mesh. A mesh of more parts becomes one hull, as screws and cables are not worth a hull each."""
+"""Limit of hulls per mesh. A mesh with more parts becomes one hull."""
 
 MAX_HULL_POINTS: Final = 1000
-"""Of a hull. The engine keeps as many as it is given: it loads slowly with more, and every contact looks at each."""
+"""Limit of points per hull. More make loading and every contact slower."""
 
 _AXES: Final[tuple[Vector3, ...]] = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
-# What is thinner than the engine's margin cannot be drawn in by it: so much of it stays.
+# The least share of an extent that shrinking keeps, for hulls that are thinner than the margin.
 _MIN_KEPT_SHARE: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class MeshFacts:
-    """What a mesh file holds.
+    """The facts of a mesh file.
 
     Attributes:
         format: stl, obj or dae.
-        triangles: that have an area.
-        vertices: points of these, none twice.
-        hulls: how many convex hulls it is to the engine, one for each of its parts.
-        shape: convex if the hulls are the mesh; concave if they fill what is hollow or open; flat without a volume.
-            Of a mesh of many triangles this is judged by a sample.
-        lower_xyz: of the box around it, in the file's units; m for dae, whose unit is applied.
-        upper_xyz: of the same.
+        triangles: number of triangles with an area.
+        vertices: number of distinct points of these.
+        hulls: number of convex hulls, one per part.
+        shape: convex if the hulls equal the mesh; concave if they fill hollow or open regions; flat without a volume.
+            A sample of the triangles is tested if there are many.
+        lower_xyz: lower corner of the bounding box in the file's units; for dae in m.
+        upper_xyz: upper corner.
     """
 
     format: str
@@ -51,7 +51,7 @@ class MeshFacts:
 
 
 def facts_of(name: str, mesh: Mesh) -> MeshFacts:
-    """What a mesh holds, read from the format of this name."""
+    """Return the facts of a mesh that was read from this format."""
     parts = _hulls(mesh)
     return MeshFacts(
         format=name,
@@ -65,7 +65,7 @@ def facts_of(name: str, mesh: Mesh) -> MeshFacts:
 
 
 def hulls_of(mesh: Mesh, scale: Vector3, margin: float) -> Iterator[NDArray[np.float64]]:
-    """The points (P, 3) of each hull, in m, drawn in by the margin that the engine puts around it."""
+    """Yield the points (P, 3) of each hull in m, shrunk by the margin that the engine adds."""
     import numpy as np
 
     for triangles in _hulls(mesh):
@@ -74,7 +74,7 @@ def hulls_of(mesh: Mesh, scale: Vector3, margin: float) -> Iterator[NDArray[np.f
 
 
 def _hulls(mesh: Mesh) -> tuple[NDArray[np.int64], ...]:
-    """The triangles of each hull. Where a part is flat, the parts are faces of one body rather than bodies."""
+    """Return the triangles of each hull. If a part is flat, the parts are faces of one body, not bodies."""
     import numpy as np
 
     if len(mesh.parts) == 1:
@@ -91,9 +91,9 @@ def _shape(mesh: Mesh, parts: tuple[NDArray[np.int64], ...]) -> Literal["convex"
 
 
 def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The points that reach furthest in one of many directions; all of them, if they are not too many.
+    """Return the most distant points in many directions; all points if they are few enough.
 
-    The hull of those left lies within 0.3 % of the body's extent of the hull of all; a box keeps its size.
+    The hull changes by at most 0.3 % of the extent; a box keeps its size.
     """
     from sim_action.meshes.convex_hull import furthest, spread_directions
 
@@ -103,9 +103,10 @@ def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _shrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
-    """Points whose hull, with the margin around it, is as large as the hull was: exactly along the axes.
+    """Return points whose hull plus the margin has the extents of the original hull.
 
-    So is a box, a sphere, and a wheel about an axis, but for rounded edges; anything else within the margin.
+    A box, a sphere and a wheel about an axis keep their shape except for rounded edges; other shapes differ by at most
+    the margin.
     """
     import numpy as np
 
@@ -121,19 +122,19 @@ def _vector(values: NDArray[np.float64]) -> Vector3:
     return (x, y, z)
 
 
-# Of the largest extent: how far the points of what is flat may be off.
+# Tolerance for a flat part, relative to the largest extent.
 _FLAT: Final = 1e-5
-# Of the largest extent: how far a point may lie before a plane of what is convex. Files hold 6 digits.
+# Tolerance for a convex part, relative to the largest extent. Files hold 6 digits.
 _CONVEX: Final = 1e-4
-# Of the whole sphere about a point within: how much of it a closed surface may fail to cover.
+# Share of the sphere about an inner point that a closed surface may leave open.
 _OPEN: Final = 1e-3
-# Products of planes and points that the look for convexity may take: some ms.
+# Limit for the convexity test in products of planes and points: a few ms.
 _MAX_PRODUCTS: Final = 1_000_000
 _PLANES_AT_A_TIME: Final = 64
 
 
 def is_flat(points: NDArray[np.float64]) -> bool:
-    """Whether there is a plane that all points lie in."""
+    """Return True if all points lie in one plane."""
     import numpy as np
 
     apart = points - points.mean(axis=0)
@@ -142,9 +143,9 @@ def is_flat(points: NDArray[np.float64]) -> bool:
 
 
 def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sharers: int = 1) -> bool:
-    """Whether the triangles are the surface of their convex hull: all of it, and nothing else.
+    """Return True if the triangles are exactly the surface of their convex hull.
 
-    Of many triangles a sample is judged, of fewer if so many parts share the time that this may take.
+    Only a sample of many triangles is tested; `sharers`: number of parts that share the time limit.
     """
     import numpy as np
 
@@ -161,16 +162,16 @@ def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sha
     for start in range(0, len(corners), _PLANES_AT_A_TIME):
         planes = slice(start, start + _PLANES_AT_A_TIME)
         ahead = _along(points, normals[planes]) - (normals[planes] * corners[planes, 0]).sum(axis=1, keepdims=True)
-        # Which side is out is left open: not every file keeps to it.
+        # Either side may be the outside, because not every file orders its corners.
         if (np.minimum(ahead.max(axis=1), -ahead.min(axis=1)) > _CONVEX).any():
             return False
     return True
 
 
 def _along(points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far each point (P, 3) is along each direction (D, 3): (D, P).
+    """Return the positions (D, P) of points (P, 3) along directions (D, 3).
 
-    Written out, as a product of matrices would wake threads that cost more than they help with.
+    It is written out, because a matrix product would start threads that cost more than they save.
     """
     x, y, z = directions[:, :1], directions[:, 1:2], directions[:, 2:]
     distances: NDArray[np.float64] = x * points[:, 0] + y * points[:, 1] + z * points[:, 2]
@@ -178,7 +179,7 @@ def _along(points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDAr
 
 
 def _solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How much of the sphere about the origin each triangle covers (van Oosterom and Strackee, 1983)."""
+    """Return the solid angle of each triangle about the origin (van Oosterom and Strackee, 1983)."""
     import numpy as np
 
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]

@@ -1,4 +1,4 @@
-"""The faces of convex hulls, and what a hull weighs that is filled evenly."""
+"""The convex hull of points: faces, normals, mass properties, and the selection of its outer points."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from sim_action.core.geometry import Vector3
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-# Of its extent: what is nearer to a plane is on it.
+# Tolerance relative to the extent: nearer points lie on a plane.
 _FLAT: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
-    """Of a body of 1 kg: its centre of mass in m, and its inertia about that in kg m^2, in the axes of the body."""
+    """The centre of mass in m, and the inertia about it in kg m^2, of a body of 1 kg, in its own axes."""
 
     centre_xyz: FloatArray
     inertia: FloatArray
 
 
 def mass_properties(points: FloatArray) -> MassProperties:
-    """Of the hull of points (N, 3) that has a volume, as tetrahedra between its faces and a point inside."""
+    """Return the mass properties of the hull of points (N, 3), which must have a volume and uniform density."""
     inside = points.mean(axis=0)
     faces = hull_faces(points - inside)
     assert faces is not None
@@ -43,13 +43,13 @@ def mass_properties(points: FloatArray) -> MassProperties:
 
 
 def face_normals(points: FloatArray) -> FloatArray:
-    """(F, 3) unit vectors out of the faces of a hull; none if it has no volume."""
+    """Return the outward unit normals (F, 3) of a hull's faces; none without a volume."""
     faces = hull_faces(points)
     return np.empty((0, 3)) if faces is None else _planes(points, faces, points.mean(axis=0))[0]
 
 
 def hull_faces(points: FloatArray) -> IntArray | None:
-    """(F, 3) the points of each face of a hull, which grows point by point; None if it has no volume."""
+    """Return the points (F, 3) of each face of a hull, built point by point; None without a volume."""
     eps = _FLAT * float(np.abs(points).max())
     corners = _first_corners(points, eps)
     if corners is None:
@@ -71,7 +71,7 @@ def hull_faces(points: FloatArray) -> IntArray | None:
 
 
 def _rim(faces: IntArray) -> IntArray:
-    """(E, 2) the edges that belong to one of the faces only."""
+    """Return the edges (E, 2) that belong to only one of the faces."""
     edges = np.sort(faces[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2), axis=1)
     found, counts = np.unique(edges, axis=0, return_counts=True)
     rim: IntArray = found[counts == 1]
@@ -79,7 +79,7 @@ def _rim(faces: IntArray) -> IntArray:
 
 
 def _planes(points: FloatArray, faces: IntArray, inside: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(F, 3) normals, away from a point inside, and (F,) offsets."""
+    """Return normals (F, 3), away from a point inside, and offsets (F,)."""
     a, b, c = (points[faces[:, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.sqrt((normals**2).sum(axis=1))
@@ -89,7 +89,7 @@ def _planes(points: FloatArray, faces: IntArray, inside: FloatArray) -> tuple[Fl
 
 
 def _first_corners(points: FloatArray, eps: float) -> tuple[int, int, int, int] | None:
-    """Four points that are far from lying in a plane."""
+    """Return four points that are far from a common plane; None if all points lie in one."""
     a = int(points[:, 0].argmin())
     away = points - points[a]
     b = int((away**2).sum(axis=1).argmax())
@@ -102,15 +102,15 @@ def _first_corners(points: FloatArray, eps: float) -> tuple[int, int, int, int] 
 
 
 def along(points: FloatArray, direction: FloatArray) -> FloatArray:
-    """Sums of products, not a product of matrices: the same on every machine."""
+    """Return the positions of points along a direction, as sums of products: the same on every machine."""
     length: FloatArray = points[..., 0] * direction[0] + points[..., 1] * direction[1] + points[..., 2] * direction[2]
     return length
 
 
 def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
-    """The points (N, 3) that reach furthest in one of some directions, in their order.
+    """Return the most distant of points (N, 3) in the given directions, in their order.
 
-    It is as if the body were as long as it is wide, lest all directions see the ends of what is long.
+    Extents are normalized first, so that long bodies do not keep only the points at their ends.
     """
     extents = np.ptp(points, axis=0)
     even = points / np.where(extents > 0, extents, 1.0)
@@ -119,7 +119,7 @@ def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
 
 
 def spread_directions(count: int) -> Iterator[Vector3]:
-    """Unit vectors that are spread evenly over the sphere, along a spiral."""
+    """Yield unit vectors that are spread evenly over the sphere, along a spiral."""
     golden_angle = math.pi * (3 - math.sqrt(5))
     for nth in range(count):
         height = 1 - (2 * nth + 1) / count

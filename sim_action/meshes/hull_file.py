@@ -1,4 +1,4 @@
-"""Meshes rewritten as the plainest OBJ there is, once for each content."""
+"""The cache files of convex hulls: write a mesh as a minimal OBJ, once per content, and read its hulls."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# Of what is written here: another number, and files of before are no longer found.
+# Format version; a new number makes old files unused.
 _VERSION: Final = 1
 
 _FACTS: Final = "# facts: "
 
 _MAX_COORDINATE_M: Final = 1e6
-"""Of a coordinate, in m. Further away, the engine's floats know no millimetres, and then no ground."""
+"""Limit of coordinates in m. Beyond, the floats of the engines do not resolve millimetres."""
 
 
 @dataclass(frozen=True, slots=True)
 class CleanMesh:
-    """A mesh that was rewritten, and what it was before; `scale`: what one unit of it was in m."""
+    """A rewritten mesh and the facts of the original; `scale`: length in m of one unit of the original."""
 
     path: Path
     facts: MeshFacts
@@ -37,14 +37,14 @@ class CleanMesh:
 
     @property
     def box(self) -> Box:
-        """Around it, in m; a scale below 0 has mirrored it."""
+        """The bounding box in m; a negative scale has mirrored it."""
         ends = zip(self.scale, self.facts.lower_xyz, self.facts.upper_xyz, strict=True)
         (ax, bx), (ay, by), (az, bz) = (sorted((factor * low, factor * high)) for factor, low, high in ends)
         return (ax, ay, az), (bx, by, bz)
 
 
 def read_clean_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
-    """The rewritten mesh, if it is there."""
+    """Return the rewritten mesh if the file exists."""
     try:
         with path.open(encoding="ascii") as file:
             stated = json.loads(file.readline().removeprefix(_FACTS))
@@ -55,14 +55,14 @@ def read_clean_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
 
 
 def write_clean_mesh(path: Path, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
-    """Writes a mesh anew. Raises MeshError."""
+    """Rewrite a mesh. Raises MeshError."""
     _check(facts, scale)
     _write(path, facts, hulls_of(mesh, scale, margin))
     return CleanMesh(path, facts, scale)
 
 
 def clean_mesh_name(format_name: str, data: bytes, scale: Vector3, margin: float) -> str:
-    """The name of the file in which the rewritten mesh is, wherever the mesh itself was."""
+    """Return the file name of a rewritten mesh, which depends on content, format, scale and margin."""
     digest = hashlib.sha256(json.dumps([_VERSION, format_name, scale, margin]).encode())
     digest.update(data)
     return f"{digest.hexdigest()}.obj"
@@ -71,16 +71,16 @@ def clean_mesh_name(format_name: str, data: bytes, scale: Vector3, margin: float
 def _check(facts: MeshFacts, scale: Vector3) -> None:
     reach = [max(abs(low), abs(high)) for low, high in zip(facts.lower_xyz, facts.upper_xyz, strict=True)]
     if not all(0 < abs(factor) < float("inf") for factor in scale):
-        raise MeshError("bad-shape", f"is scaled by {scale}: a scale is three finite numbers other than 0")
+        raise MeshError("bad-shape", f"has the scale {scale}; expected three finite numbers other than 0")
     if not all(abs(factor) * most <= _MAX_COORDINATE_M for factor, most in zip(scale, reach, strict=True)):
         raise MeshError(
-            "bad-shape", f"reaches further than {_MAX_COORDINATE_M:g} m; URDF is in metres: is this in millimetres?"
+            "bad-shape", f"extends beyond {_MAX_COORDINATE_M:g} m; URDF is in metres: is the file in millimetres?"
         )
 
 
 def _write(path: Path, facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as file:  # another process may be at the same mesh
+    with whole_file(path) as file:  # another process may write the same mesh
         file.write(f"{_FACTS}{json.dumps(asdict(facts))}\n".encode())
         above = 0
         for number, points in enumerate(hulls):
@@ -89,7 +89,7 @@ def _write(path: Path, facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -
 
 
 def _lines(points: NDArray[np.float64], above: int) -> str:
-    """Points, and faces that name each of them: a hull is made of what faces name."""
+    """Return the points and faces that refer to each of them, because engines use only referenced points."""
     corners = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in points.tolist())
     last = above + len(points)
     faces = ((row, min(row + 1, last), min(row + 2, last)) for row in range(above + 1, last + 1, 3))
@@ -97,7 +97,7 @@ def _lines(points: NDArray[np.float64], above: int) -> str:
 
 
 def read_hull_points(path: Path) -> list[NDArray[np.float64]]:
-    """The points (P, 3) in m of each hull of a file that was written here. Raises OSError."""
+    """Return the points (P, 3) in m of each hull of a hull file. Raises OSError."""
     import numpy as np
 
     hulls = list[list[list[float]]]()

@@ -1,4 +1,4 @@
-"""What every format is read into: points, and triangles between them."""
+"""The mesh that all formats are read into: points and triangles, with limits of size."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_BYTES: Final = 60_000_000
-"""Of a file. Formats with names and text need up to 300 bytes a triangle, binary STL 50."""
+"""Limit per file. Text formats need up to 300 bytes per triangle, binary STL 50."""
 
 MAX_TRIANGLES: Final = 500_000
-"""Of a file. Robots are drawn with up to some 100,000 triangles a link; reading this many takes a second or two."""
+"""Limit per file. Links have up to about 100,000 triangles; reading this many takes one or two seconds."""
 
 MAX_POINTS: Final = 3 * MAX_TRIANGLES
-"""Of a file: what that many triangles could use."""
+"""Limit per file: three per triangle."""
 
 MAX_PARTS: Final = 10_000
-"""Of a file: objects, solids, instances."""
+"""Limit per file of objects, solids or instances."""
 
 _MAX_COORDINATE: Final = 1e9
-"""Of a coordinate, in the file's units. The largest robot measures 100 m, which in micrometres is 1e8."""
+"""Limit of coordinates in the file's units. The largest robot measures 100 m, which is 1e8 micrometres."""
 
-# Of a triangle's longest side, squared: the area below which it is a line.
+# Area, relative to the squared longest side, below which a triangle is a line.
 _NO_AREA: Final = 1e-10
 
 
 class MeshError(ValueError):
-    """A mesh that cannot be used; its text goes on where a file's name ends."""
+    """An unusable mesh; the message continues a sentence that starts with the file's name."""
 
     def __init__(self, rule: str, message: str, line: int | None = None) -> None:
         self.rule, self.message, self.line = rule, message, line
@@ -39,11 +39,11 @@ class MeshError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles that have an area.
+    """Triangles with an area.
 
     Attributes:
-        points_xyz: (P, 3), in the file's units; each is a corner of a triangle, and no point is there twice.
-        parts: (T, 3) each, rows of `points_xyz`: what the file holds apart from each other, such as objects.
+        points_xyz: (P, 3) distinct points in the file's units; each is a corner of a triangle.
+        parts: (T, 3) each, indices of `points_xyz`; the separate objects of the file.
     """
 
     points_xyz: NDArray[np.float64]
@@ -51,11 +51,11 @@ class Mesh:
 
 
 def mesh_of(points_xyz: NDArray[np.float64], parts: Sequence[NDArray[np.int64]]) -> Mesh:
-    """The mesh of points and rows of them, without what has no area. Raises MeshError."""
+    """Return the mesh of points and triangles, without those that have no area. Raises MeshError."""
     import numpy as np
 
     if not is_length(points_xyz):
-        raise MeshError("broken-mesh", f"has a coordinate that is not finite, or beyond {_MAX_COORDINATE:g}")
+        raise MeshError("broken-mesh", f"has a coordinate that is not finite or is beyond {_MAX_COORDINATE:g}")
     points, names = _welded(points_xyz)
     kept = [part for part in (_with_area(points, names[part]) for part in parts) if len(part)]
     if not kept:
@@ -69,7 +69,7 @@ def mesh_of(points_xyz: NDArray[np.float64], parts: Sequence[NDArray[np.int64]])
 def compacted(
     points_xyz: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The points that triangles use, and the triangles as rows of these."""
+    """Return the points that triangles use, and the triangles as indices of these."""
     import numpy as np
 
     is_used = np.zeros(len(points_xyz), np.bool_)
@@ -78,33 +78,33 @@ def compacted(
 
 
 def is_length(coordinates: NDArray[np.float64]) -> bool:
-    """Whether all of them are finite, and no longer than anything is."""
+    """Return True if all coordinates are finite and within the limit."""
     import numpy as np
 
     return bool((np.abs(coordinates) <= _MAX_COORDINATE).all())
 
 
 def refuse_more_triangles(count: int) -> None:
-    """Raises MeshError if these are more than are read."""
+    """Raise MeshError if there are more than are read."""
     if count > MAX_TRIANGLES:
-        message = f"has {count:,} triangles or more, at most {MAX_TRIANGLES:,} are read; simplify it: a few thousand"
-        raise MeshError("too-large-mesh", f"{message} are plenty to collide with")
+        message = f"has {count:,} triangles or more; at most {MAX_TRIANGLES:,} are read; simplify it: a few thousand"
+        raise MeshError("too-large-mesh", f"{message} are enough for collisions")
 
 
 def refuse_more_points(count: int) -> None:
-    """Raises MeshError if these are more than are read."""
+    """Raise MeshError if there are more than are read."""
     if count > MAX_POINTS:
-        raise MeshError("too-large-mesh", f"has {count:,} points or more, at most {MAX_POINTS:,} are read")
+        raise MeshError("too-large-mesh", f"has {count:,} points or more; at most {MAX_POINTS:,} are read")
 
 
 def refuse_more_parts(count: int) -> None:
-    """Raises MeshError if these are more than are read."""
+    """Raise MeshError if there are more than are read."""
     if count > MAX_PARTS:
-        raise MeshError("too-large-mesh", f"has {count:,} parts or more, at most {MAX_PARTS:,} are read")
+        raise MeshError("too-large-mesh", f"has {count:,} parts or more; at most {MAX_PARTS:,} are read")
 
 
 def _welded(points_xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Each point once, and which of them each row is."""
+    """Return the distinct points, and the index of each row among them."""
     import numpy as np
 
     if not len(points_xyz):

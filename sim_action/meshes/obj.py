@@ -1,4 +1,4 @@
-"""Wavefront OBJ: points, faces, objects. What is said of looks is passed over, and no other file is opened."""
+"""Read Wavefront OBJ: points, faces and objects. Materials are ignored, and no other file is opened."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from sim_action.meshes.mesh import (
     refuse_more_triangles,
 )
 
-# As in the engine: a hull for each.
+# Keywords that start a part; like in PyBullet, each part becomes a hull.
 _BEGINS_A_PART: Final = (b"o", b"g")
 
 _MAX_LINES: Final = 5_000_000
 
 _MAX_STATEMENT_CHARACTERS: Final = 1_000_000
-"""In characters; a face of as many corners as robots have would need fewer."""
+"""Limit in characters, more than any real face needs."""
 
 
 def read_obj(data: bytes) -> Mesh:
-    """Reads the bytes of a file. Raises MeshError."""
+    """Read the bytes of a file. Raises MeshError."""
     if b"\0" in data:
-        raise MeshError("broken-mesh", "is no OBJ: there are NULs in it")
+        raise MeshError("broken-mesh", "is not an OBJ file: it contains NUL bytes")
     if data.count(b"\n") > _MAX_LINES:
         raise MeshError("too-large-mesh", f"has more than {_MAX_LINES:,} lines")
     reader = _Reader()
@@ -41,7 +41,7 @@ def read_obj(data: bytes) -> Mesh:
 
 
 def _statements(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
-    """The words of each statement, and the line that it ends on; a backslash goes on in the next line."""
+    """Yield the words of each statement and its last line; a backslash continues it on the next line."""
     waiting: list[bytes] = []
     for number, line in enumerate(io.BytesIO(data), start=1):
         if len(line) > _MAX_STATEMENT_CHARACTERS or len(waiting) > _MAX_STATEMENT_CHARACTERS:
@@ -57,19 +57,19 @@ def _statements(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
         elif words:
             yield number, words
     if waiting:
-        raise MeshError("broken-mesh", "the last line goes on nowhere: was the file cut off?")
+        raise MeshError("broken-mesh", "the last line ends with a continuation backslash: was the file cut off?")
 
 
 class _Reader:
-    """One file while it is read."""
+    """The reader of one file."""
 
     def __init__(self) -> None:
         self._coordinates = array("d")
         self._points = 0
-        # Points as files name them: from 1.
+        # Point numbers as in the file: from 1.
         self._corners = array("q")
         self._starts = [0]
-        # The highest point that a face named before the file did, and where.
+        # The highest point number used before its definition, and its line.
         self._ahead = (0, 0)
 
     def take(self, words: list[bytes], line: int) -> None:
@@ -97,19 +97,19 @@ class _Reader:
         except ValueError:
             x = y = z = math.nan
         if not math.isfinite(x + y + z):
-            raise MeshError("broken-mesh", f"{_quoted(words)}: a point is three finite numbers", line)
+            raise MeshError("broken-mesh", f"{_quoted(words)}: expected three finite numbers", line)
         self._coordinates.extend((x, y, z))
         self._points += 1
         refuse_more_points(self._points)
 
     def _take_face(self, words: list[bytes], line: int) -> None:
-        if len(words) < 4:  # an edge, which some programs leave behind
+        if len(words) < 4:  # an edge, which some programs leave in the file
             return
         try:
-            # Of 1/2/3, only the first is a point's.
+            # In 1/2/3 only the first number refers to a point.
             named = [int(word.split(b"/", 1)[0]) for word in words[1:]]
         except ValueError:
-            raise MeshError("broken-mesh", f"{_quoted(words)}: a corner is a whole number", line) from None
+            raise MeshError("broken-mesh", f"{_quoted(words)}: expected whole numbers as corners", line) from None
         if min(named) < 1 or max(named) > self._points:
             named = [self._counted_from_1(point, line) for point in named]
         first, *others = named
@@ -118,7 +118,7 @@ class _Reader:
         refuse_more_triangles(len(self._corners) // 3)
 
     def _counted_from_1(self, point: int, line: int) -> int:
-        """A point that was counted backwards, or that is yet to come."""
+        """Return the number of a point with a negative index or a definition further down."""
         if point == 0 or point < -self._points:
             raise self._no_such_point(point, line)
         if point > max(self._points, self._ahead[0]):
@@ -126,8 +126,8 @@ class _Reader:
         return point if point > 0 else self._points + 1 + point
 
     def _no_such_point(self, point: int, line: int) -> MeshError:
-        known = "points count from 1" if point == 0 else f"there are {self._points:,}"
-        return MeshError("mesh-index", f"a face names point {point:,}, and {known}; export the mesh again", line)
+        known = "points are numbered from 1" if point == 0 else f"there are only {self._points:,}"
+        return MeshError("mesh-index", f"a face refers to point {point:,}, but {known}; export the mesh again", line)
 
 
 def _quoted(words: list[bytes]) -> str:

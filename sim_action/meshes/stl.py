@@ -1,4 +1,4 @@
-"""STL, binary and ASCII."""
+"""Read STL, binary and ASCII."""
 
 from __future__ import annotations
 
@@ -25,18 +25,20 @@ _END: Final = re.compile(rb"\s*endsolid(?:[ \t][^\n]*|\r)?(?:\n|$)", re.IGNORECA
 
 
 def read_stl(data: bytes) -> Mesh:
-    """Reads the bytes of a file. Raises MeshError."""
+    """Read the bytes of a file. Raises MeshError."""
     count = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
     size = _HEADER_BYTES + count * _TRIANGLE_BYTES
-    # The size tells the two apart. The beginning does not: many a binary header says "solid", too.
+    # The size distinguishes the two. The start does not: many binary headers begin with "solid", too.
     if len(data) == size:
         return _read_binary(data, count)
     if _BEGIN.match(data) and b"\0" not in data:
         return _read_ascii(data)
     if len(data) < _HEADER_BYTES:
-        raise MeshError("broken-mesh", f"is no STL: {len(data)} bytes that do not begin with 'solid'")
-    message = f"its header says {count:,} triangles, which take {size:,} bytes, and it has {len(data):,}"
-    raise MeshError("broken-mesh", f"is no STL, or was cut off: {message}")
+        raise MeshError(
+            "broken-mesh", f"is not an STL file: it has only {len(data)} bytes and does not begin with 'solid'"
+        )
+    message = f"its header announces {count:,} triangles, which need {size:,} bytes, but it has {len(data):,}"
+    raise MeshError("broken-mesh", f"is not an STL file, or was cut off: {message}")
 
 
 def _read_binary(data: bytes, count: int) -> Mesh:
@@ -64,7 +66,7 @@ def _read_ascii(data: bytes) -> Mesh:
 
 
 def _read_solid(data: bytes, at: int, corners: array[float]) -> int:
-    """Reads one solid, and returns where it ends."""
+    """Read one solid and return its end."""
     begin = _BEGIN.match(data, at)
     if begin is None:
         raise _unexpected(data, at, "'solid' or the end of the file")
@@ -85,7 +87,7 @@ def _coordinates(facet: re.Match[bytes], data: bytes) -> tuple[float, ...]:
     except ValueError:
         found = (math.nan,)
     if not math.isfinite(sum(found)):
-        raise MeshError("broken-mesh", "a facet with a vertex that is not three finite numbers", _line(data, facet))
+        raise MeshError("broken-mesh", "a facet has a vertex that is not three finite numbers", _line(data, facet))
     return found
 
 

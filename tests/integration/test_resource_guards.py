@@ -130,7 +130,7 @@ REFUSED: Final[dict[str, tuple[Files, str]]] = {
     ),
     "an image as a mesh, by another name": (
         lambda: {"robot.urdf": shape("collision", "image.stl"), "image.stl": image()},
-        "robot.urdf:2: mesh 'image.stl': is no STL, or was cut off",
+        "robot.urdf:2: mesh 'image.stl': is not an STL file, or was cut off",
     ),
 }
 

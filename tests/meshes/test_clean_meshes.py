@@ -79,7 +79,7 @@ def test_the_scale_is_in_the_points(scale: Vector3, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("scale", [(0, 1, 1), (1, math.nan, 1), (1, 1, math.inf), (1, 1, 1e30)])
 def test_a_scale_that_leaves_no_body_is_refused(scale: Vector3, tmp_path: Path) -> None:
-    with pytest.raises(MeshError, match=r"is scaled by|reaches further than") as raised:
+    with pytest.raises(MeshError, match=r"has the scale|extends beyond") as raised:
         cleaned(tmp_path, "box.stl", stl(), scale)
     assert raised.value.rule == "bad-shape"
     assert [path.name for path in tmp_path.rglob("*")] == ["box.stl"]
