@@ -1,1 +1,1 @@
-"""Recordings of a run: the replay that a report shows, and exports in formats of other tools."""
+"""Recordings of a run: the replay for `report.html`, and exports to the formats of other tools."""

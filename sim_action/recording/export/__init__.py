@@ -1,7 +1,7 @@
-"""Recordings that a run leaves for other tools, one format a file: `run --record mcap`.
+"""Exports of a run to the formats of other tools: `run --record mcap`.
 
-They are made in the scenario's own process, of what was kept of the run, once it is over. What a format needs beside
-sim-action itself is asked for before anything runs. (Logs that scenarios replay are read by `recordings`.)
+A recording is written in the process of the scenario after the run. The packages that a format needs are checked
+before anything runs. (Logs that scenarios replay are read by `commands.logs`.)
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 class Export(Protocol):
-    """What the table's entries are.
+    """The writer of one format.
 
     Attributes:
-        extra: of sim-action, that installs what it needs; empty if it needs nothing more.
-        packages: the modules that it imports when it writes.
+        extra: the extra of sim-action that installs the packages; empty if none are needed.
+        packages: the modules that `write` imports.
     """
 
     extra: ClassVar[str]
@@ -33,7 +33,7 @@ class Export(Protocol):
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:
-        """Writes a run."""
+        """Write a run to a file."""
 
 
 EXPORTS: Final = Table[type[Export]](
@@ -46,16 +46,16 @@ EXPORTS: Final = Table[type[Export]](
         "mp4": "sim_action.recording.export.video:Mp4Film",
     },
 )
-"""The ending of a recording's file -> what writes it."""
+"""The suffix of the file -> the writer of the format."""
 
 
 def wanted_formats(typed: Iterable[str]) -> tuple[str, ...]:
-    """The formats that are meant, each once; names may be joined by commas. Raises UsageError."""
+    """Return the requested formats, each once; names may be separated by commas. Raises UsageError."""
     names = [name.strip() for text in typed for name in text.split(",")]
     wanted = tuple(dict.fromkeys(filter(None, names)))
     for name in wanted:
         if name not in EXPORTS:
-            raise UsageError(escaped_line(f"there is no recording '{name}'{did_you_mean(name, EXPORTS)}"))
+            raise UsageError(escaped_line(f"--record: unknown format '{name}'{did_you_mean(name, EXPORTS)}"))
         _refuse_without_packages(name, EXPORTS.load(name))
     return wanted
 
@@ -66,13 +66,13 @@ def _refuse_without_packages(name: str, export: type[Export]) -> None:
     if missing:
         extra = export.extra
         raise UsageError(
-            f"to record {name}, what is missing here has to be installed ({', '.join(missing)}): "
-            f"pip install '.[{extra}]', or in a workflow the input 'extras: {extra}'"
+            f"--record {name} needs a package that is not installed ({', '.join(missing)}): "
+            f"run pip install '.[{extra}]', or set the input 'extras: {extra}' in a workflow"
         )
 
 
 def write_recordings(run: RecordedRun, paths: Iterable[Path]) -> Iterator[str]:
-    """Writes the files, whose endings are their formats; yields what to say of those that cannot be written."""
+    """Write the files, whose suffixes are their formats; yield a note for each that cannot be written."""
     for path in paths:
         name = path.suffix.removeprefix(".")
         try:
@@ -80,4 +80,4 @@ def write_recordings(run: RecordedRun, paths: Iterable[Path]) -> Iterator[str]:
             with whole_file(path) as file:
                 EXPORTS.load(name).write(run, file)
         except Exception as error:  # noqa: BLE001 - a run has its verdict, whether it is recorded or not
-            yield f"it is not recorded as {name}: {escaped_line(f'{type(error).__name__}: {error}')}"
+            yield f"the recording as {name} was not written: {escaped_line(f'{type(error).__name__}: {error}')}"

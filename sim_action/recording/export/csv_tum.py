@@ -1,4 +1,4 @@
-"""CSV: `--record csv`."""
+"""Text formats: CSV (`--record csv`) and the trajectory format of the TUM RGB-D benchmark (`--record tum`)."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _KINDS: Final[tuple[Reading, ...]] = ("position", "velocity", "effort")
 
 
 class CsvTable:
-    """A table to open anywhere: time, pose and velocity of the base, joints, bodies that move; units in its header.
+    """A table with units in its header: time, pose and velocity of the base, joints, moving bodies.
 
-    All of the base and the bodies is seen from the world. Roll, pitch and yaw turn about the fixed axes, in this order.
+    Poses and velocities are given in the world frame. Roll, pitch and yaw turn about the fixed axes, in this order.
     Cells of a body are empty until it appears.
     """
 
@@ -36,21 +36,21 @@ class CsvTable:
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:
-        """See Export.write."""
+        """Write a run; see `Export.write`."""
         names, columns = zip(*_columns(run), strict=True)
         header = io.StringIO()
         csv.writer(header, lineterminator="\n").writerow(name for group in names for name in group)
         file.write(header.getvalue().encode())
         table = np.column_stack(columns)
-        # Added to zero, what is -0 is 0.
+        # Adding zero turns -0 into 0.
         row = ",".join(["%.9g"] * table.shape[1]) + "\n"
         lines = (row % tuple(values) for values in (table + 0.0).tolist())
-        # Of what is not there yet, a cell is empty.
+        # The cells of a body that has not appeared are empty.
         file.writelines(line.replace("nan", "").encode() for line in lines)
 
 
 def _columns(run: RecordedRun) -> Iterator[tuple[list[str], FloatArray]]:
-    """Names of columns, and the columns (T, n)."""
+    """Yield the titles of columns, and the columns (T, n)."""
     trace = run.trace
     yield ["time [s]"], trace.time[:, None]
     yield _headed(_POSE), np.column_stack((trace.base_position_xyz, trace.base_orientation_xyzw))
@@ -66,28 +66,28 @@ def _columns(run: RecordedRun) -> Iterator[tuple[list[str], FloatArray]]:
 
 
 def _headed(columns: Iterable[tuple[str, str]], owner: str = "") -> list[str]:
-    """A spreadsheet takes what begins with = for a formula: no name of a stranger's comes first."""
+    """Return column titles; a model's name never comes first, as a spreadsheet may read it as a formula."""
     of = f" of {owner}" if owner else ""
     return [f"{name}{of} [{unit}]" if unit else f"{name}{of}" for name, unit in columns]
 
 
 def _turned(orientations: FloatArray) -> FloatArray:
-    """(T, 3) roll, pitch and yaw."""
+    """Return (T, 3) roll, pitch and yaw in rad."""
     return np.array([rpy_from_quaternion((x, y, z, w)) for x, y, z, w in orientations.tolist()]).reshape(-1, 3)
 
 
 class TumTrajectory:
-    """The way of the base as text, a line a moment: `timestamp tx ty tz qx qy qz qw`; for evo and its like."""
+    """The trajectory of the base as text for evo and similar tools: lines of `timestamp tx ty tz qx qy qz qw`."""
 
     extra: ClassVar[str] = ""
     packages: ClassVar[tuple[str, ...]] = ()
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:
-        """See Export.write."""
+        """Write a run; see `Export.write`."""
         trace = run.trace
         rows = np.column_stack((trace.time, trace.base_position_xyz, trace.base_orientation_xyzw))
-        # Added to zero, what is rounded to -0 is 0.
+        # Adding zero turns a rounded -0 into 0.
         rows = rows.round(9) + 0.0
         file.write(b"# timestamp tx ty tz qx qy qz qw\n")
         file.writelines(b"%.6f %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n" % tuple(row) for row in rows.tolist())

@@ -1,4 +1,4 @@
-"""MCAP: `--record mcap`."""
+"""MCAP logs of ROS 2 messages: `--record mcap`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class McapLog:
     """A log of ROS 2 messages for Foxglove, Lichtblick and `ros2 bag`: frames, joints, odometry, commands, contacts.
 
-    Its times are sim time. `map` is the world; `odom` is the same, unless the trace keeps wheel odometry, which then
-    drifts in it.
+    Times are sim time. The frame `map` is the world. `odom` coincides with it, unless the trace contains wheel
+    odometry, which drifts relative to `map`.
     """
 
     extra: ClassVar[str] = "mcap"
@@ -31,7 +31,7 @@ class McapLog:
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:
-        """See Export.write."""
+        """Write a run; see `Export.write`."""
         from mcap.writer import Writer
 
         writer: Any = Writer(file)  # not all of it has types
@@ -41,7 +41,7 @@ class McapLog:
 
 
 def topics(run: RecordedRun) -> Iterator[Topic]:
-    """Everything that is to be told of a run; what is told once comes first."""
+    """Yield all topics of a run; those with a single message come first."""
     frames = Frames.of(run)
     yield from robot_description(run)
     yield from transforms(run, frames)
@@ -53,7 +53,7 @@ def topics(run: RecordedRun) -> Iterator[Topic]:
 
 
 def _write_topics(writer: Writer, written: list[Topic]) -> None:
-    """All messages, in the order of their times."""
+    """Write all messages in the order of their times."""
     schemas: dict[str, int] = {}
     channels = []
     for topic in written:

@@ -1,4 +1,4 @@
-"""What was kept of a run for its recordings."""
+"""The data of a run from which its recordings are written."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from sim_action.world.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """A run over T moments.
+    """A run with T moments.
 
     Attributes:
-        trace: T moments, with contacts, bodies that may move or appear, and the readings of sensors that are kept.
-        sensors: of the robot, those that the trace keeps among them.
-        twists: what the base was told.
+        trace: T moments, with contacts, bodies that may move or appear, and stored sensor readings.
+        sensors: all sensors of the robot, with and without stored readings.
+        twists: the commanded twists of the base.
     """
 
     scene: Scene
@@ -37,20 +37,20 @@ class RecordedRun:
     def of(
         cls, scene: Scene, film: Trace, trace: Trace, sensors: tuple[MountedSensor, ...], twists: CommandedTwists
     ) -> Self:
-        """From what is kept for a replay, or what is stored, whichever has more moments."""
+        """Combine the trace for the replay (`film`) and the stored trace; the poses come from the finer one."""
         finest = trace if len(trace) > len(film) else film
         told = replace(finest, contacts=film.contacts, bodies=film.bodies, sensors=trace.sensors)
         return cls(scene, told, sensors, twists)
 
     @cached_property
     def bodies(self) -> Mapping[str, FloatArray]:
-        """Name -> (T, 7) x, y, z in m and quaternion x, y, z, w, world frame; of bodies that may move or appear.
+        """Name -> (T, 7) x, y, z in m and quaternion x, y, z, w, world frame, for bodies that may move or appear.
 
-        Not a number until they appear: before that, an engine has them anywhere.
+        The values are NaN until a body appears.
         """
         found = {}
         for name, record in self.trace.bodies.items():
-            # Where it was not looked at, it is as just before.
+            # Between two records, a body keeps the last recorded pose.
             rows = np.searchsorted(record.time, self.trace.time + TIME_EPSILON_S, side="right") - 1
             found[name] = np.column_stack((record.position_xyz, record.orientation_xyzw))[rows.clip(0)]
         for body in self.scene.world.objects:

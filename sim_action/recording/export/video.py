@@ -1,4 +1,8 @@
-"""GIF: `--record gif`."""
+"""Videos of a run: GIF (`--record gif`) and MP4 (`--record mp4`).
+
+A camera follows the robot and shows the sim time in a corner. The pictures are drawn by `sensors.rendering` and are
+identical on every machine.
+"""
 
 from __future__ import annotations
 
@@ -22,16 +26,16 @@ from sim_action.sensors.rendering.pinhole import Pinhole
 from sim_action.world import placed
 
 GIF_RATE_HZ: Final = 10
-"""Pictures in a second: browsers show no more than 50, and a hundredth of a second is the least that they tell."""
+"""The frame rate of a GIF; its format stores whole hundredths of a second, and browsers show at most 50 Hz."""
 
 _GIF_COLOURS: Final = 64
 
 
 class GifFilm:
-    """A film that plays anywhere, in a README or a comment: 320x240, 10 pictures in a second of sim time.
+    """An animated GIF for a README or a comment: 320x240, 10 pictures per second of sim time.
 
-    A camera follows the robot, and sees its collision shapes. What lasts longer than two minutes is shown faster, as
-    the corner says.
+    A camera follows the robot and shows its collision shapes. A run longer than two minutes is shown faster, by the
+    factor in the corner.
     """
 
     extra: ClassVar[str] = "video"
@@ -39,7 +43,7 @@ class GifFilm:
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:
-        """See Export.write."""
+        """Write a run; see `Export.write`."""
         from PIL import Image
 
         images = (
@@ -51,17 +55,17 @@ class GifFilm:
 
 
 MP4_RATE_HZ: Final = 20
-"""Pictures in a second."""
+"""The frame rate of an MP4."""
 
-# With threads, or with its macroblock trees, the same pictures gave one of several files.
+# With threads or macroblock trees, x264 is not deterministic.
 _MP4_OPTIONS: Final = {"preset": "veryfast", "threads": "1", "x264-params": "mbtree=0"}
 
 
 class Mp4Film:
-    """A film as browsers play it (H.264): 320x240, 20 pictures in a second of sim time.
+    """A video for browsers (H.264): 320x240, 20 pictures per second of sim time.
 
-    A camera follows the robot, and sees its collision shapes. What lasts longer than a minute is shown faster, as the
-    corner says.
+    A camera follows the robot and shows its collision shapes. A run longer than a minute is shown faster, by the factor
+    in the corner.
     """
 
     extra: ClassVar[str] = "video"
@@ -69,7 +73,7 @@ class Mp4Film:
 
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:
-        """See Export.write."""
+        """Write a run; see `Export.write`."""
         import av
 
         with av.open(file, "w", format="mp4") as container:
@@ -81,11 +85,11 @@ class Mp4Film:
 
 
 MAX_PICTURES: Final = 1_200
-"""A minute of 20 pictures a second. What lasts longer is shown faster."""
+"""The largest number of pictures in a video: one minute at 20 Hz. A longer run is shown faster."""
 
 
 def pictures(run: RecordedRun, rate: int) -> Iterator[NDArray[np.uint8]]:
-    """(H, W, 3) each, for so many in a second of the film. Raises OSError if a mesh of the robot is gone."""
+    """Yield the pictures (H, W, 3) of a video with a frame rate in Hz. Raises OSError if a mesh file is missing."""
     moments, speed = shown_moments(run.trace.time, rate)
     stage = _Stage(run)
     for moment in moments:
@@ -95,7 +99,7 @@ def pictures(run: RecordedRun, rate: int) -> Iterator[NDArray[np.uint8]]:
 
 
 def shown_moments(time: NDArray[np.float64], rate: int) -> tuple[list[int], int]:
-    """The moments that are shown, the last of them at the end, and how many times too fast the film runs."""
+    """Return the indices of the moments in the video, the last one included, and its speed-up factor."""
     duration = float(time[-1] - time[0])
     speed = max(1, int(np.ceil(duration * rate / MAX_PICTURES)))
     wanted = np.append(np.arange(time[0], time[-1] - TIME_EPSILON_S, speed / rate), time[-1])
@@ -103,7 +107,7 @@ def shown_moments(time: NDArray[np.float64], rate: int) -> tuple[list[int], int]
 
 
 class _Stage:
-    """The robot and its world, ready to be placed."""
+    """The solids of the robot and its world, and the camera."""
 
     def __init__(self, run: RecordedRun) -> None:
         scene = run.scene
@@ -128,7 +132,7 @@ class _Stage:
         return _pose([*trace.base_position_xyz[moment].tolist(), *trace.base_orientation_xyzw[moment].tolist()])
 
     def _bodies(self, moment: int) -> dict[str, Pose]:
-        """Those that are there."""
+        """Return the poses of the bodies that have appeared."""
         found = {name: track[moment] for name, track in self._run.bodies.items()}
         return {name: _pose(numbers.tolist()) for name, numbers in found.items() if np.isfinite(numbers).all()}
 
@@ -152,22 +156,22 @@ def _pose(numbers: Sequence[float]) -> Pose:
 WIDTH: Final = 320
 HEIGHT: Final = 240
 _FIELD_OF_VIEW: Final = math.radians(60)
-# Down to the robot, and to the right of where it heads at first.
-_DOWN: Final = math.radians(35)
-_ASIDE: Final = math.radians(40)
-# Of the robot's size; and in m, for what is small and drives far.
-_DISTANCE: Final = 2.5
-_NEAREST: Final = 1.2
+# The pitch of the camera, and its yaw relative to the initial heading of the robot.
+_PITCH: Final = math.radians(35)
+_YAW_OFFSET: Final = math.radians(40)
+# The distance as a multiple of the robot's size, and its minimum in m.
+_RELATIVE_DISTANCE: Final = 2.5
+_MIN_DISTANCE_M: Final = 1.2
 
 
 @dataclass(frozen=True, slots=True)
 class FollowCamera:
-    """It never turns: what seems to turn does.
+    """A camera that moves with the robot, seen from behind, right and above, but never turns.
 
     Attributes:
-        heading: rad, of its view on the ground plane.
-        distance: m, to what it looks at.
-        above: m, of what it looks at, over the base link.
+        heading: the yaw of the view in rad, world frame.
+        distance: the distance in m to the target point.
+        above: the height in m of the target point above the base link.
     """
 
     heading: float
@@ -176,27 +180,27 @@ class FollowCamera:
 
     @classmethod
     def of(cls, model: RobotModel, start: Pose) -> FollowCamera:
-        """One from which all of a robot can be seen."""
+        """Return a camera that sees the whole robot."""
         box = robot_box(model, link_poses(model, model.positions({})))
         low, high = box or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         size = math.dist(low, high)
-        return cls(start.yaw + _ASIDE, max(_NEAREST, _DISTANCE * size), (low[2] + high[2]) / 2)
+        return cls(start.yaw + _YAW_OFFSET, max(_MIN_DISTANCE_M, _RELATIVE_DISTANCE * size), (low[2] + high[2]) / 2)
 
     @property
     def pinhole(self) -> Pinhole:
-        """Its lens."""
+        """The projection of the camera."""
         return Pinhole(WIDTH, HEIGHT, _FIELD_OF_VIEW, 0.02 * self.distance, 100 * self.distance)
 
     def pose(self, base_xyz: Vector3) -> Pose:
-        """Where it is in the world, for a base link that is there."""
+        """Return the pose of the camera in the world for a position of the base link."""
         x, y, z = base_xyz
-        back = self.distance * math.cos(_DOWN)
-        up = self.above + self.distance * math.sin(_DOWN)
+        back = self.distance * math.cos(_PITCH)
+        up = self.above + self.distance * math.sin(_PITCH)
         place = (x - back * math.cos(self.heading), y - back * math.sin(self.heading), z + up)
-        return Pose(place, quaternion_from_rpy(0.0, _DOWN, self.heading))
+        return Pose(place, quaternion_from_rpy(0.0, _PITCH, self.heading))
 
 
-# Five rows of three pixels, as bits.
+# The glyphs: five rows of three pixels each, as bits.
 _GLYPHS: Final = {
     "0": (7, 5, 5, 5, 7),
     "1": (2, 6, 2, 2, 7),
@@ -218,7 +222,7 @@ _TEXT_MARGIN: Final = 4
 
 
 def write_text(picture: NDArray[np.uint8], text: str) -> None:
-    """Writes digits, points, "s" and "x" into the upper left corner of (H, W, 3): white on black."""
+    """Write digits, points, "s" and "x" in white on black into the upper left corner of a picture (H, W, 3)."""
     rows = np.zeros((7, 4 * len(text) + 1), dtype=bool)
     for place, sign in enumerate(text):
         bits = np.array(_GLYPHS[sign])[:, None] >> np.array((2, 1, 0)) & 1

@@ -1,4 +1,4 @@
-"""From a scene and what was kept of a run to its replay."""
+"""Build the replay of a run: scene, frames, contacts, signals and marks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sim_action.recording.replay.replay_file import (
     write_replay,
 )
 from sim_action.recording.replay.scene import scenery, skeleton
-from sim_action.recording.replay.shapes import FARTHEST, numbers
+from sim_action.recording.replay.shapes import MAX_ABS_VALUE, numbers
 from sim_action.recording.replay.signals import stored_marks, stored_signals
 from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
@@ -37,13 +37,13 @@ def replay_of(
     signals: Sequence[SignalData] = (),
     marks: Sequence[MarkData] = (),
 ) -> Replay:
-    """The replay of a run.
+    """Return the replay of a run.
 
     Args:
-        scene: what was simulated.
-        film: what was seen of it, 30 moments a second.
-        signals: what expectations looked at.
-        marks: where they did.
+        scene: the simulated scene.
+        film: the trace at 30 Hz.
+        signals: the signals of the expectations.
+        marks: the places of the expectations.
     """
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)
@@ -65,16 +65,16 @@ def replay_of(
 
 
 def make_replay(scenario: Scenario, scene: Scene, start: Observation, film: Trace, path: Path) -> None:
-    """Writes the replay of a run: `start` is the settled state at t = 0, `film` what was seen of it.
+    """Write the replay of a run; `start` is the settled state at t = 0, `film` the trace at 30 Hz.
 
-    Raises OSError, and ValueError for what is no replay.
+    Raises OSError, or ValueError if the replay is too large or not valid.
     """
     signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
     write_replay(replay_of(scene, film, signals, marks), path)
 
 
 def warm_up(robots: Iterable[RobotModel]) -> None:
-    """Builds the validators of all models, and imports what draws robots, once for all forks of this process."""
+    """Build the validators of all models and import the mesh readers once, before processes are forked."""
     for module in (shapes, replay_file):
         for model in vars(module).values():
             if isinstance(model, type) and issubclass(model, BaseModel):
@@ -83,18 +83,19 @@ def warm_up(robots: Iterable[RobotModel]) -> None:
         import_module("sim_action.recording.replay.visual_meshes")
 
 
-# In s: what lets go for so short a time, as what rattles along a wall does, goes on.
+# A shorter gap does not end a contact, for example of a robot that rattles along a wall.
 _MAX_GAP_S: Final = 0.1
 
 
 @dataclass(slots=True)
 class Touch:
-    """A link at a body without a gap, from its first contact.
+    """An uninterrupted contact of a link with a body.
 
     Attributes:
-        until: s, its last step.
-        force: N of all points of a step, at most.
-        present: N of those of its last step.
+        first: the first contact point.
+        until: the time in s of the last contact.
+        force: the largest total force of a step in N.
+        present: the total force of the last step in N.
     """
 
     first: Contact
@@ -103,14 +104,14 @@ class Touch:
     present: float = 0.0
 
     def add(self, contact: Contact) -> None:
-        """One more point."""
+        """Add a contact point of the same or a later step."""
         self.present = contact.force + (self.present if contact.time == self.until else 0.0)
         self.until = contact.time
         self.force = max(self.force, self.present)
 
 
 def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
-    """The touches, in the order in which they begin."""
+    """Join successive contacts of a link with a body, and return the touches in the order of their start."""
     found: list[Touch] = []
     lasting: dict[tuple[str, str], Touch] = {}
     for contact in contacts:
@@ -126,7 +127,10 @@ def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
 def strongest_touches(
     touches: list[Touch], links: Mapping[str, int], bodies: Mapping[str, int]
 ) -> tuple[tuple[ContactData, ...], int]:
-    """Those that are kept, in the order of time, and how many are not; by the numbers of links and bodies."""
+    """Return the strongest touches in the order of time, and the number of the others.
+
+    `links` and `bodies` map names to indices.
+    """
     known = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
     most = sorted(known, key=lambda touch: -touch.force)[:MAX_CONTACTS]
     kept = tuple(
@@ -138,6 +142,6 @@ def strongest_touches(
 
 def _contact_data(touch: Touch, link: int, body: int) -> ContactData:
     x, y, z = numbers(touch.first.position_xyz)
-    force = round(min(touch.force, FARTHEST), 3)
+    force = round(min(touch.force, MAX_ABS_VALUE), 3)
     time, until = numbers((touch.first.time, touch.until))
     return ContactData(time=time, until=until, link=link, body=body, position=(x, y, z), force=force)

@@ -1,4 +1,4 @@
-"""Columns of numbers as a replay stores them: whole steps from one moment to the next, which pack well."""
+"""Columns of numbers in a replay: differences in whole steps from moment to moment, which compress well."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from sim_action.core.field_types import FrozenModel
 FloatArray = NDArray[np.float64]
 
 MAX_MOMENTS: Final = 20_000
-"""Of a column: eleven minutes at 30 Hz; what lasts longer has its moments further apart."""
+"""The largest number of moments: eleven minutes at 30 Hz. Longer runs have a lower rate."""
 
-# Sums and differences of these are exact in JavaScript, whose numbers have 53 bits.
-_FARTHEST: Final = 2**50
+# Sums and differences of such numbers are exact in JavaScript, whose numbers have 53 bits.
+_MAX_STEPS: Final = 2**50
 
 Steps = Annotated[int, Field(ge=-(2**53), le=2**53)]
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -28,10 +28,10 @@ class Column(FrozenModel):
     """One number over N moments: value i is `scale * (first + the sum of deltas up to i)`.
 
     Attributes:
-        scale: the unit of the column in a step.
-        first: the first value, in steps.
-        deltas: N - 1 of them, in steps; left out: it never changes.
-        gaps: (first moment, how many) where there is no value; the deltas go on there.
+        scale: the size of a step in the unit of the column.
+        first: the first value in steps.
+        deltas: the N - 1 differences in steps; empty if the value never changes.
+        gaps: (first moment, number of moments) without a value; the deltas continue there.
     """
 
     scale: Scale
@@ -41,7 +41,7 @@ class Column(FrozenModel):
 
     @classmethod
     def encoded(cls, values: FloatArray, scale: float) -> Column:
-        """A column of values (N,), to the nearest step; what is not finite becomes a gap."""
+        """Return the column of values (N,), rounded to steps; values that are not finite become gaps."""
         there = np.isfinite(values)
         steps = _steps(values, there, scale)
         deltas = np.diff(steps)
@@ -53,7 +53,7 @@ class Column(FrozenModel):
         )
 
     def decoded(self, count: int) -> FloatArray:
-        """The values (N,) of `count` moments, NaN in gaps."""
+        """Return the values (N,) of `count` moments, NaN in gaps."""
         steps = np.full(count, self.first, dtype=np.int64)
         if self.deltas:
             steps[1:] += np.cumsum(np.array(self.deltas, dtype=np.int64))
@@ -63,13 +63,13 @@ class Column(FrozenModel):
         return values
 
     def fits(self, count: int) -> bool:
-        """Whether it is a column of `count` moments."""
+        """Return True if the column is valid for `count` moments."""
         in_range = all(start + length <= count for start, length in self.gaps)
         return in_range and len(self.deltas) in {0, count - 1}
 
 
 def fine_scale(values: FloatArray) -> float:
-    """A power of ten that tells at least 2,000 steps apart from the least of the values to the largest."""
+    """Return a power of ten that divides the range of the values into at least 2,000 steps."""
     finite = values[np.isfinite(values)]
     span = float(np.ptp(finite)) if len(finite) else 0.0
     reach = span or (float(np.abs(finite).max()) if len(finite) else 0.0)
@@ -79,18 +79,18 @@ def fine_scale(values: FloatArray) -> float:
 
 
 def _steps(values: FloatArray, there: NDArray[np.bool_], scale: float) -> NDArray[np.int64]:
-    """In steps; in a gap, as before it."""
+    """Return the values in steps; a gap repeats the value before it."""
     if there.all():
-        most = _FARTHEST * scale
+        most = _MAX_STEPS * scale
         return np.rint(np.clip(values, -most, most) / scale).astype(np.int64)
-    # The first gap stands as the first value does.
+    # A gap at the beginning repeats the first value.
     first = int(np.argmax(there))
     rows = np.maximum.accumulate(np.where(there, np.arange(len(values)), first))
     return _steps(np.where(there[rows], values[rows], 0.0), np.ones_like(there), scale)
 
 
 def _runs(flags: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
-    """First moment and length of each run of true ones."""
+    """Return the first index and length of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     starts, ends = edges[::2], edges[1::2]
     return tuple(zip(starts.tolist(), (ends - starts).tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""The moments of a replay as columns."""
+"""The frames of a replay: the motion of robot and bodies as columns."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_action.recording.replay.replay_file import Frames, PoseColumns
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord
 
-# Of a column's step: m, of quaternions, rad (or m, where joints slide), m/s.
+# The resolution of columns: lengths in m, quaternions, joints in rad (sliding ones in m), speed in m/s.
 _LENGTH: Final = 1e-4
 _TURN: Final = 1e-4
 _JOINT: Final = 1e-3
@@ -23,7 +23,7 @@ _SPEED: Final = 1e-3
 
 
 def thinned(trace: Trace) -> Trace:
-    """At most so many moments as a column may have, evenly spread, with the last one."""
+    """Return a trace with at most `MAX_MOMENTS` evenly spaced moments, including the last one."""
     if len(trace) <= MAX_MOMENTS:
         return trace
     return trace.rows(np.linspace(0, len(trace) - 1, MAX_MOMENTS).round().astype(np.intp))
@@ -31,14 +31,17 @@ def thinned(trace: Trace) -> Trace:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A body that moves; `appears`: s before which it is not there, and its record says nothing."""
+    """A moving body; `appears` is the time in s before which its record is not valid."""
 
     record: BodyRecord
     appears: float = 0.0
 
 
 def frames_of(trace: Trace, tracks: Sequence[Track], rate: float, sliding: Sequence[bool]) -> Frames:
-    """The columns of a trace and of bodies; `rate`: of the physics; `sliding`: of each joint, whether it slides."""
+    """Return the frames of a trace and of moving bodies.
+
+    `rate` is the physics rate in Hz; `sliding` is True for each prismatic joint.
+    """
     steps = [_SLIDING if slides else _JOINT for slides in sliding]
     return Frames(
         time=Column.encoded(trace.time, 1 / rate),
@@ -51,7 +54,7 @@ def frames_of(trace: Trace, tracks: Sequence[Track], rate: float, sliding: Seque
 
 
 def _track(track: Track, time: FloatArray) -> PoseColumns:
-    """A body at these moments; where it was not looked at, as just before, and until it appears, as then."""
+    """Return the poses of a body at given times: the last recorded pose, or the first one before it appears."""
     record = track.record
     first = min(int(np.searchsorted(record.time, track.appears - TIME_EPSILON_S)), len(record) - 1)
     rows = np.searchsorted(record.time, time + TIME_EPSILON_S, side="right") - 1
@@ -59,7 +62,7 @@ def _track(track: Track, time: FloatArray) -> PoseColumns:
     position, orientation = record.position_xyz[rows], _steady(record.orientation_xyzw[rows])
     since = time[-1] - record.time[-1]
     if since > TIME_EPSILON_S and len(record) - first > 1:
-        # The very last moment comes between two looks: it goes on as it went.
+        # The last moment lies after the last record, so extrapolate the motion.
         ahead = since / (record.time[-1] - record.time[-2])
         position[-1] += ahead * (record.position_xyz[-1] - record.position_xyz[-2])
         before, last = _steady(record.orientation_xyzw[-2:])
@@ -75,7 +78,7 @@ def _pose_columns(position_xyz: FloatArray, orientation_xyzw: FloatArray) -> Pos
 
 
 def _steady(orientation_xyzw: FloatArray) -> FloatArray:
-    """The same turns, without jumps from a quaternion to its negative, which turns alike."""
+    """Return equivalent quaternions without sign changes between successive rows."""
     dots = np.einsum("ij,ij->i", orientation_xyzw[1:], orientation_xyzw[:-1])
     signs = np.cumprod(np.concatenate(([1.0], np.where(dots < 0, -1.0, 1.0))))
     return orientation_xyzw * signs[:, None]

@@ -1,4 +1,8 @@
-"""The replay file, version 1: JSON in gzip, of one run. SI units, world frame; quaternions x, y, z, w."""
+"""The replay file, version 1: the data model, consistency checks, reading and writing.
+
+A replay is the recording of one run for `report.html`: gzipped JSON with SI units in the world frame, quaternions
+x, y, z, w. A file that is read may come from anywhere, so its sizes and indices are checked.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +21,13 @@ from sim_action.recording.replay.shapes import Digest, Length, MeshData, MeshSha
 
 
 class _Mark(FrozenModel):
-    """A mark; `expectation`: the number of the one that it belongs to, counted from 0; null: of none."""
+    """A place that an expectation is about; `expectation` is its number, counted from 0, or null."""
 
     expectation: Index | None = None
 
 
 class CircleMark(_Mark):
-    """On the ground plane, or as high as `z`; in m."""
+    """A circle at height `z`, in m."""
 
     kind: Literal["circle"]
     x: Number
@@ -40,14 +44,14 @@ class PolygonMark(_Mark):
 
 
 class PolylineMark(_Mark):
-    """A way; points x, y, z in m."""
+    """A path; points x, y, z in m."""
 
     kind: Literal["polyline"]
     points: Annotated[tuple[Place, ...], Field(min_length=2, max_length=10_000)]
 
 
 class ArrowMark(_Mark):
-    """A heading at a place on the ground plane: m, and rad about the z axis."""
+    """A position and heading on the ground plane, in m and rad about the z axis."""
 
     kind: Literal["arrow"]
     x: Number
@@ -56,57 +60,6 @@ class ArrowMark(_Mark):
 
 
 MarkData = Annotated[CircleMark | PolygonMark | PolylineMark | ArrowMark, Field(discriminator="kind")]
-
-
-def problem_of(replay: Replay) -> str | None:
-    """The first thing that does not fit, if there is one."""
-    return next(_problems(replay), None)
-
-
-def _problems(replay: Replay) -> Iterator[str]:
-    scene, frames = replay.scene, replay.frames
-    yield from _of_links(scene, len(frames.joints))
-    yield from _of_bodies(scene, len(frames.tracks))
-    yield from _of_frames(frames)
-    if len(replay.joint_names) != len(frames.joints):
-        yield "there are as many joint names as columns of joints"
-    if any(contact.link >= len(scene.links) or contact.body >= len(scene.bodies) for contact in replay.contacts):
-        yield "a contact names a link or a body that is not there"
-    if not all(_is_whole(signal, frames.count) for signal in replay.signals):
-        yield "a signal has as many values as moments"
-
-
-def _of_links(scene: SceneData, joints: int) -> Iterator[str]:
-    for number, link in enumerate(scene.links):
-        if (link.parent is None) != (number == 0) or (link.parent or 0) >= max(1, number):
-            yield "the first link is the base, and each other one has a parent before it"
-        if link.joint is not None and link.joint.column >= joints:
-            yield "a link moves by a joint that has no column"
-
-
-def _of_bodies(scene: SceneData, tracks: int) -> Iterator[str]:
-    if any(body.track is not None and body.track >= tracks for body in scene.bodies):
-        yield "a body moves on a track that is not there"
-    drawn = [owner.shapes for owner in scene.links] + [owner.shapes for owner in scene.bodies]
-    shapes = (shape for several in drawn for shape in several)
-    if any(isinstance(shape, MeshShape) and shape.mesh not in scene.meshes for shape in shapes):
-        yield "a shape names a mesh that is not there"
-    if not all(mesh.is_whole for mesh in scene.meshes.values()):
-        yield "a mesh has triangles between points that are not there"
-
-
-def _of_frames(frames: Frames) -> Iterator[str]:
-    if not all(column.fits(frames.count) for column in frames.columns):
-        yield "a column has as many values as there are moments"
-    if frames.time.gaps or any(delta <= 0 for delta in frames.time.deltas):
-        yield "the time rises"
-
-
-def _is_whole(signal: SignalData, frames: int) -> bool:
-    if signal.time is None:
-        return signal.values.fits(frames)
-    rises = not signal.time.gaps and all(delta > 0 for delta in signal.time.deltas)
-    return rises and signal.values.fits(1 + len(signal.time.deltas))
 
 
 MAX_LINKS: Final = 1_000
@@ -124,11 +77,11 @@ PoseColumns = tuple[Column, Column, Column, Column, Column, Column, Column]
 
 
 class JointMotion(FrozenModel):
-    """How a link moves on its parent: turned (rad) or slid (m) along `axis` by multiplier * column + offset.
+    """The motion of a link on its parent: rotation (rad) or translation (m) by multiplier * column + offset.
 
     Attributes:
-        axis: unit vector in the frame that the link's `origin` gives.
-        column: number of the joint's column in `Frames.joints`.
+        axis: the unit vector in the frame given by the `origin` of the link.
+        column: the index of the joint's column in `Frames.joints`.
     """
 
     type: Literal["revolute", "prismatic"]
@@ -139,13 +92,13 @@ class JointMotion(FrozenModel):
 
 
 class LinkData(FrozenModel):
-    """A link of the robot; parents stand before their children, and the base is the first.
+    """A link of the robot. The base is the first link, and parents come before their children.
 
     Attributes:
-        parent: number of its parent; null for the base alone.
-        origin: of its frame in its parent's, before the joint moves it; of the base: nothing.
-        joint: null: it is fixed to its parent.
-        shapes: in its own frame.
+        parent: the index of the parent; null only for the base.
+        origin: the pose of the link in its parent before the joint moves it; unused for the base.
+        joint: the motion relative to the parent; null if it is fixed.
+        shapes: the shapes in the frame of the link.
     """
 
     name: Text
@@ -159,9 +112,9 @@ class BodyData(FrozenModel):
     """A body of the world.
 
     Attributes:
-        pose: of its frame in the world, at first.
-        track: number of its columns in `Frames.tracks`; null: it stays.
-        appears: s before which it is not there; null: it always is.
+        pose: the initial pose in the world.
+        track: the index of its columns in `Frames.tracks`; null if it does not move.
+        appears: the time in s at which it appears; null if it always exists.
     """
 
     name: Text
@@ -172,7 +125,7 @@ class BodyData(FrozenModel):
 
 
 class PatchData(FrozenModel):
-    """An area of the ground with a friction of its own: x and y of its middle, full sizes, in m."""
+    """An area of the ground with its own friction: x and y of its centre and full sizes, in m."""
 
     x: Number
     y: Number
@@ -181,7 +134,7 @@ class PatchData(FrozenModel):
 
 
 class SceneData(FrozenModel):
-    """What there is to see; `robot`: what its model calls itself."""
+    """The links of the robot, the bodies of the world and the meshes; `robot` is the name of the model."""
 
     robot: Text
     links: Annotated[tuple[LinkData, ...], Field(min_length=1, max_length=MAX_LINKS)]
@@ -191,15 +144,15 @@ class SceneData(FrozenModel):
 
 
 class Frames(FrozenModel):
-    """The run, 30 moments a second and the last one; all columns are as long as `time`.
+    """The motion of a run at 30 Hz, including the last moment; all columns are as long as `time`.
 
     Attributes:
-        time: s since the first command.
-        base: of the base link in the world.
-        joints: rad (m if prismatic), in the order of `Replay.joint_names`.
-        speed: m/s of the base link.
-        tilt: rad between the base's z axis and the world's.
-        tracks: of the bodies that move, in the world.
+        time: the sim time in s.
+        base: the pose of the base link in the world.
+        joints: the joint positions in rad (m if prismatic), in the order of `Replay.joint_names`.
+        speed: the speed of the base link in m/s.
+        tilt: the angle in rad between the z axes of the base and the world.
+        tracks: the poses of moving bodies in the world.
     """
 
     time: Column
@@ -211,24 +164,24 @@ class Frames(FrozenModel):
 
     @property
     def count(self) -> int:
-        """How many moments there are."""
+        """The number of moments."""
         return 1 + len(self.time.deltas)
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """All of them."""
+        """All columns."""
         tracks = (column for track in self.tracks for column in track)
         return (self.time, *self.base, *self.joints, self.speed, self.tilt, *tracks)
 
 
 class ContactData(FrozenModel):
-    """A link of the robot at a body, from `time` to `until`, in s, without a gap.
+    """An uninterrupted contact of a link with a body, from `time` to `until` in s.
 
     Attributes:
-        link: number of the link.
-        body: number of the body.
-        position: where it began, in m, world frame.
-        force: N, the largest of all points of a step together.
+        link: the index of the link.
+        body: the index of the body.
+        position: the position of the first contact point in m, world frame.
+        force: the largest total force of a physics step in N.
     """
 
     time: Number
@@ -240,15 +193,15 @@ class ContactData(FrozenModel):
 
 
 class SignalData(FrozenModel):
-    """One curve of an expectation.
+    """One signal of an expectation over time.
 
     Attributes:
-        expectation: its number, counted from 0.
-        unit: of values and limits, an SI symbol.
-        time: s; null: the moments of `Frames.time`.
-        values: with gaps where there is nothing.
-        lower, upper: limits: what the values have to be above, and below; null: none.
-        start, end: s, the window that the limits hold for; an end of null: until the end of the run.
+        expectation: the number of the expectation, counted from 0.
+        unit: the SI unit of values and limits.
+        time: the times in s; null for the moments of `Frames.time`.
+        values: the values, with gaps where the signal does not exist.
+        lower, upper: the limits of the values; null for none.
+        start, end: the window in s in which the limits apply; an end of null means the end of the run.
     """
 
     expectation: Index
@@ -263,11 +216,11 @@ class SignalData(FrozenModel):
 
 
 class Replay(FrozenModel):
-    """What a page needs to show a run.
+    """The recording of a run for the report.
 
     Attributes:
-        contacts: at most 200, in the order of time: those with the largest forces.
-        contacts_left_out: how many more there were.
+        contacts: the contacts with the largest forces, at most 200, in the order of time.
+        contacts_left_out: the number of further contacts.
     """
 
     version: Literal[1]
@@ -281,56 +234,109 @@ class Replay(FrozenModel):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        if (problem := problem_of(self)) is not None:
+        if (problem := _first_problem(self)) is not None:
             raise ValueError(problem)
         return self
 
 
+def _first_problem(replay: Replay) -> str | None:
+    """Return the first inconsistency of a replay, or None."""
+    return next(_problems(replay), None)
+
+
+def _problems(replay: Replay) -> Iterator[str]:
+    scene, frames = replay.scene, replay.frames
+    yield from _of_links(scene, len(frames.joints))
+    yield from _of_bodies(scene, len(frames.tracks))
+    yield from _of_frames(frames)
+    if len(replay.joint_names) != len(frames.joints):
+        yield "the number of joint names differs from the number of joint columns"
+    if any(contact.link >= len(scene.links) or contact.body >= len(scene.bodies) for contact in replay.contacts):
+        yield "a contact refers to a link or body that does not exist"
+    if not all(_is_whole(signal, frames.count) for signal in replay.signals):
+        yield "a signal has another number of values than moments"
+
+
+def _of_links(scene: SceneData, joints: int) -> Iterator[str]:
+    for number, link in enumerate(scene.links):
+        if (link.parent is None) != (number == 0) or (link.parent or 0) >= max(1, number):
+            yield "the first link must be the base, and each other link must have a parent before it"
+        if link.joint is not None and link.joint.column >= joints:
+            yield "a link moves by a joint column that does not exist"
+
+
+def _of_bodies(scene: SceneData, tracks: int) -> Iterator[str]:
+    if any(body.track is not None and body.track >= tracks for body in scene.bodies):
+        yield "a body refers to a track that does not exist"
+    drawn = [owner.shapes for owner in scene.links] + [owner.shapes for owner in scene.bodies]
+    shapes = (shape for several in drawn for shape in several)
+    if any(isinstance(shape, MeshShape) and shape.mesh not in scene.meshes for shape in shapes):
+        yield "a shape refers to a mesh that does not exist"
+    if not all(mesh.is_whole for mesh in scene.meshes.values()):
+        yield "a mesh has a triangle with a point that does not exist"
+
+
+def _of_frames(frames: Frames) -> Iterator[str]:
+    if not all(column.fits(frames.count) for column in frames.columns):
+        yield "a column has another number of values than moments"
+    if frames.time.gaps or any(delta <= 0 for delta in frames.time.deltas):
+        yield "the times do not increase"
+
+
+def _is_whole(signal: SignalData, frames: int) -> bool:
+    if signal.time is None:
+        return signal.values.fits(frames)
+    rises = not signal.time.gaps and all(delta > 0 for delta in signal.time.deltas)
+    return rises and signal.values.fits(1 + len(signal.time.deltas))
+
+
 MAX_PACKED_BYTES: Final = 8_000_000
-"""Of a file."""
+"""The largest size of a file."""
 
 MAX_UNPACKED_BYTES: Final = 24_000_000
-"""Of what is in one: 20,000 moments of a robot of 30 joints and 50 bodies. Read, it takes ten times as much memory."""
+"""The largest unpacked size: 20,000 moments of 30 joints and 50 bodies. Reading takes ten times as much memory."""
 
-# More takes twice the time and saves nothing to speak of.
+# A higher level takes twice the time and saves almost nothing.
 _LEVEL: Final = 6
 
 
 class ReplayError(ValueError):
-    """A file that is no replay."""
+    """An error for a file that is not a valid replay."""
 
 
 def write_replay(replay: Replay, path: Path) -> None:
-    """Writes a replay, all of it or nothing. Raises OSError, and ValueError for one that nobody would read."""
+    """Write a replay completely or not at all. Raises OSError, or ValueError if it is too large to be read."""
     data = replay.model_dump_json(exclude_defaults=True).encode()
     if len(data) > MAX_UNPACKED_BYTES:
-        raise ValueError(f"it would have {len(data) // 1_000_000} MB")
+        raise ValueError(
+            f"the replay has {len(data) // 1_000_000} MB; the limit is {MAX_UNPACKED_BYTES // 1_000_000} MB"
+        )
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as file:
         file.write(gzip.compress(data, _LEVEL, mtime=0))
 
 
 def read_replay(path: Path) -> Replay:
-    """Reads what `write` wrote, which may be a stranger's. Raises ReplayError."""
+    """Read a replay file, which may come from anywhere. Raises ReplayError."""
     try:
         with open_regular(path, follow_link=False) as file:
             packed = file.read(MAX_PACKED_BYTES + 1)
         return Replay.model_validate_json(_unpacked(packed))
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        raise ReplayError(f"{path}: not a replay: {found['msg']}") from None
+        raise ReplayError(f"{path}: not a valid replay: {found['msg']}") from None
     except (OSError, ValueError, zlib.error) as error:
-        raise ReplayError(f"{path}: not a replay: {error}") from None
+        raise ReplayError(f"{path}: not a valid replay: {error}") from None
 
 
 def _unpacked(packed: bytes) -> bytes:
-    """A small file may hold much."""
+    """Unpack data with a limit, because a small file may unpack to a large one."""
     if len(packed) > MAX_PACKED_BYTES:
-        raise ValueError(f"it has more than {MAX_PACKED_BYTES // 1_000_000} MB")
+        raise ValueError(f"the file has more than {MAX_PACKED_BYTES // 1_000_000} MB")
     unpacker = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
     data = unpacker.decompress(packed, MAX_UNPACKED_BYTES + 1)
     if len(data) > MAX_UNPACKED_BYTES:
-        raise ValueError(f"it holds more than {MAX_UNPACKED_BYTES // 1_000_000} MB")
+        raise ValueError(f"the unpacked data has more than {MAX_UNPACKED_BYTES // 1_000_000} MB")
     if not unpacker.eof:
-        raise ValueError("it was cut off")
+        raise ValueError("the file is truncated")
     return data

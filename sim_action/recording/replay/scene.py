@@ -1,4 +1,4 @@
-"""What there is to see of a scene: the robot's links, the bodies of the world, the meshes that they share."""
+"""The scene of a replay: links of the robot and bodies of the world with their shapes, and the meshes they share."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 
 def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
-    """All of it; `tracks`: names of the bodies that move, in the order of their columns."""
+    """Return the scene of a replay; `tracks` names the moving bodies in the order of their columns."""
     shelf: dict[str, MeshData] = {}
     pieces, looks = LinkPieces(scene.model), scene.model.links_by_name
     links, numbers = skeleton(scene.model)
@@ -88,7 +88,7 @@ def _body_data(scene: Scene, body: Body, tracks: Sequence[str], shapes: tuple[Sh
 
 
 def _settled(owners: Sequence[Sequence[Piece]], budget: Budget, shelf: dict[str, MeshData]) -> list[tuple[Shape, ...]]:
-    """The shapes of each owner, with its meshes on the shelf; those that come from the same file are one."""
+    """Return the shapes of each owner, and add their meshes, simplified to the budget, to `shelf` (digest -> mesh)."""
     surfaces = {
         id(piece.surface): piece.surface for pieces in owners for piece in pieces if isinstance(piece, MeshPiece)
     }
@@ -107,23 +107,26 @@ def _final_shapes(pieces: Sequence[Piece], names: dict[int, str]) -> Iterator[Sh
 
 
 class LinkPieces:
-    """The pieces of one robot's links, in which what comes from the same file is the same surface."""
+    """The pieces of a robot's links: their visuals if all can be read, else their collision shapes.
+
+    Pieces from the same mesh file share their surface.
+    """
 
     def __init__(self, model: RobotModel) -> None:
-        # A link without a visual is not to be seen, unless nobody has drawn any.
+        # A link without visuals is invisible, unless no link has any.
         self._is_drawn = any(link.visuals for link in model.links)
         self._model = model
         self._scaled: dict[tuple[str, Vector3], Triangles] = {}
 
     @cached_property
     def _meshes(self) -> VisualMeshes:
-        # Robots without meshes are spared what reads them.
+        # Robots without meshes do not need the mesh readers.
         from sim_action.recording.replay.visual_meshes import VisualMeshes
 
         return VisualMeshes(self._model, ROBOT_BUDGET.each)
 
     def of(self, link: Link) -> list[Piece]:
-        """A link's."""
+        """Return the pieces of a link."""
         if self._is_drawn and not link.visuals:
             return []
         found = [self._piece(visual) for visual in link.visuals]
@@ -157,7 +160,7 @@ class LinkPieces:
 
 @dataclass(frozen=True, eq=False)
 class MeshPiece:
-    """Triangles in the frame of what they are part of, turned and moved by `pose`."""
+    """A surface at a pose in the frame of its link or body, before simplification."""
 
     surface: Triangles
     pose: PoseNumbers
@@ -168,14 +171,14 @@ Piece = Shape | MeshPiece
 
 
 def pose_numbers(pose: Pose) -> PoseNumbers:
-    """A pose as it is stored."""
+    """Return a pose as rounded numbers for storage."""
     x, y, z = numbers(pose.position_xyz)
     qx, qy, qz, qw = numbers(pose.orientation_xyzw)
     return (x, y, z, qx, qy, qz, qw)
 
 
 def of_robot_shape(shape: RobotShape, color: Colour, hulls: Callable[[str], Triangles | None]) -> Iterator[Piece]:
-    """What is neither plain nor a mesh that was rewritten is seen as the box around it; a plane is not seen."""
+    """Yield the piece of a collision shape: a solid, its hulls, or else the bounding box; nothing for a plane."""
     (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
     middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))
     half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
@@ -187,7 +190,7 @@ def of_robot_shape(shape: RobotShape, color: Colour, hulls: Callable[[str], Tria
 
 
 def plain_shape(kind: str, half: Vector3, pose: PoseNumbers, color: Colour) -> Shape:
-    """A shape that has its frame in its middle, and reaches so far from it along its axes, in m."""
+    """Return a solid centred in its frame; `half` are its half sizes along the axes in m."""
     x, y, z = numbers(half)
     if kind in {"sphere", "ellipsoid"}:
         return EllipsoidShape(kind="ellipsoid", half=(x, y, z), pose=pose, color=color)
@@ -199,7 +202,7 @@ def plain_shape(kind: str, half: Vector3, pose: PoseNumbers, color: Colour) -> S
 
 
 def of_parts(parts: Sequence[Part], color: Colour) -> Iterator[Piece]:
-    """The parts of a body of the world."""
+    """Yield the pieces of a body of the world."""
     here = pose_numbers(Pose())
     hulls = [np.array(part.points_xyz) for part in parts if isinstance(part, HullPart)]
     if hulls:
@@ -226,10 +229,10 @@ def _of_part(
 
 
 def skeleton(model: RobotModel) -> tuple[list[LinkData], dict[str, int]]:
-    """Parents before their children, without what they look like; and link name -> the number of its frame.
+    """Return the links without shapes, parents before their children, and link name -> index of its frame.
 
-    A link of MJCF may hang on several joints, one after the other, and turn about points beside its origin: what is
-    between is a link that cannot be seen.
+    A link of MJCF may have several joints in series, with anchors away from its origin. Each further joint gets an
+    invisible link in between.
     """
     hanging: dict[str, dict[str, list[Joint]]] = {}
     for joint in model.joints:
@@ -248,7 +251,7 @@ def skeleton(model: RobotModel) -> tuple[list[LinkData], dict[str, int]]:
 
 
 def _chain(child: str, joints: Sequence[Joint], parent: int, number: int, columns: Mapping[str, int]) -> list[LinkData]:
-    """The links from a parent to a child; `number`: of the first of them."""
+    """Return the links from a parent to a child; `number` is the index of the first one."""
     links: list[LinkData] = []
     origin, before = joints[0].origin, ZERO
     for joint in joints:

@@ -1,4 +1,4 @@
-"""What is seen of links and bodies in a replay: plain solids, and meshes that several may share."""
+"""The shapes of links and bodies in a replay: solids, and meshes that several shapes may share."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from sim_action.core.field_types import FrozenModel
 IntArray = NDArray[np.int64]
 
 MAX_SHAPES: Final = 5_000
-"""Of one link or body; a map has at most 2,000 walls."""
+"""The largest number of shapes of a link or body; a map has at most 2,000 walls."""
 
 MAX_POINTS: Final = 40_000
-"""Of a mesh."""
+"""The largest number of points of a mesh."""
 
-FARTHEST: Final = 1e9
-"""Of any number, in its unit."""
+MAX_ABS_VALUE: Final = 1e9
+"""The largest absolute value of any number in its unit."""
 
-Number = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
-Length = Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)]
+Number = Annotated[float, Field(ge=-MAX_ABS_VALUE, le=MAX_ABS_VALUE, allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=0, le=MAX_ABS_VALUE, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 Place = tuple[Number, Number, Number]
-"""x, y, z in m."""
+"""A position x, y, z in m."""
 
 PoseNumbers = tuple[Number, Number, Number, Number, Number, Number, Number]
-"""x, y, z in m, then the quaternion x, y, z, w."""
+"""A pose: x, y, z in m and quaternion x, y, z, w."""
 
 
 def numbers(values: Iterable[float]) -> tuple[float, ...]:
-    """To a hundredth of a millimetre, and turns to as little: what a page shows needs no more, and it packs better."""
+    """Round numbers to 1e-5 (m or quaternion components): this is enough for display and compresses better."""
     return tuple(round(value, 5) for value in values)
 
 
@@ -48,21 +48,21 @@ Corners = Annotated[
 
 
 class _Shape(FrozenModel):
-    """A shape in the frame of what it is part of; `color`: red, green, blue, 0 to 1."""
+    """A shape in the frame of its link or body; `color` is red, green, blue from 0 to 1."""
 
     pose: PoseNumbers
     color: tuple[Share, Share, Share]
 
 
 class BoxShape(_Shape):
-    """A box of full sizes in m, about its middle."""
+    """A box, centred; full sizes in m."""
 
     kind: Literal["box"]
     size: tuple[Length, Length, Length]
 
 
 class CylinderShape(_Shape):
-    """About its z axis and its middle, in m."""
+    """A cylinder along z, centred; in m."""
 
     kind: Literal["cylinder"]
     radius: Length
@@ -70,14 +70,14 @@ class CylinderShape(_Shape):
 
 
 class EllipsoidShape(_Shape):
-    """Half axes in m, about its middle; a ball has three that are equal."""
+    """An ellipsoid, centred; half axes in m."""
 
     kind: Literal["ellipsoid"]
     half: tuple[Length, Length, Length]
 
 
 class CapsuleShape(_Shape):
-    """About its z axis and its middle, in m; `length`: of the cylinder between the two half balls."""
+    """A capsule along z, centred; `length` is that of the cylinder between the hemispheres, in m."""
 
     kind: Literal["capsule"]
     radius: Length
@@ -85,7 +85,7 @@ class CapsuleShape(_Shape):
 
 
 class MeshShape(_Shape):
-    """One of the scene's meshes, by its digest."""
+    """A mesh of the scene, by its digest."""
 
     kind: Literal["mesh"]
     mesh: Digest
@@ -96,14 +96,14 @@ Shapes = Annotated[tuple[Shape, ...], Field(max_length=MAX_SHAPES)]
 
 
 class MeshData(FrozenModel):
-    """Triangles, seen from both sides; all numbers but the first are differences, which pack well.
+    """A triangle mesh, visible from both sides; numbers are stored as differences, which compress well.
 
     Attributes:
-        scale: m in a unit of the points.
-        points: x, y, z of the first point, then for each other one how far it is from the one before.
-        triangles: of each, its first corner less that of the one before (of the first: less 0), then the other two
-            corners less the first. Corners are numbers of points, counted from 0; from outside, they go round to the
-            left.
+        scale: the size in m of a step of `points`.
+        points: x, y, z of the first point in steps, then the differences of each point from the one before.
+        triangles: for each triangle the first corner minus that of the triangle before (minus 0 for the first one),
+            then the other two corners minus the first. Corners are indices of points, counter-clockwise seen from
+            outside.
     """
 
     scale: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
@@ -112,14 +112,14 @@ class MeshData(FrozenModel):
 
     @classmethod
     def encoded(cls, points: IntArray, corners: IntArray, scale: float) -> MeshData:
-        """Of points (P, 3) in steps, and corners (T, 3) that are rows of them."""
+        """Return the mesh of points (P, 3) in steps of `scale` m and corners (T, 3), indices of points."""
         first = corners[:, 0]
         turned = np.column_stack((np.diff(first, prepend=0), corners[:, 1] - first, corners[:, 2] - first))
         away = np.diff(points, axis=0, prepend=0)
         return cls(scale=scale, points=tuple(away.ravel().tolist()), triangles=tuple(turned.ravel().tolist()))
 
     def decoded(self) -> tuple[IntArray, IntArray]:
-        """The points in steps, and the corners."""
+        """Return points (P, 3) in steps of `scale` m, and corners (T, 3)."""
         points = np.cumsum(np.array(self.points, dtype=np.int64).reshape(-1, 3), axis=0)
         turned = np.array(self.triangles, dtype=np.int64).reshape(-1, 3)
         first = np.cumsum(turned[:, 0])
@@ -127,7 +127,7 @@ class MeshData(FrozenModel):
 
     @property
     def is_whole(self) -> bool:
-        """Whether points and triangles are complete, and all of its points are there."""
+        """True if points and triangles are complete and all corners exist."""
         if len(self.points) % 3 or len(self.triangles) % 3:
             return False
         points, corners = self.decoded()

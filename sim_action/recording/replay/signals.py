@@ -1,4 +1,4 @@
-"""What expectations looked at, and where, as a replay stores it."""
+"""The signals and marks of expectations: the measured curves and the places that they refer to."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from sim_action.recording.replay.replay_file import (
     PolylineMark,
     SignalData,
 )
-from sim_action.recording.replay.shapes import FARTHEST
+from sim_action.recording.replay.shapes import MAX_ABS_VALUE
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Polygon, Polyline, Signal
 from sim_action.world.scene import Scene
 
-# Of what comes at a rate of its own, as many moments as a screen can show.
+# The resolution of signals with their own rate: about what a screen can show.
 _SAMPLE_PERIOD_S: Final = 1 / 15
 
 
 def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: Trace) -> tuple[SignalData, ...]:
-    """The curves of all expectations, each with the number of its own; `start`: the settled state at t = 0."""
+    """Return the signals of all expectations; `start` is the settled state at t = 0."""
     frames = thinned(film)
     found = (
         stored_signal(number, signal, frames.time, scene.physics.rate)
@@ -48,18 +48,21 @@ def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: T
 
 
 def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[MarkData, ...]:
-    """The places of all expectations."""
+    """Return the marks of all expectations; `start` is the settled state at t = 0."""
     found: list[MarkData] = []
     for number, expected in enumerate(scenario.expect):
         for mark in expected.marks(scene, start):
-            # What is farther away than any replay shows cannot be seen.
+            # A place beyond the range of a replay is not visible.
             with suppress(ValidationError):
                 found.append(_stored_mark(number, mark))
     return tuple(found[:MAX_MARKS])
 
 
 def stored_signal(number: int, signal: Signal, frames: FloatArray, rate: float) -> SignalData:
-    """A curve of an expectation; `frames`: (T,) s, the moments of the replay; `rate`: Hz of the physics."""
+    """Return a signal of expectation `number` for storage.
+
+    `frames` are the times (T,) of the replay in s, `rate` is the physics rate in Hz.
+    """
     shared = np.array_equal(signal.time, frames)
     signal = signal if shared else coarse(signal, rate)
     return SignalData(
@@ -70,13 +73,13 @@ def stored_signal(number: int, signal: Signal, frames: FloatArray, rate: float) 
         values=Column.encoded(signal.values, fine_scale(signal.values)),
         lower=_limit(signal.lower),
         upper=_limit(signal.upper),
-        start=min(signal.start, FARTHEST),
+        start=min(signal.start, MAX_ABS_VALUE),
         end=signal.end if math.isfinite(signal.end) else None,
     )
 
 
 def coarse(signal: Signal, rate: float) -> Signal:
-    """The first, the least, the greatest and the last of each short period; no two at the same step of `rate` Hz."""
+    """Reduce a signal to first, minimum, maximum and last value of each period; times are multiples of 1 / `rate` s."""
     steps, first = np.unique(np.rint(signal.time * rate), return_index=True)
     values = signal.values[first]
     span = float(steps[-1] - steps[0]) / rate
@@ -98,8 +101,8 @@ def _telling(values: FloatArray, begin: int, end: int) -> tuple[int, int, int, i
 
 
 def _limit(limit: float | None) -> float | None:
-    """One that is beyond everything is none."""
-    return limit if limit is not None and abs(limit) <= FARTHEST else None
+    """Return None for a limit beyond the range of a replay."""
+    return limit if limit is not None and abs(limit) <= MAX_ABS_VALUE else None
 
 
 def _stored_mark(number: int, mark: Mark) -> MarkData:

@@ -1,7 +1,7 @@
-"""Surfaces of many triangles made into ones of few, by putting together what lies in the same cell of a grid.
+"""Triangle surfaces within a budget: simplification of meshes, hulls and height grids, and their encoding.
 
-Rossignac and Borrel (1993), "Multi-resolution 3D approximations for rendering complex scenes": it takes any triangles,
-open or crossing each other, and costs next to nothing.
+Simplification merges the points in each cell of a grid (Rossignac and Borrel 1993, "Multi-resolution 3D approximations
+for rendering complex scenes"). It accepts any triangles, open or intersecting ones too, and costs almost nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sim_action.world.parts import GridPart, SurfacePart, grid_surface
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Cells along the longest side of what has few triangles, and of what has many of them.
+# The number of cells along the longest side: minimum and maximum.
 _COARSEST: Final = 2
 _FINEST: Final = 512
 _TRIES: Final = 6
@@ -30,7 +30,7 @@ _TRIES: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """A surface; `points_xyz`: (P, 3) m, `corners`: (T, 3) rows of these."""
+    """A surface: `points_xyz` (P, 3) in m, and `corners` (T, 3), indices of points."""
 
     points_xyz: FloatArray
     corners: IntArray
@@ -39,18 +39,18 @@ class Triangles:
         return len(self.corners)
 
     def scaled(self, factors: Vector3) -> Triangles:
-        """Larger by a factor along each axis; an odd number of them below 0 mirrors it, and its outside stays."""
+        """Return the surface scaled along each axis; corners are reversed if that mirrors it, to keep its outside."""
         mirrors = math.prod(factors) < 0
         corners = self.corners[:, ::-1] if mirrors else self.corners
         return Triangles(self.points_xyz * np.array(factors), corners)
 
 
 def simplified(surface: Triangles, most: int) -> Triangles:
-    """A surface of at most so many triangles, as near to the other as a grid has it."""
+    """Return a surface with at most `most` triangles, as fine as possible."""
     if len(surface) <= most:
         return surface
     low, high, found = _COARSEST, _FINEST, None
-    # A surface crosses as many cells as its area has, so triangles grow with the square of the cells along a side.
+    # The number of triangles grows with the square of the number of cells along a side.
     cells = int(math.sqrt(most / 6))
     for _ in range(_TRIES):
         cells = max(low, min(high, cells))
@@ -66,7 +66,7 @@ def simplified(surface: Triangles, most: int) -> Triangles:
 
 
 def _clustered(surface: Triangles, cells: int) -> Triangles:
-    """With one point for all that lie in a cell; `cells`: along the longest side of the box around it."""
+    """Merge the points in each cell of a grid; `cells` is their number along the longest side of the bounding box."""
     points = surface.points_xyz
     lower = points.min(axis=0)
     size = float(np.ptp(points, axis=0).max()) / cells or 1.0
@@ -79,10 +79,10 @@ def _clustered(surface: Triangles, cells: int) -> Triangles:
 
 
 def without_idle(surface: Triangles) -> Triangles:
-    """Without triangles that are lines, or there twice, and without points that no triangle has."""
+    """Remove degenerate and duplicate triangles, and points without a triangle."""
     a, b, c = surface.corners.T
     kept = surface.corners[(a != b) & (b != c) & (a != c)]
-    # Turned so that the first corner is the least: which side is out stays.
+    # Rotate corners so that the smallest comes first; the outside stays the same.
     turns = kept.argmin(axis=1)[:, None]
     kept = np.take_along_axis(kept, (turns + np.arange(3)) % 3, axis=1)
     kept = np.unique(kept, axis=0)
@@ -122,7 +122,7 @@ def _one_hull(points: FloatArray, most: int) -> Triangles | None:
 
 
 def _outwards(points: FloatArray, faces: IntArray) -> IntArray:
-    """Faces of a hull, with their corners the way round that shows which side is out."""
+    """Return the faces of a hull with their corners counter-clockwise, seen from outside."""
     a, b, c = (points[faces[:, corner]] for corner in range(3))
     inwards = ((a - points.mean(axis=0)) * np.cross(b - a, c - a)).sum(axis=1) < 0
     turned = faces.copy()
@@ -131,11 +131,11 @@ def _outwards(points: FloatArray, faces: IntArray) -> IntArray:
 
 
 MAX_GRID_SAMPLES: Final = 48
-"""Along a side: 4,418 triangles."""
+"""The largest number of samples along a side of a height grid: 4,418 triangles."""
 
 
 def coarse_surface(grid: GridPart) -> Triangles:
-    """The surface of at most so many samples, evenly spread; the outermost are those of the grid."""
+    """Return the surface of a height grid, resampled to at most `MAX_GRID_SAMPLES` along a side."""
     rows, columns = grid.heights.shape
     heights = _resampled(_resampled(grid.heights, min(rows, MAX_GRID_SAMPLES)).T, min(columns, MAX_GRID_SAMPLES)).T
     surface: SurfacePart = grid_surface(GridPart(grid.size_xy, np.ascontiguousarray(heights)))
@@ -143,7 +143,7 @@ def coarse_surface(grid: GridPart) -> Triangles:
 
 
 def _resampled(heights: FloatArray, count: int) -> FloatArray:
-    """So many rows, evenly spread, with straight lines between those that there are."""
+    """Return `count` evenly spaced rows by linear interpolation."""
     places = np.linspace(0, len(heights) - 1, count)
     below = np.minimum(places.astype(np.int64), len(heights) - 2)
     share = (places - below)[:, None]
@@ -151,17 +151,17 @@ def _resampled(heights: FloatArray, count: int) -> FloatArray:
     return found
 
 
-# Triangles that every mesh may have: those of a box.
+# Each mesh may have at least the triangles of a box.
 _MIN_TRIANGLES: Final = 12
-# Steps along the longest side of a mesh: half a millimetre of a metre.
+# The resolution of a mesh along its longest side: 1 mm for 1 m.
 _MESH_STEPS: Final = 2**10
-# In m: finer steps than these are no use to anybody.
+# The finest resolution of a mesh.
 _MIN_STEP_M: Final = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """How many triangles there may be; `each`: of one mesh."""
+    """The largest number of triangles of each mesh and of all meshes."""
 
     each: int
     all: int
@@ -172,7 +172,7 @@ WORLD_BUDGET: Final = Budget(4_500, 8_000)
 
 
 def within(budget: Budget, surfaces: Sequence[Triangles]) -> list[Triangles]:
-    """The surfaces within a budget: those of few triangles keep them, and the others have what is left to share."""
+    """Simplify surfaces to a budget: small ones are kept, the others share the rest equally."""
     counts = sorted(min(len(surface), budget.each) for surface in surfaces)
     each, left = budget.each, budget.all
     for place, count in enumerate(counts):
@@ -185,7 +185,7 @@ def within(budget: Budget, surfaces: Sequence[Triangles]) -> list[Triangles]:
 
 
 def mesh_data(surface: Triangles) -> MeshData | None:
-    """A surface as it is stored; None if nothing is left of it."""
+    """Encode a surface; None if no triangle is left."""
     points = surface.points_xyz
     if not len(surface) or not np.isfinite(points).all():
         return None
@@ -199,5 +199,5 @@ def mesh_data(surface: Triangles) -> MeshData | None:
 
 
 def digest_of(mesh: MeshData) -> str:
-    """What is the same for meshes that are alike."""
+    """Return a digest that is equal for equal meshes."""
     return hashlib.sha256(repr((mesh.scale, mesh.points, mesh.triangles)).encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""Files of meshes that links are drawn with, as surfaces of few triangles; each content is looked at once."""
+"""The visual meshes of a robot, read from their files and simplified; results are cached by content."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from sim_action.recording.replay.surfaces import Triangles, hull_surface, simpli
 from sim_action.robot.mesh_references import cache_folder
 from sim_action.robot.robot_model import RobotModel
 
-# Of what is written here: another number, and files of before are no longer found.
+# The version of cached files; a new number makes older files invalid.
 _VERSION: Final = 1
 
 _MAX_BYTES: Final = 20_000_000
-"""Of a file: what is larger would take longer to read than most runs take."""
+"""The largest mesh file that is read; a larger one would take longer than most runs."""
 
 
 class VisualMeshes:
-    """The surfaces of one robot's meshes; of the same file, one."""
+    """The surfaces of a robot's meshes; each file is read once."""
 
     def __init__(self, model: RobotModel, most: int) -> None:
-        """`most`: triangles of each."""
+        """Simplify each surface to at most `most` triangles."""
         self._text, self._most = model.mjcf, most
         self._known: dict[str, Triangles | None] = {}
         self._known_hulls: dict[str, Triangles | None] = {}
 
     def surface(self, file: str) -> Triangles | None:
-        """What is in a file (see Visual), in its own units; None if that cannot be read."""
+        """Return the surface in a file (see `Visual`) in its own units; None if it cannot be read."""
         if self._text and not self._known:
             self._known = dict(self._of_text())
         if file not in self._known:
@@ -43,7 +43,7 @@ class VisualMeshes:
         return self._known[file]
 
     def hulls(self, file: str) -> Triangles | None:
-        """The hulls in a file that was written here (see Shape), whose name is that of its content."""
+        """Return the convex hulls in a cached hull file (see `Shape`); its name is the digest of its content."""
         if file not in self._known_hulls:
             self._known_hulls[file] = self._read_hulls(Path(file))
         return self._known_hulls[file]

@@ -1,4 +1,1 @@
-"""ROS 2 messages without ROS: definitions, their encoding, and what a run makes of them.
-
-Encoded here, since a run has thousands of messages of a few sizes: all of one size are encoded together, as columns.
-"""
+"""ROS 2 messages of a run, encoded without ROS: message definitions, CDR encoding, and the topics of a log."""

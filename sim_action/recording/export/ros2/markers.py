@@ -1,4 +1,4 @@
-"""One visualization_msgs/Marker."""
+"""Marker topics: /world with the bodies of the world, /contacts with the contact points of the robot."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _TYPES: Final[dict[Kind, int]] = {"cube": 1, "sphere": 2, "cylinder": 3, "sphere
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """What does not change of a marker; its time and its points are gaps.
+    """The fixed fields of a visualization_msgs/Marker; its time stamp and its points are gaps.
 
     Attributes:
-        group: and `number` tell it from others.
-        scale: m; of a sphere its diameters, of a cylinder those of its circle, and its height.
-        points: how many.
-        lifetime: s, 0 for ever.
+        group: the namespace, which identifies a marker together with `number`.
+        scale: the size in m: diameters of a sphere; diameters and height of a cylinder.
+        points: the number of points.
+        lifetime: the lifetime in s; 0 means forever.
     """
 
     kind: Kind
@@ -54,7 +54,7 @@ class Marker:
     lifetime: int = 0
 
     def add_to(self, form: CdrForm) -> None:
-        """Appends it to a message: gaps for 2 numbers of the time, and for 3 of each point, if it has some."""
+        """Append the marker to a message, with gaps for 2 numbers of the time and for 3 numbers of each point."""
         form.gap("<i4", 2).string(self.frame).string(self.group).fixed("<i4", self.number, _TYPES[self.kind], 0)
         form.fixed("<f8", *self.pose.position_xyz, *self.pose.orientation_xyzw, *self.scale)
         form.fixed("<f4", *self.colour, 1.0).fixed("<i4", self.lifetime, 0).fixed("u1", not self.lifetime)
@@ -71,7 +71,7 @@ _NO_POINTS: Final = np.empty((0, 3))
 
 
 def world_markers(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
-    """One message with a marker for each part of each body; no topic of an empty world."""
+    """Yield /world: one message with a marker for each part of each body; nothing for an empty world."""
     time = run.trace.time[:1]
     markers = list(_world_markers(run, frames))
     form, columns = CdrForm().fixed("<u4", len(markers)), list[FloatArray]()
@@ -83,7 +83,7 @@ def world_markers(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 
 def _world_markers(run: RecordedRun, frames: Frames) -> Iterator[tuple[Marker, FloatArray]]:
-    """Markers, and the points of each, (3 T, 3) for T triangles."""
+    """Yield markers and their points, (3 T, 3) for T triangles."""
     for place, body in enumerate(run.scene.world.objects):
         colour = body.color or PALETTE[place % len(PALETTE)]
         for number, part in enumerate(run.scene.parts_of(body)):
@@ -105,7 +105,7 @@ def _part_marker(part: Part, blank: Marker) -> tuple[Marker, FloatArray]:
 
 
 def _triangle_corners(part: HullPart | GridPart | SurfacePart) -> FloatArray:
-    """(3 T, 3) three corners for each triangle."""
+    """Return (3 T, 3) the corners of T triangles."""
     if isinstance(part, HullPart):
         points = np.array(part.points_xyz)
         faces = hull_faces(points - points.mean(axis=0))
@@ -119,14 +119,14 @@ _CONTACT_COLOUR: Final = (0.9, 0.1, 0.1)
 _CONTACT_LIFETIME_S: Final = 1
 
 ContactPoints = dict[tuple[str, str], list[Vector3]]
-"""Link and body -> where they touch."""
+"""Link and body -> their contact points in m, world frame."""
 
 ContactKey = tuple[tuple[str, str, int], ...]
-"""Link, body and in how many points they touch: what messages of one size have in common."""
+"""Link, body and number of contact points, for each pair; messages with the same key have the same size."""
 
 
 def contacts(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
-    """A message for each moment since whose last one something was touched; no topic if there is none."""
+    """Yield /contacts: a message for each moment with contacts since the moment before; nothing without contacts."""
     alike = defaultdict[ContactKey, list[tuple[int, ContactPoints]]](list)
     for moment, points in _by_moment(run):
         shape = tuple((*pair, len(points[pair])) for pair in sorted(points))
@@ -166,7 +166,7 @@ def _contacts_form(shape: ContactKey, frames: Frames) -> CdrForm:
 
 
 def _by_moment(run: RecordedRun) -> Iterator[tuple[int, ContactPoints]]:
-    """Moments, and where each pair touched last until then, since the moment before."""
+    """Yield moments, and the latest contact points of each pair since the moment before."""
     touches, time = run.trace.contacts, run.trace.time
     moments = np.searchsorted(time, np.array([touch.time for touch in touches]) - TIME_EPSILON_S).clip(
         max=len(time) - 1

@@ -1,6 +1,6 @@
-"""CDR, as ROS 2 encodes messages: little-endian, each number at a multiple of its size.
+"""ROS 2 messages: their definitions, and their CDR encoding (little-endian, numbers aligned to their size).
 
-Messages that differ in numbers alone are encoded together, into the same form.
+Messages that differ only in numbers are encoded together as columns, because a run has thousands of them.
 """
 
 from __future__ import annotations
@@ -13,39 +13,39 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Of the plain encoding, little-endian (OMG's DDSI-RTPS 10.2); what follows it is aligned as if it began there.
+# The header of the plain little-endian encoding (OMG DDSI-RTPS 10.2); alignment is relative to its end.
 _HEADER: Final = b"\x00\x01\x00\x00"
 
 
 class CdrForm:
-    """A message, field by field, with gaps for the numbers in which one differs from the next."""
+    """A template for messages, built field by field, with gaps for the numbers that vary."""
 
     def __init__(self) -> None:
         self._text = bytearray()
         self._gaps: list[tuple[int, np.dtype[np.generic], int]] = []
 
     def string(self, text: str) -> Self:
-        """The same text in every message."""
+        """Append a text that is the same in every message."""
         encoded = text.encode(errors="replace").replace(b"\0", b"") + b"\0"
         self.fixed("<u4", len(encoded))
         self._text += encoded
         return self
 
     def strings(self, *texts: str) -> Self:
-        """A sequence of them."""
+        """Append a sequence of texts that is the same in every message."""
         self.fixed("<u4", len(texts))
         for text in texts:
             self.string(text)
         return self
 
     def fixed(self, kind: str, *numbers: float) -> Self:
-        """The same numbers in every message; `kind`: as numpy has it, such as "<f8"."""
+        """Append numbers that are the same in every message; `kind` is a numpy type such as "<f8"."""
         self._align(np.dtype(kind).itemsize)
         self._text += np.array(numbers, dtype=kind).tobytes()
         return self
 
     def gap(self, kind: str, count: int = 1) -> Self:
-        """Numbers of which each message has its own."""
+        """Append a gap for numbers that vary from message to message."""
         dtype: np.dtype[np.generic] = np.dtype(kind)
         if count:
             self._align(dtype.itemsize)
@@ -54,7 +54,7 @@ class CdrForm:
         return self
 
     def filled(self, messages: int, *columns: ArrayLike) -> list[bytes]:
-        """The messages; `columns`: for each gap of n numbers (N, n), or (N,) for a single one."""
+        """Return N messages; `columns` has (N, n) numbers for each gap of n numbers, or (N,) for a single number."""
         table = np.tile(np.frombuffer(_HEADER + bytes(self._text), dtype=np.uint8), (messages, 1))
         for (offset, dtype, count), column in zip(self._gaps, columns, strict=True):
             numbers = np.ascontiguousarray(np.asarray(column).reshape(messages, count).astype(dtype))
@@ -132,20 +132,20 @@ _BETWEEN: Final = "=" * 80
 
 
 def definition(name: str) -> str:
-    """All that is to be known of a type such as "std_msgs/String", with what it is made of, as logs state it."""
+    """Return the definition of a type such as "std_msgs/String", with all nested types, in the form of logs."""
     first, *others = _closure(name)
     parts = [_FIELDS[first], *(f"MSG: {other}\n{_FIELDS[other]}" for other in others)]
     return f"\n{_BETWEEN}\n".join(parts) + "\n"
 
 
 def full_name(name: str) -> str:
-    """As ROS 2 spells it: "std_msgs/msg/String"."""
+    """Return the ROS 2 name of a type: "std_msgs/msg/String"."""
     package, _, plain = name.partition("/")
     return f"{package}/msg/{plain}"
 
 
 def _closure(name: str) -> Iterator[str]:
-    """A type and those that it is made of, each once."""
+    """Yield a type and its nested types, each once."""
     waiting, seen = [name], {name}
     while waiting:
         found = waiting.pop(0)

@@ -1,4 +1,4 @@
-"""/robot_description: the robot as it collides, as URDF that names no file."""
+"""The topic /robot_description: the collision shapes of the robot as URDF without references to files."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from sim_action.sensors.rendering import ROBOT
 
 
 def robot_description(run: RecordedRun) -> Iterator[Topic]:
-    """Told once; ROS would keep it for those who come later (transient local)."""
+    """Yield /robot_description with a single message (in ROS it is transient local)."""
     message = CdrForm().string(urdf_of(run.scene.model)).filled(1)
     yield Topic("/robot_description", "std_msgs/String", nanoseconds(run.trace.time[:1]), message)
 
 
 def urdf_of(model: RobotModel) -> str:
-    """What is not plain is the box around it."""
+    """Return a model as URDF; a mesh becomes its bounding box."""
     robot = ET.Element("robot", name=model.name or "robot")
     for link in model.links:
         _add_link(robot, link)
@@ -74,7 +74,7 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
 
 
 def _type(joint: Joint) -> str:
-    """A revolute joint of URDF has limits."""
+    """Return the URDF type: a revolute joint without limits is continuous."""
     is_free = joint.type == "revolute" and (joint.lower is None or joint.upper is None)
     return "continuous" if is_free else joint.type
 

@@ -1,4 +1,4 @@
-"""What sensors told, as far as the trace keeps it: /scan of a lidar, /imu; of several of a kind, each by its name."""
+"""Topics of states and sensors: /clock, /joint_states, /cmd_vel, /scan of a lidar and /imu."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _UNKNOWN: Final = (0.0,) * 9
 
 
 def sensing(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
-    """A topic for each lidar and each IMU that the trace keeps."""
+    """Yield a topic for each lidar and IMU in the trace; several of one kind are named by sensor."""
     kept = [mounted for mounted in run.sensors if mounted.name in run.trace.sensors]
     taken = set[str]()
     for mounted in kept:
@@ -33,7 +33,7 @@ def sensing(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 
 def _plain(name: str) -> str:
-    """As ROS has names: letters, digits and underscores, a letter first."""
+    """Return a valid ROS name: letters, digits and underscores, beginning with a letter."""
     plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return plain if plain[:1].isalpha() else f"sensor_{plain}"
 
@@ -67,7 +67,7 @@ def _imu(name: str, frame: str, _: MountedSensor, record: SensorRecord) -> Topic
 
 
 def states(run: RecordedRun) -> Iterator[Topic]:
-    """What there is of them: a robot without joints has no states of any."""
+    """Yield /clock, and /joint_states and /cmd_vel if the robot has joints or got twists."""
     trace, twists = run.trace, run.twists
     count, at = len(trace), nanoseconds(trace.time)
     clock = CdrForm().gap("<i4", 2).filled(count, stamps(trace.time))

@@ -1,4 +1,4 @@
-"""A topic of a log, and times as messages have them."""
+"""Basics of all topics of a log: messages with times, time stamps, names of coordinate frames (REP 105)."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Topic:
     """All messages of one topic.
 
     Attributes:
-        type: such as "std_msgs/String".
-        time: of each message, in ns of sim time.
-        messages: encoded.
-        about: what there is to say of it, for people.
+        type: the message type, such as "std_msgs/String".
+        time: the sim time of each message in ns.
+        messages: the encoded messages.
+        about: metadata of the channel, for people.
     """
 
     name: str
@@ -33,23 +33,23 @@ class Topic:
 
 
 def nanoseconds(time: ArrayLike) -> NDArray[np.int64]:
-    """(N,) of (N,) s."""
+    """Return times (N,) in ns for times (N,) in s."""
     return np.rint(np.asarray(time, dtype=np.float64) * _NANOSECONDS).astype(np.int64)
 
 
 def stamps(time: FloatArray) -> NDArray[np.int64]:
-    """(N, 2) builtin_interfaces/Time of (N,) s: whole seconds, and nanoseconds."""
+    """Return (N, 2) builtin_interfaces/Time, seconds and nanoseconds, for times (N,) in s."""
     return np.column_stack(np.divmod(nanoseconds(time), _NANOSECONDS))
 
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """No two are alike: what is called as a link is gets another name.
+    """The names of the coordinate frames of a log, all distinct: a name that is also a link gets a suffix.
 
     Attributes:
-        map: of the world.
-        odom: where the robot believes to have begun.
-        base: the robot's base link, as its model calls it.
+        map: the world frame.
+        odom: the origin of the wheel odometry.
+        base: the base link of the robot.
         bodies: name of a body of the world -> its frame.
         sensors: name of a sensor -> its frame.
     """
@@ -62,7 +62,7 @@ class Frames:
 
     @classmethod
     def of(cls, run: RecordedRun) -> Frames:
-        """Those of a run."""
+        """Return the frames of a run."""
         model = run.scene.model
         taken = {link.name for link in model.links}
 

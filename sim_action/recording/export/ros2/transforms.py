@@ -1,4 +1,4 @@
-"""/tf and /tf_static: where everything is."""
+"""Topics of motion: /tf and /tf_static with all coordinate frames, /odom and /ground_truth/odom of the base."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from sim_action.state.trace import FloatArray
 from sim_action.world import placed
 
 Link = tuple[str, str, FloatArray]
-"""Parent frame, child frame, and the pose of the one in the other at each moment, (T, 7); not a number: not there."""
+"""Parent frame, child frame, and (T, 7) poses of the child in the parent; NaN where the child does not exist."""
 
 _TYPE: Final = "tf2_msgs/TFMessage"
 
 
 def transforms(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
-    """What moves, moment by moment, as far as it is there; what does not, once."""
+    """Yield /tf with the moving frames at each moment, and /tf_static with the fixed ones."""
     time = run.trace.time
     yield Topic("/tf_static", _TYPE, nanoseconds(time[:1]), _messages(time[:1], [*_fixed(run, frames)]))
     moving = [*_of_base(run, frames), *_of_joints(run), *_of_bodies(run, frames)]
@@ -35,14 +35,14 @@ def transforms(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 
 def _spans(links: Sequence[Link]) -> Iterator[tuple[int, int]]:
-    """Moments, from the first up to the last, through which the same of them are there."""
+    """Yield the ranges of moments in which the same frames exist."""
     there = np.column_stack([~np.isnan(track[:, 0]) for _, _, track in links])
     changes = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
     return pairwise([0, *changes.tolist(), len(there)])
 
 
 def _messages(time: FloatArray, links: Sequence[Link], start: int = 0) -> list[bytes]:
-    """Of moments from `start` on, through which the same links are there."""
+    """Return the messages of moments from `start` on, during which the same frames exist."""
     told = [(parent, child, track[start : start + len(time)]) for parent, child, track in links]
     return _filled(time, [link for link in told if not np.isnan(link[2][0, 0])])
 
@@ -57,14 +57,14 @@ def _filled(time: FloatArray, links: Sequence[Link]) -> list[bytes]:
 
 
 def _of_base(run: RecordedRun, frames: Frames) -> Iterator[Link]:
-    """Where wheels were counted, `odom` drifts in `map`, and their product is the truth."""
+    """Yield map -> odom -> base; with wheel odometry, `odom` drifts so that the product is the true pose."""
     trace = run.trace
     truth = np.column_stack((trace.base_position_xyz, trace.base_orientation_xyzw))
-    believed = wheel_odometry(run)
-    if believed is None:
+    measured = wheel_odometry(run)
+    if measured is None:
         yield frames.odom, frames.base, truth
         return
-    at = believed.latest(trace.time)
+    at = measured.latest(trace.time)
     yield frames.map, frames.odom, composed(truth, inverted(at))
     yield frames.odom, frames.base, at
 
@@ -107,8 +107,8 @@ _COVARIANCE: Final = (0.0,) * 36
 
 
 @dataclass(frozen=True, eq=False)
-class Believed:
-    """N times of odometry.
+class OdometryTrack:
+    """Odometry at N times.
 
     Attributes:
         time: (N,) s.
@@ -121,18 +121,18 @@ class Believed:
     twists: FloatArray
 
     def latest(self, time: FloatArray) -> FloatArray:
-        """(T, 7) the last pose that was told until each time."""
+        """Return (T, 7) the last odometry pose at or before each time."""
         told = np.searchsorted(self.time, time + TIME_EPSILON_S, side="right") - 1
         poses: FloatArray = self.poses[told.clip(0)]
         return poses
 
 
-def wheel_odometry(run: RecordedRun) -> Believed | None:
-    """Of the first sensor of that kind, if the trace keeps one."""
+def wheel_odometry(run: RecordedRun) -> OdometryTrack | None:
+    """Return the readings of the first odometry sensor in the trace, or None."""
     for record in run.trace.sensors.values():
         if record.kind == "odometry" and len(record):
             columns = record.columns
-            return Believed(
+            return OdometryTrack(
                 record.time,
                 np.column_stack((columns["position_xyz"], columns["orientation_xyzw"])),
                 np.column_stack((columns["linear_xyz"], columns["angular_xyz"])),
@@ -141,23 +141,23 @@ def wheel_odometry(run: RecordedRun) -> Believed | None:
 
 
 def odometry(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
-    """/odom, and beside that of wheels /ground_truth/odom."""
-    believed, truth = wheel_odometry(run), _ground_truth(run)
-    if believed is None:
+    """Yield /odom, and with wheel odometry also /ground_truth/odom."""
+    measured, truth = wheel_odometry(run), _ground_truth(run)
+    if measured is None:
         yield _odometry_topic("/odom", frames.odom, frames.base, truth, "ground truth")
         return
-    yield _odometry_topic("/odom", frames.odom, frames.base, believed, "wheel odometry")
+    yield _odometry_topic("/odom", frames.odom, frames.base, measured, "wheel odometry")
     yield _odometry_topic("/ground_truth/odom", frames.map, frames.base, truth, "ground truth")
 
 
-def _ground_truth(run: RecordedRun) -> Believed:
+def _ground_truth(run: RecordedRun) -> OdometryTrack:
     trace = run.trace
     turned = trace.base_orientation_xyzw
     twists = [rotated_into(turned, vectors) for vectors in (trace.base_linear_xyz, trace.base_angular_xyz)]
-    return Believed(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))
+    return OdometryTrack(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))
 
 
-def _odometry_topic(name: str, frame: str, child: str, told: Believed, source: str) -> Topic:
+def _odometry_topic(name: str, frame: str, child: str, told: OdometryTrack, source: str) -> Topic:
     form = CdrForm().gap("<i4", 2).string(frame).string(child)
     form.gap("<f8", 7).fixed("<f8", *_COVARIANCE).gap("<f8", 6).fixed("<f8", *_COVARIANCE)
     messages = form.filled(len(told.time), stamps(told.time), told.poses, told.twists)
@@ -165,28 +165,28 @@ def _odometry_topic(name: str, frame: str, child: str, told: Believed, source: s
 
 
 def of_pose(pose: Pose, count: int = 1) -> FloatArray:
-    """The same pose many times."""
+    """Return the same pose `count` times, (N, 7) x, y, z in m and quaternion x, y, z, w."""
     return np.tile([*pose.position_xyz, *pose.orientation_xyzw], (count, 1))
 
 
 def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
-    """`geometry.compose` of each pair."""
+    """Return `geometry.compose` of each pair of poses (N, 7)."""
     return _array(geometry.compose(_pose(outer), _pose(inner)))
 
 
 def inverted(poses: FloatArray) -> FloatArray:
-    """`geometry.inverse` of each."""
+    """Return `geometry.inverse` of each pose (N, 7)."""
     return _array(geometry.inverse(_pose(poses)))
 
 
 def rotated_into(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
-    """(N, 3) vectors of the world in frames that are turned so, (N, 4)."""
+    """Rotate vectors (N, 3) from the world frame into frames with orientations (N, 4)."""
     back = geometry.conjugate(cast(Quaternion, tuple(orientations.T)))
     return np.column_stack(geometry.rotate(back, cast(Vector3, tuple(vectors.T))))
 
 
 def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
-    """(N, 7) the child link's frame in the parent link's, for joint positions (N,) in rad, or m."""
+    """Return (N, 7) poses of the child link in the parent link for joint positions (N,) in rad or m."""
     motion = np.zeros((len(positions), 7))
     if joint.type == "prismatic":
         motion[:, :3], motion[:, 6] = positions[:, None] * joint.axis_xyz, 1.0
@@ -196,7 +196,7 @@ def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
 
 
 def _pose(poses: FloatArray) -> Pose:
-    """What geometry says of one pose holds of columns of many."""
+    """Return poses (N, 7) as one pose of columns, to which the functions of `geometry` apply elementwise."""
     columns: Any = tuple(poses.T)
     return Pose(columns[:3], columns[3:])
 
