@@ -276,7 +276,12 @@ def test_to_validate_imports_nothing_of_a_run(tmp_path: Path) -> None:
 
 
 def test_a_run_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
-    unused = ("state.golden_trajectory", "recording.export.writing", "recording.replay.visual_meshes")
+    unused = (
+        "state.golden_trajectory",
+        "recording.export.csv_tum",
+        "recording.export.recorded_run",
+        "recording.replay.visual_meshes",
+    )
     others = {"numpy.ma", *(f"sim_action.{name}" for name in unused)}
-    needed = {"sim_action.reports.html", "rich.console"}
+    needed = {"sim_action.reports.html.report", "rich.console"}
     assert imported(tmp_path, ("run", "a.sim.yml"), others | needed) == str(sorted(needed))
