@@ -9,13 +9,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel, Metres, NonNegativeRatio
 from sim_action.core.geometry import Pose
-from sim_action.world.parts import BoxPart
+
+if TYPE_CHECKING:
+    from sim_action.world.parts import BoxPart
 
 GROUND: Final = "ground"
 
@@ -109,6 +111,8 @@ def _gaps(spans: Sequence[Span]) -> Iterator[Span]:
 
 
 def _box(across: Span, along: Span) -> BoxPart:
+    from sim_action.world.parts import BoxPart
+
     (left, right), (low, high) = across, along
     return BoxPart(
         (right - left, high - low, _TILE_DEPTH_M), Pose(((left + right) / 2, (low + high) / 2, -_TILE_DEPTH_M / 2))
