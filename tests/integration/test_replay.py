@@ -134,7 +134,7 @@ def test_what_only_the_log_tells_is_an_invalid_scenario_on_its_line(tmp_path: Pa
     assert failure["message"].startswith("commands.0.topic: a.bag: the log has no topic")
     (failure,) = found["garbage"]["failures"]
     assert failure["kind"] == "invalid"
-    assert failure["message"].startswith("commands.replay: garbage.mcap: cannot be read: ")
+    assert failure["message"].startswith("commands.replay: garbage.mcap: the log cannot be read: ")
 
 
 def test_a_bomb_costs_its_own_scenario_and_no_other(tmp_path: Path) -> None:

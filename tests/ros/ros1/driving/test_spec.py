@@ -123,7 +123,7 @@ def test_a_rate_that_falls_between_physics_steps_is_told_with_those_that_do_not(
 
     (problem,) = told(tmp_path, text(GOOD[2]) + "physics: {rate: 200 Hz}\n")
 
-    assert "near: 100 Hz and 200 Hz" in problem
+    assert "nearest: 100 Hz and 200 Hz" in problem
 
 
 def test_where_ros_is_absent_a_file_is_valid_and_cannot_be_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
