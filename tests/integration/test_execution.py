@@ -126,7 +126,7 @@ DEATHS: Mapping[str, tuple[str, str, str, float]] = {
     "raise": ("return 1 / 0", "script", "ZeroDivisionError", 60),
     "sys exit": ("import sys; sys.exit(0)", "script", "SystemExit", 60),
     "nonsense": ("return 'forward'", "script", "returned a str", 60),
-    "not a number": ("return Twist.planar(float('nan'))", "script", "not every value is finite", 60),
+    "not a number": ("return Twist.planar(float('nan'))", "script", "has a value that is not finite", 60),
     "unknown joint": ("return JointTargets(velocity={'wheel_lft_joint': 1.0})", "script", "wheel_left_joint", 60),
 }
 
