@@ -246,7 +246,7 @@ def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:
     refused = sim_action(tmp_path, "inspect", "bad.urdf")
     assert refused.returncode == 2
     assert "sim-action: bad.urdf:3: <link> has no attribute 'name' [missing-part]\n" in refused.stderr
-    assert "sim-action: bad.urdf:4: <joint> without 'type' [missing-part]\n" in refused.stderr
+    assert "sim-action: bad.urdf:4: <joint> has no attribute 'type' [missing-part]\n" in refused.stderr
 
 
 def imported(folder: Path, arguments: tuple[str, ...], modules: set[str]) -> str:

@@ -59,7 +59,7 @@ def test_what_is_never_done_is_ended(tmp_path: Path) -> None:
 def test_what_takes_too_much_memory_is_told(tmp_path: Path) -> None:
     found = looked(tmp_path, "${len('a' * 10**10)}")
     assert found.returncode == 1
-    assert "bot.xacro:5: there is not enough memory" in found.stderr
+    assert "bot.xacro:5: out of memory" in found.stderr
 
 
 def test_the_command_says_what_it_would_say_of_urdf(tmp_path: Path) -> None:

@@ -201,7 +201,7 @@ def test_a_command_that_is_no_number_is_an_error(tmp_path: Path) -> None:
 
     assert (code, outcome["status"]) == (1, "error")
     assert "a node sent a bad command on /cmd_vel: Twist(" in outcome["failures"][0]["message"]
-    assert "not every value is finite" in outcome["failures"][0]["message"]
+    assert "has a value that is not finite" in outcome["failures"][0]["message"]
 
 
 def test_messages_that_cannot_be_written_are_told_at_the_scenario(tmp_path: Path) -> None:
