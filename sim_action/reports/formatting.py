@@ -44,16 +44,14 @@ def counts_text(results: Results) -> str:
 
 
 def repeats_text(outcome: Outcome) -> str:
-    """Return a text such as "identical in 4 of 5 runs"; empty if the scenario ran once."""
+    """Return a text such as "4 of 5 runs identical"; empty if the scenario ran once."""
     repeats = outcome.repeats
     if repeats is None:
         return ""
     if repeats.agreed == 1:
-        return f"all {repeats.count} runs differ"
+        return f"{repeats.count} runs, all different"
     same = repeats.agreed == repeats.count
-    return (
-        f"identical in all {repeats.count} runs" if same else f"identical in {repeats.agreed} of {repeats.count} runs"
-    )
+    return f"{repeats.count} identical runs" if same else f"{repeats.agreed} of {repeats.count} runs identical"
 
 
 def provenance_rows(provenance: Provenance | None) -> dict[str, str]:

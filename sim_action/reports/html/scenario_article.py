@@ -127,7 +127,7 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
 def _missed_section(expected: ExpectationOutcome) -> Html:
     verdict = expected.verdict
     kind = "warned" if expected.warned else "failed"
-    cut = "Not decided: the run ended before." if verdict.cut_off else ""
+    cut = "Not decided: the run ended first." if verdict.cut_off else ""
     return element(
         "section",
         element("h3", expected.name, element("small", " · a warning") if expected.warned else ""),
