@@ -159,7 +159,7 @@ BODY = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
         (f"<mujoco>{BODY}<asset><mesh file='../out.stl'/></asset></mujoco>", "is outside the workspace"),
         (
             f"<mujoco>{BODY}<asset><mesh file='robot.xml'/></asset></mujoco>",
-            "mesh 'robot.xml': '.xml' files are not read",
+            "mesh 'robot.xml': '.xml' files are not supported",
         ),
     ],
 )
