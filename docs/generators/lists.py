@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from docs.generators.markdown import table
 from sim_action.app import catalogue
 from sim_action.app.catalogue import Entry, FieldEntry
-from sim_action.cli.default_options import Defaults
+from sim_action.cli.pyproject_keys import Defaults
 from sim_action.core.errors import ExitCode
 from sim_action.recording.export import EXPORTS
 from sim_action.robot.audit.rules import RULES

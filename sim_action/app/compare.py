@@ -12,7 +12,7 @@ from typing import Final
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes

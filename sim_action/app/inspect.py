@@ -11,7 +11,7 @@ from typing import Final
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
-from sim_action.core.messages import log_line
+from sim_action.core.wording import log_line
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise
 from sim_action.drives.diff import DiffDrive

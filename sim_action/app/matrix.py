@@ -13,7 +13,7 @@ from typing import Final
 
 from sim_action.core.discovery import compared_name, file_name
 from sim_action.core.errors import UsageError
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.results.results_json import Results
 from sim_action.results.shards import balanced
 from sim_action.scenario.selection import numbered

@@ -12,19 +12,13 @@ from typing import Final
 from sim_action import __version__
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.messages import escaped_line, log_line
+from sim_action.core.wording import escaped_line, log_line
 from sim_action.reports import ReportRequest, report_options, write_reports
 from sim_action.reports.escaping import shortened
+from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
 from sim_action.results.shard_results import Entry, Listing, merge_shards
-from sim_action.results.stored_files import (
-    RUN_FILE_FOLDERS,
-    StoredFile,
-    stored_files_of,
-    trace_paths,
-    with_copied_files,
-)
 
 # A stranger may have written it, and each JUnit suite repeats it.
 _MAX_VERSION_CHARS: Final = 200

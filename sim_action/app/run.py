@@ -18,9 +18,9 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
 from sim_action.runner.engine_agreement import with_agreement
-from sim_action.runner.planning import Plan, PlanRequest, plan_runs
 from sim_action.runner.process_pool import execute
 from sim_action.runner.repeat import merge_repeats
+from sim_action.runner.run_plan import Plan, PlanRequest, plan_runs
 from sim_action.scenario.source import Refused
 
 

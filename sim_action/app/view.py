@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_action.core.errors import UsageError
-from sim_action.core.messages import did_you_mean, escaped_line
+from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.reports.links import REPORT_FILE, fragment
 from sim_action.results.results_json import RESULTS_FILE, Results
 

@@ -128,7 +128,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "joint_within": "sim_action.assertions.joint:JointWithin",
         "effort": "sim_action.assertions.effort:Effort",
         "energy": "sim_action.assertions.energy:Energy",
-        "stl": "sim_action.assertions.stl:Stl",
+        "stl": "sim_action.assertions.temporal_logic.stl_assertion:Stl",
         "any_of": "sim_action.assertions.combined:AnyOf",
         "all_of": "sim_action.assertions.combined:AllOf",
         "not": "sim_action.assertions.combined:Negation",

@@ -14,7 +14,7 @@ from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.assertions.monitors.proximity import least_so_far
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
-from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.trace_channels import Channels, ClearanceWatch

@@ -14,7 +14,7 @@ from pydantic import Field
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_deciding
 from sim_action.assertions.monitors.goals import joined, joined_by_any
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels

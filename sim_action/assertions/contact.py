@@ -17,7 +17,7 @@ from sim_action.assertions.monitors.goals import Goal, HoldTime, Invariant, join
 from sim_action.assertions.monitors.proximity import forces, least_so_far, nearest_of, with_zeros
 from sim_action.core import units
 from sim_action.core.field_types import PositiveNewtons, PositiveSeconds
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.verdict import Signal, Verdict

@@ -19,7 +19,7 @@ from sim_action.assertions.monitors.path_progress import Point, Progress, Refere
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveMetres
 from sim_action.core.files import read_at_most
-from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.verdict import Circle, Mark, Polyline, Signal, Verdict

@@ -15,7 +15,7 @@ from sim_action.assertions.monitors.bounds import Bounds, Interval, IntervalsMon
 from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort, JointPosition, JointQuantity, JointVelocity
-from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS, Reading
 from sim_action.state.verdict import Signal

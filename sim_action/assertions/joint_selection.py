@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from sim_action.core import units
-from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint, Reading, RobotModel
 

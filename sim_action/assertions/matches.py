@@ -23,7 +23,7 @@ from sim_action.core.field_types import (
     PositiveMetres,
     PositiveRadians,
 )
-from sim_action.core.messages import FirstFew, shown
+from sim_action.core.wording import FirstFew, shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint

@@ -11,7 +11,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.proximity import forces, with_zeros
 from sim_action.core import units
-from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict

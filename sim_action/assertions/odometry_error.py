@@ -13,7 +13,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Invariant, joined
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres, PositiveRadians, PositiveShare
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict

@@ -16,8 +16,8 @@ from sim_action.assertions.monitors.bounds import check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
-from sim_action.core.messages import did_you_mean
 from sim_action.core.units import Dimension
+from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 from sim_action.state.trace_channels import Channels

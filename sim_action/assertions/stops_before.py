@@ -14,7 +14,7 @@ from sim_action.assertions.monitors.proximity import distances, nearest_of
 from sim_action.assertions.settled import AtRest
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.verdict import Signal, Verdict

@@ -110,6 +110,6 @@ def program(context: click.Context) -> None:
     if context.invoked_subcommand in TAKE_DEFAULTS:
         from pathlib import Path
 
-        from sim_action.cli.defaults import default_map
+        from sim_action.cli.pyproject import default_map
 
         context.default_map = default_map(context.invoked_subcommand, Path.cwd())

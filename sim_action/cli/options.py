@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def _numbers(
 
 def note(message: str) -> None:
     """Print a note on standard error."""
-    from sim_action.core.messages import log_line
+    from sim_action.core.wording import log_line
 
     click.echo(log_line(f"sim-action: {message}"), err=True)
 

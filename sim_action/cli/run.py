@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sim_action.core.workspace import AllowScripts
-    from sim_action.runner.planning import PlanRequest
+    from sim_action.runner.run_plan import PlanRequest
     from sim_action.scenario.source import Refused, Source
 
 
@@ -120,7 +120,7 @@ def run(
         from sim_action.app.run import RunRequest, run_scenarios
         from sim_action.core.workspace import Permissions, scripts_refused
         from sim_action.recording.export import wanted_formats
-        from sim_action.runner.planning import PlanRequest
+        from sim_action.runner.run_plan import PlanRequest
 
         if repeat > 1 and update_golden:
             raise UsageError("--update-golden cannot be combined with --repeat")
@@ -141,7 +141,7 @@ def run(
 
 def _listed(request: PlanRequest) -> ExitCode:
     """Print the selected scenarios; report unreadable ones as errors."""
-    from sim_action.core.messages import log_line
+    from sim_action.core.wording import log_line
     from sim_action.scenario.selection import listing
     from sim_action.scenario.source import Refused
 
@@ -159,7 +159,7 @@ def _listed(request: PlanRequest) -> ExitCode:
 
 def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str]]:
     """Return the selected scenarios and the patterns without any. Scenarios are only checked for a shard."""
-    from sim_action.runner.planning import plan_runs, source_of
+    from sim_action.runner.run_plan import plan_runs, source_of
 
     if request.shard is None:
         files = request.suite.read(request.permissions, request.seed)

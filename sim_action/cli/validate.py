@@ -23,7 +23,7 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
 
     Exit code: 0 all valid, 2 a scenario is invalid, 3 a fault of sim-action, 5 no scenario found.
     """
-    from sim_action.core.messages import log_line
+    from sim_action.core.wording import log_line
     from sim_action.core.workspace import Permissions
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.source import Refused

@@ -117,9 +117,9 @@ COMMANDS: Final = Table[type[CommandSource]](
         "waypoints": "sim_action.commands.waypoints:WaypointCommands",
         "joints": "sim_action.commands.joints:JointCommands",
         "script": "sim_action.commands.script:ScriptCommands",
-        "process": "sim_action.commands.process:ProcessCommands",
+        "process": "sim_action.commands.external_program:ProcessCommands",
         "replay": "sim_action.commands.replay:ReplayCommands",
-        "ros1": "sim_action.ros.ros1.driving.spec:RosCommands",
+        "ros1": "sim_action.ros.ros1.command_source.spec:RosCommands",
     },
 )
 """The YAML key of each command source -> its class."""

@@ -23,7 +23,7 @@ from sim_action.core.field_types import (
     NonNegativeSeconds,
     PositiveHertz,
 )
-from sim_action.core.messages import FirstFew
+from sim_action.core.wording import FirstFew
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.kinematics import beyond_limits, too_fast, too_strong

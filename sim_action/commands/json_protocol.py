@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from sim_action.commands.robot_description import JointDescription, RobotDescription
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.wording import did_you_mean, shown
 from sim_action.state.command import Answer, Command, JointTargets
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 
 from sim_action.commands.stderr_tail import StderrTail
 from sim_action.core.errors import ScriptError
-from sim_action.core.messages import escaped_line, shown
+from sim_action.core.wording import escaped_line, shown
 
 MAX_LINE_BYTES: Final = 1_000_000
 """The longest line that a program may answer."""

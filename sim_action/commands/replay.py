@@ -20,7 +20,7 @@ from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import RecordingError
 from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveSeconds
 from sim_action.core.geometry import Twist
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel

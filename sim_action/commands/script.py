@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, cast
 from pydantic import Field
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.answers import answer_problem, as_answer
+from sim_action.commands.controller_answers import answer_problem, as_answer
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
-from sim_action.core.messages import did_you_mean
 from sim_action.core.user_scripts import (
     ANYTHING,
     Script,
@@ -25,6 +24,7 @@ from sim_action.core.user_scripts import (
     script_error,
     script_errors_at,
 )
+from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer

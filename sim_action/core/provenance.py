@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _SYSCTL: Final = ("/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string")

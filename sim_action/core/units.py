@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 
 _DEGREE: Final = math.pi / 180
 _BYTES: Final = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))

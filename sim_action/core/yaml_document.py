@@ -14,7 +14,7 @@ from typing import Any, Final
 import yaml
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 
 MAX_BYTES: Final = 1_000_000
 MAX_DEPTH: Final = 40

@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.field_types import bound_text, unit_of
-from sim_action.core.messages import FirstFew, did_you_mean, shown
+from sim_action.core.wording import FirstFew, did_you_mean, shown
 from sim_action.core.yaml_document import Document, KeyPath
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 from sim_action.meshes.mesh import MeshError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from array import array
 from collections.abc import Iterator
 from typing import Final
 
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 from sim_action.meshes.mesh import (
     Mesh,
     MeshError,

@@ -8,7 +8,7 @@ import re
 from array import array
 from typing import Final
 
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 from sim_action.meshes.mesh import Mesh, MeshError, mesh_of, refuse_more_parts, refuse_more_triangles
 
 _HEADER_BYTES: Final = 84

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Final, Literal, Protocol
 
 from sim_action.core.errors import UsageError
-from sim_action.core.messages import escaped_line
 from sim_action.core.registry import Table
+from sim_action.core.wording import escaped_line
+from sim_action.results.artifacts import RUN_FILE_FOLDERS
 from sim_action.results.results_json import Results
-from sim_action.results.stored_files import RUN_FILE_FOLDERS
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """The amount of text on the terminal.

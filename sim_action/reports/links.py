@@ -13,8 +13,8 @@ from sim_action.core.errors import Location
 from sim_action.engines import ENGINES
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
+from sim_action.results.artifacts import namesake_number
 from sim_action.results.outcome import Outcome
-from sim_action.results.stored_files import namesake_number
 
 REPORT_FILE: Final = "report.html"
 

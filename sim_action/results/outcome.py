@@ -9,8 +9,8 @@ from pydantic import Field
 
 from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, Problem
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance
+from sim_action.core.wording import escaped_line
 from sim_action.scenario.model import Severity
 from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict

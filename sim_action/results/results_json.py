@@ -18,7 +18,7 @@ from sim_action.core.discovery import paths_of, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most, whole_file
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import NotNegative, Outcome, Status
 from sim_action.results.shards import Shard
 

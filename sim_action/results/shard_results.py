@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import ResultsFile
 from sim_action.results.shards import Shard, shards_text

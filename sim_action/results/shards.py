@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from sim_action.core.errors import UsageError
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.scenario.selection import ranges_text
 
 MAX_SHARDS: Final = 256

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.errors import ModelError
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.audit.rules import limited_notes
 from sim_action.robot.packages import PackageError, Packages, find_model_file, is_model_folder

@@ -20,7 +20,7 @@ from pathlib import Path, PureWindowsPath
 from typing import Final
 from urllib.parse import unquote
 
-from sim_action.core.messages import FirstFew, nearest
+from sim_action.core.wording import FirstFew, nearest
 from sim_action.core.workspace import Workspace
 from sim_action.robot.package_search import (
     MODEL_VARIABLES,

@@ -12,8 +12,8 @@ from typing import Final, Literal
 from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose, Vector3
-from sim_action.core.messages import did_you_mean
 from sim_action.core.units import Dimension
+from sim_action.core.wording import did_you_mean
 
 Reading = Literal["position", "velocity", "effort"]
 

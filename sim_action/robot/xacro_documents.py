@@ -13,7 +13,7 @@ from xml.parsers import expat
 
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.robot.audit.rules import finding
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.xml_document import explain_xml_error, shown_place

@@ -32,7 +32,7 @@ from sim_action.core.errors import (
     SimulationUnstable,
 )
 from sim_action.core.files import whole_file
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome

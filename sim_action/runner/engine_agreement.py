@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from sim_action.core import units
+from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.results.stored_files import stored_file
 from sim_action.scenario.model import Agreement, LoadedScenario
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_storage import TraceError, load_trace

@@ -16,8 +16,8 @@ from typing import Final, Protocol
 from sim_action.core.process import Interruption
 from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
+from sim_action.results.artifacts import recording_path, replay_path, trace_paths
 from sim_action.results.outcome import Outcome
-from sim_action.results.stored_files import recording_path, replay_path, trace_paths
 from sim_action.runner.child_outcome import Ending, Limit, engine_provenance, interrupted, outcome_of, skipped
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.child_process import ChildProcess

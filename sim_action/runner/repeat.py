@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode
+from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import Failure, Outcome, Repeats
-from sim_action.results.stored_files import stored_file
 from sim_action.scenario.model import LoadedScenario
 from sim_action.state.reproducibility import Divergence, first_divergence
 from sim_action.state.trace import Trace

@@ -7,7 +7,7 @@ from typing import Final
 
 from sim_action.core import units
 from sim_action.core.geometry import Pose
-from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import recognise

@@ -18,7 +18,7 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
 from sim_action.core.files import read_at_most
-from sim_action.core.messages import escaped_line, nearest, shown
+from sim_action.core.wording import escaped_line, nearest, shown
 from sim_action.core.workspace import PathError, Permissions, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
 from sim_action.scenario.extends import entries_of, merged, seen_from, without

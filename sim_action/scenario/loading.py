@@ -20,7 +20,7 @@ from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
-from sim_action.scenario.parts import PartReader
+from sim_action.scenario.part_reader import PartReader
 from sim_action.scenario.source import Refused, Source
 from sim_action.world.scene import Fitting, Scene
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
@@ -202,7 +202,7 @@ class _Loader:
         self._problems.note_all((), iter(surroundings.problems))
         self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
         if scenario.world.objects:
-            from sim_action.scenario.overlap_checks import clash_problems
+            from sim_action.scenario.body_overlaps import clash_problems
 
             self._problems.note_all((), clash_problems(scenario.world))
         self.model = self._read_model(scenario.robot)

@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import spec_errors
 

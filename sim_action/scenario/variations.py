@@ -21,7 +21,7 @@ from pydantic import JsonValue
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
-from sim_action.core.messages import did_you_mean, shown
+from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.scenario.extends import without
 from sim_action.scenario.source import Source, Varied

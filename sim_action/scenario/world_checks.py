@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
 from sim_action.core.field_types import Placement
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.model import Scenario
 from sim_action.world import Body, Disturbance, Physics, placed

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn, Self
 
 from sim_action.core.files import read_at_most, whole_file
-from sim_action.core.messages import escaped_line, shown
+from sim_action.core.wording import escaped_line, shown
 
 if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, NoReturn, TypeVar, overload
 
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.state.readings import Reading
 
 _Thing = TypeVar("_Thing")

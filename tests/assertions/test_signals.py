@@ -29,8 +29,8 @@ from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
-from sim_action.assertions.stl import Stl
 from sim_action.assertions.stops_before import StopsBefore
+from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.assertions.user_assertion import UserAssertion

@@ -7,7 +7,7 @@ import pickle
 import pytest
 
 from sim_action.commands import COMMANDS, CommandSource
-from sim_action.commands.process import ProcessCommands
+from sim_action.commands.external_program import ProcessCommands
 from sim_action.commands.script import ScriptCommands
 from sim_action.commands.twist import TwistCommands, TwistSegment
 from sim_action.commands.waypoints import Waypoint, WaypointCommands

@@ -6,7 +6,7 @@ import pytest
 
 from sim_action.core import errors
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, ModelError, Problem
-from sim_action.core.messages import did_you_mean, escaped_line, log_line, nearest, shown
+from sim_action.core.wording import did_you_mean, escaped_line, log_line, nearest, shown
 
 
 @pytest.mark.parametrize(

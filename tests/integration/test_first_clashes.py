@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from sim_action.scenario.overlap_checks import DEPTH, clash_problems
+from sim_action.scenario.body_overlaps import DEPTH, clash_problems
 from sim_action.world import Body, World
 from tests.integration.engines import at, on_every_engine, running, scene_of
 from tests.robot.bad_models import GOOD

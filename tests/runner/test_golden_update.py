@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sim_action.core.workspace import Permissions
 from sim_action.runner.golden_update import refuse_shared_goldens
-from sim_action.runner.planning import Plan, engine_runs
+from sim_action.runner.run_plan import Plan, engine_runs
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.source import Refused, Source

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.stay_within import StayWithin
-from sim_action.assertions.stl import Stl
+from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.simulation.monitors import End, Panel

@@ -20,8 +20,8 @@ from sim_action.assertions.temporal_logic.formula import (
     signals_of,
 )
 from sim_action.core import units
-from sim_action.core.messages import did_you_mean
 from sim_action.core.units import Dimension
+from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import READINGS, Reading, RobotModel
 
 BASE_SIGNALS: Final = MappingProxyType(

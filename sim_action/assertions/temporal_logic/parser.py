@@ -34,8 +34,8 @@ from sim_action.assertions.temporal_logic.formula import (
     signals,
 )
 from sim_action.assertions.temporal_logic.tokens import FormulaError, Token, operator_like, tokens, unit_names
-from sim_action.core.messages import did_you_mean
 from sim_action.core.units import TIME
+from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import READINGS
 
 MAX_DEPTH: Final = 30

@@ -25,7 +25,7 @@ from sim_action.commands.logs import KINDS, JointColumn, TimedCommand, row_targe
 from sim_action.core.errors import Location, RecordingError
 from sim_action.core.files import open_regular
 from sim_action.core.geometry import Twist
-from sim_action.core.messages import did_you_mean, escaped_line, shown
+from sim_action.core.wording import did_you_mean, escaped_line, shown
 from sim_action.state.command import Command
 
 MAX_BYTES: Final = 25_000_000

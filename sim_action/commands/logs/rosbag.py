@@ -16,7 +16,7 @@ from sim_action.commands.logs import KINDS, JointColumn, TimedCommand, row_targe
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Twist, Vector3
-from sim_action.core.messages import did_you_mean, escaped_line
+from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.state.command import Command, is_finite
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, BinaryIO, ClassVar, Final, Protocol
 
 from sim_action.core.errors import UsageError
 from sim_action.core.files import whole_file
-from sim_action.core.messages import did_you_mean, escaped_line
 from sim_action.core.registry import Table
+from sim_action.core.wording import did_you_mean, escaped_line
 
 if TYPE_CHECKING:
     from sim_action.recording.export.recorded_run import RecordedRun

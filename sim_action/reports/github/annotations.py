@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from sim_action.core.errors import Location
-from sim_action.core.messages import log_line
+from sim_action.core.wording import log_line
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import (
     command_data,

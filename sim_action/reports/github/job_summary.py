@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode
-from sim_action.core.messages import counted
+from sim_action.core.wording import counted
 from sim_action.recording.replay.replay_file import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text, shortened

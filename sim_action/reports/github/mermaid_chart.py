@@ -14,8 +14,8 @@ from sim_action.core import units
 from sim_action.recording.replay.replay_file import Replay, ReplayError, SignalData, read_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, shortened
+from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import Outcome
-from sim_action.results.stored_files import stored_file
 from sim_action.state.trace import FloatArray
 from sim_action.state.verdict import Signal, Verdict
 

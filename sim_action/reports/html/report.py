@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import whole_file
-from sim_action.core.messages import counted
+from sim_action.core.wording import counted
 from sim_action.recording.replay.replay_file import Replay, ReplayError, read_replay
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports import ReportOptions
@@ -27,9 +27,9 @@ from sim_action.reports.html.document import Html, Page, element, joined
 from sim_action.reports.html.scenario_article import MARKS, article, drawn
 from sim_action.reports.links import REPORT_FILE
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
+from sim_action.results.artifacts import namesake_number, stored_file
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from sim_action.results.stored_files import namesake_number, stored_file
 
 MAX_PAGE_SCENARIOS: Final = 2_000
 """The number of scenarios on a page, the worst first; further scenarios are only counted."""

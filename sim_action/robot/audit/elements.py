@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core.messages import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.urdf_elements import (
     CONTACT,

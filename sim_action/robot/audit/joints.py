@@ -8,7 +8,7 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import ZERO
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.robot_model import MOVING_TYPES, Finding
 from sim_action.robot.urdf_elements import child_of, number, parent_of, vector

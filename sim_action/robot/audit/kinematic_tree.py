@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import MOVING_TYPES, Finding
 from sim_action.robot.urdf_elements import child_of, parent_of
 from sim_action.robot.xml_document import ModelDocument

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from sim_action.core.errors import Location, Problem, RefusedModel
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.robot.robot_model import Finding, Level
 
 # Each finding is a line in every report.

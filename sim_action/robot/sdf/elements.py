@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 from sim_action.robot.audit.rules import finding
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.urdf_elements import UNLIMITED, is_numbers

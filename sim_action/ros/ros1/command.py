@@ -15,21 +15,21 @@ from typing import Final
 
 from sim_action import __version__
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
-from sim_action.core.messages import did_you_mean, escaped_line
 from sim_action.core.process import Interruption
+from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_options, write_reports
+from sim_action.results.artifacts import copy_stored, replay_path, trace_paths
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from sim_action.results.stored_files import copy_stored, replay_path, trace_paths
 from sim_action.ros.ros1.catkin_packages import find_launch_file
 from sim_action.ros.ros1.installation import Ros, find_ros
-from sim_action.ros.ros1.judging.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
-from sim_action.ros.ros1.judging.judge import Judge
-from sim_action.ros.ros1.judging.launch_output import shown_path
-from sim_action.ros.ros1.judging.rostest_files import TestTag, test_tags
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
+from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
+from sim_action.ros.ros1.verdicts.judge import Judge
+from sim_action.ros.ros1.verdicts.launch_output import shown_path
+from sim_action.ros.ros1.verdicts.rostest_files import TestTag, test_tags
 
 # Sim time of a launch without tests and without a limit; wall time of each test in addition to its own limit.
 _LAUNCH_TIME_S: Final = 30.0

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core.messages import did_you_mean
 from sim_action.core.registry import Table
+from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import Reading
 
 if TYPE_CHECKING:

@@ -156,7 +156,7 @@ def _spawn(job: Job, writer: int) -> int:
         pickle.dump(job, stdin)
         stdin.seek(0)
         process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
-            [sys.executable, "-P", "-m", "sim_action.runner.isolation.supervisor", str(writer)],
+            [sys.executable, "-P", "-m", "sim_action.runner.isolation.scenario_supervisor", str(writer)],
             stdin=stdin,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

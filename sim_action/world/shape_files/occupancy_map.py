@@ -15,7 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Pose
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
 from sim_action.core.yaml_errors import spec_errors

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ModelError
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.robot.packages import Packages
 from sim_action.robot.xacro_documents import XacroError

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim_action.core.geometry import Vector3
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.replay_file import write_replay
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, TRACE_FILE

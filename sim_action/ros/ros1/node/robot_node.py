@@ -16,14 +16,14 @@ from sensor_msgs.msg import Image, Imu, JointState, LaserScan
 from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 
-from sim_action.commands.answers import answer_problem
+from sim_action.commands.controller_answers import answer_problem
 from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose, Twist
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.lockstep import Lockstep
-from sim_action.ros.ros1.driving.launched_nodes import LaunchedNodes
-from sim_action.ros.ros1.driving.spec import COMMANDS, JOINTS, ODOMETRY
+from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
+from sim_action.ros.ros1.command_source.spec import COMMANDS, JOINTS, ODOMETRY
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_sensors import states_in, states_sensor
 from sim_action.ros.ros1.node.messages import (

@@ -19,7 +19,7 @@ from controller_manager_msgs.srv import (
     UnloadController,
 )
 
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
 from sim_action.ros.ros1.node.plugins import Device, Wiring

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from sim_action.ros.ros1.driving.launch_events import Events
+from sim_action.ros.ros1.command_source.launch_events import Events
 
 
 def told(path: Path, text: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.scenario.overlap_checks import clash_problems
+from sim_action.scenario.body_overlaps import clash_problems
 from sim_action.world import Body, World
 from tests.scenarios import told
 

@@ -9,8 +9,9 @@ from typing import Any, Final, Literal
 from sim_action.commands.stderr_tail import StderrTail
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.messages import did_you_mean, escaped_line
-from sim_action.ros.ros1.judging.launch_output import (
+from sim_action.core.wording import did_you_mean, escaped_line
+from sim_action.ros.ros1.launch.overlay import Overlay
+from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
     cleaned_output,
     last_exception,
@@ -19,7 +20,6 @@ from sim_action.ros.ros1.judging.launch_output import (
     traceback_location,
     xacro_error,
 )
-from sim_action.ros.ros1.launch.overlay import Overlay
 
 _MAX_DETAILS_CHARS: Final = 4_000
 # The exception of roslaunch for a missing package.

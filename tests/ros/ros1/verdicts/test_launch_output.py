@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import Location
-from sim_action.ros.ros1.judging import launch_output
-from sim_action.ros.ros1.judging.launch_output import Death, callback_errors, exception_line, traceback_location
+from sim_action.ros.ros1.verdicts import launch_output
+from sim_action.ros.ros1.verdicts.launch_output import Death, callback_errors, exception_line, traceback_location
 from tests.ros_workspace import written
 
 DIED = "\x1b[31m[mover-2] process has died [pid 7, exit code -9, cmd /ws/mover.py __name:=mover __log:=/l].\x1b[0m"

@@ -23,7 +23,7 @@ from sim_action.assertions.temporal_logic.formula import (
 )
 from sim_action.assertions.temporal_logic.parser import parse
 from sim_action.assertions.temporal_logic.tokens import place
-from sim_action.core.messages import shown
+from sim_action.core.wording import shown
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Scene
 

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.ros1.driving.node_spec import GraphName, NodeSpec
+from sim_action.ros.ros1.command_source.node_spec import GraphName, NodeSpec
 from sim_action.world.scene import Fitting, Scene
 
 COMMANDS: Final = "cmd_vel"
@@ -150,14 +150,14 @@ class RosCommands(CommandSource):
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """See CommandSource.problems. This launches nothing and works without ROS."""
-        from sim_action.ros.ros1.driving.file_problems import file_problems
+        from sim_action.ros.ros1.command_source.file_problems import file_problems
 
         return ((("ros1", *path), message) for path, message in file_problems(self.ros1, workspace))
 
     @property
     def unchecked(self) -> tuple[str, ...]:
         """See CommandSource.unchecked."""
-        from sim_action.ros.ros1.driving.file_problems import unchecked
+        from sim_action.ros.ros1.command_source.file_problems import unchecked
 
         return unchecked(self.ros1)
 
@@ -169,6 +169,6 @@ class RosCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS is not installed, ScriptError."""
-        from sim_action.ros.ros1.driving.launched_nodes import open_nodes
+        from sim_action.ros.ros1.command_source.launched_nodes import open_nodes
 
         return open_nodes(self, scene)

@@ -9,15 +9,15 @@ from typing import Any, Final
 
 from sim_action import __version__
 from sim_action.core.errors import Location
-from sim_action.core.messages import escaped_line
 from sim_action.core.provenance import Provenance, provenance
+from sim_action.core.wording import escaped_line
 from sim_action.engines import PACKAGES
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.ros.ros1.judging.failure_causes import cause_of, how_far, time_out
-from sim_action.ros.ros1.judging.findings import Findings, Run, TestFindings
-from sim_action.ros.ros1.judging.launch_output import deaths, exception_line, output_tail, traceback_location
-from sim_action.ros.ros1.judging.rostest_files import Case
 from sim_action.ros.ros1.launch_request import LaunchRequest
+from sim_action.ros.ros1.verdicts.failure_causes import cause_of, how_far, time_out
+from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
+from sim_action.ros.ros1.verdicts.launch_output import deaths, exception_line, output_tail, traceback_location
+from sim_action.ros.ros1.verdicts.rostest_files import Case
 from sim_action.state.verdict import Verdict
 
 _MAX_CALLBACKS: Final = 3

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from sim_action.commands import ClosedLoop
-from sim_action.commands.process import ProcessCommands, find_program
+from sim_action.commands.external_program import ProcessCommands, find_program
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
 from sim_action.core.workspace import PathError, Workspace

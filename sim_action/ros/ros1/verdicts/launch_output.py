@@ -17,7 +17,7 @@ from typing import Final
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 
 # Colours and window titles, as they are and as rosunit escapes them.
 _COLOURS: Final = re.compile(r"(?:\x1b|&#x001B;)(?:\[[0-9;]*m|\][^\x07\n]*(?:\x07|&#x0007;))")

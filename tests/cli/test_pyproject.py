@@ -11,9 +11,9 @@ import click
 import pytest
 
 from sim_action import cli as subcommands
-from sim_action.cli.default_options import Defaults
-from sim_action.cli.defaults import _OPTIONS, default_map
 from sim_action.cli.main import call
+from sim_action.cli.pyproject import _OPTIONS, default_map
+from sim_action.cli.pyproject_keys import Defaults
 from sim_action.core.errors import UsageError
 from tests.scenarios import LEAST
 

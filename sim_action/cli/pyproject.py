@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, Final
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.files import read_at_most
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document, KeyPath
 
 if TYPE_CHECKING:
-    from sim_action.cli.default_options import Defaults
+    from sim_action.cli.pyproject_keys import Defaults
 
 FILE: Final = "pyproject.toml"
 TABLE: Final = ("tool", "sim-action")
@@ -117,7 +117,7 @@ def _validated(document: Document, folder: Path) -> Defaults:
     """Raises UsageError."""
     from pydantic import ValidationError
 
-    from sim_action.cli.default_options import Defaults
+    from sim_action.cli.pyproject_keys import Defaults
     from sim_action.core.yaml_errors import spec_errors
 
     data = document.data

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from typing import Final
 
 from sim_action.core.errors import Location
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import Failure
-from sim_action.ros.ros1.judging.findings import Findings, Run, TestFindings
-from sim_action.ros.ros1.judging.launch_output import (
+from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
+from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
     deaths,
     last_exception,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
-from sim_action.commands.answers import answer_problem
+from sim_action.commands.controller_answers import answer_problem
 from sim_action.commands.json_protocol import AnswerError, is_empty_answer, observation_json, parse_answer, robot_json
 from sim_action.commands.line_protocol import AnswerLimit, LineProcess
 from sim_action.commands.robot_description import RobotDescription

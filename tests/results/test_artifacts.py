@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.stored_files import copy_stored, namesake_number, replay_path, stored_file, trace_paths
+from sim_action.results.artifacts import copy_stored, namesake_number, replay_path, stored_file, trace_paths
 from tests.work import work_of
 
 

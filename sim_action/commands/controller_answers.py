@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from sim_action.core.geometry import Twist
-from sim_action.core.messages import with_article
+from sim_action.core.wording import with_article
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import Answer, Command, JointTargets, is_finite
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.ros.ros1.judging import rostest_files
-from sim_action.ros.ros1.judging.rostest_files import Case, Suite, read_suite
+from sim_action.ros.ros1.verdicts import rostest_files
+from sim_action.ros.ros1.verdicts.rostest_files import Case, Suite, read_suite
 
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 PASSED = f"""{HEAD}<testsuite errors="0" failures="0" name="x" tests="1" time="1">

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import JsonValue
 
-from sim_action.ros.ros1.driving.node_spec import NodeSpec, launch_text
+from sim_action.ros.ros1.command_source.node_spec import NodeSpec, launch_text
 
 TEXT = st.text(max_size=20)
 VALUES = st.recursive(

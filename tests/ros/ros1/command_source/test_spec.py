@@ -10,8 +10,8 @@ import pytest
 from sim_action.core.errors import InvalidScenario, SourceProblem
 from sim_action.core.workspace import Permissions, Workspace
 from sim_action.ros.ros1 import installation
-from sim_action.ros.ros1.driving.file_problems import why_no_ros
-from sim_action.ros.ros1.driving.spec import RosCommands, topic_problems, topics_of
+from sim_action.ros.ros1.command_source.file_problems import why_no_ros
+from sim_action.ros.ros1.command_source.spec import RosCommands, topic_problems, topics_of
 from sim_action.scenario.loading import load_scenario
 from sim_action.world.scene import Fitting
 from tests.ros.ros1.launches import needs_ros, package

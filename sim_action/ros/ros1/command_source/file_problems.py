@@ -16,15 +16,15 @@ from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import UsageError
 from sim_action.core.files import read_at_most
-from sim_action.core.messages import did_you_mean
+from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
-from sim_action.ros.ros1.driving.node_spec import NodeSpec
+from sim_action.ros.ros1.command_source.node_spec import NodeSpec
 from sim_action.ros.ros1.installation import Ros, find_ros
 
 if TYPE_CHECKING:
-    from sim_action.ros.ros1.driving.spec import RosNodes
+    from sim_action.ros.ros1.command_source.spec import RosNodes
 
 _LAUNCH_FILES: Final = frozenset({".launch", ".test", ".xml"})
 

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import read_at_most
-from sim_action.ros.ros1.judging.launch_output import CallbackError, callback_errors, cleaned_output
-from sim_action.ros.ros1.judging.rostest_files import Case, Suite, TestTag, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
 from sim_action.ros.ros1.launch_request import (
     PROCESS_FILE,
@@ -18,6 +16,8 @@ from sim_action.ros.ros1.launch_request import (
     SimulationResult,
     run_folders,
 )
+from sim_action.ros.ros1.verdicts.launch_output import CallbackError, callback_errors, cleaned_output
+from sim_action.ros.ros1.verdicts.rostest_files import Case, Suite, TestTag, read_suite
 
 RESULTS: Final = "results"
 """Folder of the results of rostest and its tests, in the folder of the call."""

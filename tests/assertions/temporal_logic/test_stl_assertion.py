@@ -16,12 +16,12 @@ from pydantic import ValidationError
 
 from sim_action.assertions.monitors import Monitor, State, is_deciding
 from sim_action.assertions.monitors.window import Window
-from sim_action.assertions.stl import Stl
 from sim_action.assertions.temporal_logic.formula import Formula
 from sim_action.assertions.temporal_logic.monitor import BooleanPart
 from sim_action.assertions.temporal_logic.operators import Part
 from sim_action.assertions.temporal_logic.robustness import Cause
 from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from tests.assertions.temporal_logic.formulas import meaning, plain_formulas, walks

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 from sim_action.core.errors import UsageError
 from sim_action.core.files import open_regular, whole_file
-from sim_action.core.messages import escaped_line
+from sim_action.core.wording import escaped_line
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome
 
