@@ -50,6 +50,7 @@ lint: $(VENV)/.dev $(VENV)/.node ## style, types, layers, workflows
 lint-style: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python -m docs.style
 
 lint-layers: $(VENV)/.dev
 	$(BIN)/lint-imports
