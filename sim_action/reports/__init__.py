@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final, Literal, Protocol
 
 from sim_action.core.errors import UsageError
@@ -69,6 +70,11 @@ REPORTS: Final = Table[Report](
 )
 """The reports in the order of writing: files first, because the reader of the terminal output may have closed it."""
 
+_VARIABLES: Final = MappingProxyType(
+    {"summary": "GITHUB_STEP_SUMMARY", "outputs": "GITHUB_OUTPUT", "annotations": "GITHUB_ACTIONS"}
+)
+"""Name of a report that only GitHub reads -> the variable that GitHub sets for it. Elsewhere it is not imported."""
+
 
 @dataclass(frozen=True, slots=True)
 class ReportRequest:
@@ -112,7 +118,11 @@ def make_ready(options: ReportOptions) -> None:
 
 
 def _enabled_reports(options: ReportOptions) -> list[str]:
-    return [name for name in REPORTS if name not in options.silenced]
+    return [name for name in REPORTS if name not in options.silenced and _has_reader(name, options.environment)]
+
+
+def _has_reader(name: str, environment: Mapping[str, str]) -> bool:
+    return name not in _VARIABLES or bool(environment.get(_VARIABLES[name]))
 
 
 def write_reports(results: Results, options: ReportOptions, annotated: Results | None = None) -> None:
