@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Self
 
-from sim_action.core import units
-from sim_action.core.yaml_errors import SpecProblem, SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.scenario.world_checks import DEPTH, clash_problem
 from sim_action.world import GROUND, Body, World, placed
 from sim_action.world.overlap_depth import Solid, depth, inner_solids
 from sim_action.world.parts import lowest
-
-DEPTH: Final = 0.005
-"""m. A smaller overlap is a contact, such as of fingers; it is resolved while the robot settles."""
 
 # Each body is compared with each moving one. A very large heap is left to the engine.
 _MAX_PAIRS: Final = 100_000
@@ -59,10 +56,3 @@ def clash_problems(world: World) -> SpecProblems:
             deep, inside = max((*found, (one.buried, GROUND)))
             if deep > DEPTH:
                 yield clash_problem(one.index, one.body.name, inside, deep)
-
-
-def clash_problem(index: int, name: str, inside: str, deep: float) -> SpecProblem:
-    """Return the problem of a body that begins `deep` m inside another; `index`: its index in the objects."""
-    where = "the ground" if inside == GROUND else f"'{inside}'"
-    message = f"'{name}' begins {units.display(deep, 'm')} deep in {where}, which would throw it out; move it"
-    return ("world", "objects", index, "pose"), message

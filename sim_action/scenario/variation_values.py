@@ -6,7 +6,6 @@ import math
 import re
 from dataclasses import dataclass
 from random import Random
-from statistics import NormalDist
 from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -20,8 +19,6 @@ from sim_action.core.yaml_errors import spec_errors
 _QUANTITY: Final = re.compile(
     r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*((?:[A-Za-z][A-Za-z0-9/^ ]{0,19})?)\s*"
 )
-
-_STANDARD: Final = NormalDist()
 
 # The least number that is used instead of 0, at which the inverse normal distribution is infinite.
 _LEAST: Final = 2.0**-53
@@ -130,7 +127,10 @@ class Normal(Draw):
         return self
 
     def _one(self, generator: Random, first: float, second: float) -> float:
-        return float(first + second * _STANDARD.inv_cdf(generator.random() or _LEAST))
+        # Few scenarios draw from it, and this takes 3 ms to import.
+        from statistics import NormalDist
+
+        return float(first + second * NormalDist().inv_cdf(generator.random() or _LEAST))
 
 
 DRAWS: Final[dict[str, type[Draw]]] = {draw.key: draw for draw in (Uniform, Normal)}

@@ -1,4 +1,4 @@
-"""Check moving bodies and disturbances of a world: their times, speeds and names."""
+"""Check moving bodies and disturbances of a world: times, speeds and names; the problem of bodies that overlap."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core import units
 from sim_action.core.field_types import Placement
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.scenario.model import Scenario
-from sim_action.world import Body, Disturbance, Physics, placed
+from sim_action.world import GROUND, Body, Disturbance, Physics, placed
 from sim_action.world.body_path import placements
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.world.parts import Part
+
+DEPTH: Final = 0.005
+"""m. A smaller overlap is a contact, such as of fingers; it is resolved while the robot settles."""
 
 # Advised times are rounded up to this step in s.
 _ADVISED: Final = 0.001
@@ -47,6 +50,13 @@ def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
         )
         for below, message in found:
             yield ("world", "disturbances", index, *below), message
+
+
+def clash_problem(index: int, name: str, inside: str, deep: float) -> SpecProblem:
+    """Return the problem of a body that begins `deep` m inside another; `index`: its index in the objects."""
+    where = "the ground" if inside == GROUND else f"'{inside}'"
+    message = f"'{name}' begins {units.display(deep, 'm')} deep in {where}, which would throw it out; move it"
+    return ("world", "objects", index, "pose"), message
 
 
 def _start(body: Body, read: Sequence[Part] | None) -> Placement:

@@ -16,8 +16,8 @@ from sim_action.core.errors import BadStart, RunError
 from sim_action.core.geometry import Pose
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.engines import Engine
-from sim_action.scenario.body_overlaps import DEPTH, clash_problem
 from sim_action.scenario.model import Scenario
+from sim_action.scenario.world_checks import DEPTH, clash_problem
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, placed
 from sim_action.world.parts import GridPart, height_at

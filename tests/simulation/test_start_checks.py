@@ -16,7 +16,7 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.engines import Engine
 from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.spec import Robot
-from sim_action.scenario.body_overlaps import DEPTH
+from sim_action.scenario.world_checks import DEPTH
 from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, Body, Heightfield, Physics, World
