@@ -17,10 +17,9 @@ from sim_action.reports.progress import ProgressListener
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
-from sim_action.runner.engine_agreement import with_agreement
 from sim_action.runner.process_pool import execute
-from sim_action.runner.repeat import merge_repeats
 from sim_action.runner.run_plan import Plan, PlanRequest, plan_runs
+from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 
 
@@ -76,12 +75,26 @@ def _outcomes(
         ready = partial(make_ready, options)
         turns = asked(every, folder, request.jobs, listener, interruption, replays=replays, meanwhile=ready)
         listener.close()
-        ran = iter([merge_repeats(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
+        ran = iter([_outcome(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
     return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, folder)]
+
+
+def _outcome(run: LoadedScenario, turns: Sequence[Outcome], folder: Path) -> Outcome:
+    """Return one outcome for all repetitions of a run."""
+    if len(turns) == 1:
+        return turns[0]
+    from sim_action.runner.repeat import merge_repeats
+
+    return merge_repeats(run, turns, folder)
 
 
 def _outcomes_of(plan: Plan, ran: Iterator[Outcome], folder: Path) -> tuple[Outcome, ...]:
     """Return the outcomes of one scenario, whose runs come next in `ran`."""
     if isinstance(plan, Refused):
         return (Outcome.of_refused(plan),)
-    return with_agreement(plan[0], tuple(islice(ran, len(plan))), folder)
+    outcomes = tuple(islice(ran, len(plan)))
+    if len(plan) == 1 and plan[0].scenario.agreement is None:
+        return outcomes
+    from sim_action.runner.engine_agreement import with_agreement
+
+    return with_agreement(plan[0], outcomes, folder)

@@ -20,7 +20,6 @@ import pybullet
 from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.meshes.convex_hull import mass_properties
 from sim_action.robot.robot_model import Mimic, Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
 from sim_action.world.ground import ground_tiles
@@ -241,6 +240,9 @@ def _hull(client: int, part: HullPart, mass: float) -> Piece:
     no_margin = {"collisionMargin": _MARGIN_M}
     if not mass:
         return Piece(_shape(client, shapeType=pybullet.GEOM_MESH, vertices=points.tolist()), Pose(), no_margin)
+    # Only a mesh of the world has a mass here; this imports the readers of all mesh formats.
+    from sim_action.meshes.convex_hull import mass_properties
+
     # PyBullet would put the mass at the centre and use the inertia of the bounding box.
     weighs = mass_properties(points)
     moments, axes = np.linalg.eigh(weighs.inertia)
