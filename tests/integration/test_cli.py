@@ -17,6 +17,7 @@ import pytest
 from tests.integration.conftest import sim_action
 
 ROOT = Path(__file__).parents[2]
+TUTORIAL = str(ROOT / "examples/turtlebot3/straight_line.sim.yml")
 
 VALID = """\
 name: {name}
@@ -249,20 +250,24 @@ def test_inspect_shows_a_model_or_every_reason_why_not(tmp_path: Path) -> None:
     assert "sim-action: bad.urdf:4: <joint> has no attribute 'type' [missing-part]\n" in refused.stderr
 
 
-def imported(folder: Path, arguments: tuple[str, ...], modules: set[str]) -> str:
+def all_imported(folder: Path, arguments: tuple[str, ...]) -> set[str]:
     (folder / "a.sim.yml").write_text(VALID.format(name="a"))
-    assert all(find_spec(name) for name in modules if name.startswith("sim_action.")), "a module was renamed"
-    found = f"print(sorted({modules} & set(sys.modules)))"
-    code = f"import sys\nfrom sim_action.cli.main import call\ncall(sys.argv[1:])\n{found}"
+    code = "import sys\nfrom sim_action.cli.main import call\ncall(sys.argv[1:])\nprint(*sys.modules)"
+    outside_of_github = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
     ran = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**outside_of_github, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=False,
     )
-    return ran.stdout.splitlines()[-1]
+    return set(ran.stdout.splitlines()[-1].split())
+
+
+def imported(folder: Path, arguments: tuple[str, ...], modules: set[str]) -> str:
+    assert all(find_spec(name) for name in modules if name.startswith("sim_action.")), "a module was renamed"
+    return str(sorted(modules & all_imported(folder, arguments)))
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("validate", "a.sim.yml"), ("schema",)])
@@ -275,13 +280,49 @@ def test_to_validate_imports_nothing_of_a_run(tmp_path: Path) -> None:
     assert imported(tmp_path, ("validate", "a.sim.yml"), of_runs) == "[]"
 
 
+UNUSED_IN_A_RUN = (
+    "assertions.clearance",
+    "drives.ackermann",
+    "drives.mecanum",
+    "drives.skid",
+    "engines.mujoco.engine",
+    "meshes",
+    "recording.export.csv_tum",
+    "recording.export.recorded_run",
+    "recording.replay.visual_meshes",
+    "reports.comparison",
+    "reports.github",
+    "robot.mjcf",
+    "robot.sdf.conversion",
+    "robot.xacro_expansion",
+    "runner.engine_agreement",
+    "runner.golden_update",
+    "runner.repeat",
+    "scenario.body_overlaps",
+    "scenario.watched_files",
+    "sensors.lidar",
+    "sensors.rendering.solids",
+    "state.golden_trajectory",
+    "world.overlap_depth",
+    "world.shape_files.heightfield",
+)
+
+
 def test_a_run_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
-    unused = (
-        "state.golden_trajectory",
-        "recording.export.csv_tum",
-        "recording.export.recorded_run",
-        "recording.replay.visual_meshes",
-    )
-    others = {"numpy.ma", *(f"sim_action.{name}" for name in unused)}
+    others = {"numpy.ma", "statistics", *(f"sim_action.{name}" for name in UNUSED_IN_A_RUN)}
     needed = {"sim_action.reports.html.report", "rich.console"}
     assert imported(tmp_path, ("run", "a.sim.yml"), others | needed) == str(sorted(needed))
+
+
+def test_a_run_without_a_report_imports_nothing_of_replays(tmp_path: Path) -> None:
+    of_reports = {"sim_action.recording.replay", "sim_action.reports.html"}
+    assert imported(tmp_path, ("run", "a.sim.yml", "--no-report"), of_reports) == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "most"), [(("--help",), 20), (("validate", "a.sim.yml"), 92), (("run", TUTORIAL), 162)]
+)
+def test_few_modules_are_imported(tmp_path: Path, arguments: tuple[str, ...], most: int) -> None:
+    # Each one takes about 1 ms before anything runs. If you need one more in every run, raise the number.
+    ours = {name for name in all_imported(tmp_path, arguments) if name.startswith("sim_action")}
+    assert len(ours) <= most, sorted(ours)
