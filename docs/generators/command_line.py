@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from typing import Final
 
 import click
 
 from docs.generators.markdown import table
 from sim_action.cli import SUBCOMMANDS
+
+# The end of a help text that states a default in words.
+_DEFAULT: Final = re.compile(r"\s*\[default: (.*)\]$")
 
 
 def overview() -> str:
@@ -67,23 +72,12 @@ def _value(option: click.Option) -> str:
 
 
 def _meaning(option: click.Option) -> str:
-    text = _escaped(option.help or "").rstrip()
-    bounds = _bounds(option.type)
-    return f"{text} ({bounds})" if bounds else text
-
-
-def _bounds(kind: object) -> str:
-    """Return the range of a number, such as "1 to 256"."""
-    if not isinstance(kind, click.IntRange | click.FloatRange):
-        return ""
-    least = "" if kind.min is None else f"{'more than' if kind.min_open else 'at least'} {kind.min:,}"
-    most = "" if kind.max is None else f"at most {kind.max:,}"
-    return ", ".join(part for part in (least, most) if part)
+    return _escaped(_DEFAULT.sub("", option.help or "").rstrip())
 
 
 def _default(option: click.Option) -> str:
-    if isinstance(option.show_default, str):
-        return _escaped(option.show_default)
+    if stated := _DEFAULT.search(option.help or ""):
+        return _escaped(stated[1])
     if option.required:
         return "required"
     if option.show_default and isinstance(option.default, str | int | float):

@@ -15,9 +15,9 @@ from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
-    ExitCode.FAILED: "a scenario failed, is flaky, or has no verdict (crash, wall limit, script error)",
+    ExitCode.FAILED: "a scenario failed, is flaky, or has no verdict (crash, limit or script error)",
     ExitCode.INVALID: "a scenario or the command line is invalid, or a result is missing",
-    ExitCode.INTERNAL: "a fault of sim-action itself",
+    ExitCode.INTERNAL: "an internal error of sim-action",
     ExitCode.NO_SCENARIO: "no scenario found",
     ExitCode.INTERRUPTED: "interrupted",
 }

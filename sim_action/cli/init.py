@@ -5,11 +5,14 @@ from __future__ import annotations
 import click
 
 
-@click.command()
-@click.argument("folder", default=".", metavar="[DIR]")
+@click.command(short_help="Create an example scenario and a workflow.")
+@click.argument("folder", default=".", metavar="[FOLDER]")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
 def init(folder: str, force: bool) -> None:
-    """Write a commented scenario that passes and a workflow that runs it."""
+    """Create an example scenario with explanations, which passes, and a GitHub workflow that runs it.
+
+    FOLDER is created if it does not exist. The default is the current folder.
+    """
     from pathlib import Path
 
     from sim_action.app.init import write_scaffold

@@ -6,20 +6,26 @@ from typing import Any
 
 import click
 
-from sim_action.cli.options import ALLOW_OUTSIDE, asked_model, model_flags
+from sim_action.cli.options import asked_model, model_flags
 from sim_action.core.errors import ExitCode
 
 
-@click.command()
+@click.command(short_help="Show and check a robot model.")
 @click.argument("model")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @model_flags
-@ALLOW_OUTSIDE
+@click.option(
+    "--allow-outside",
+    is_flag=True,
+    help="Allow a model outside the workspace. The workspace is the git repository, else the current folder.",
+)
 def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
-    """Show the links, joints, masses and problems of a robot model.
+    """Show the links, joints and masses of a robot model, and the problems in it.
 
-    MODEL is a built-in name or a file, written as in a scenario of this folder. Exit code: 0 the model is usable, 2 it
-    is refused.
+    MODEL is the name of a built-in robot, or a path relative to the current folder.
+
+    Exit code: 0 the model is usable; 2 the model is refused, or the command line is invalid; 3 internal error of
+    sim-action.
     """
     from sim_action.app.inspect import inspection_text
     from sim_action.app.inspect_process import inspect_apart

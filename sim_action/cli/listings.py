@@ -21,9 +21,9 @@ def assertions() -> None:
     click.echo(catalogue.listing(catalogue.assertions()))
 
 
-@click.command()
+@click.command(short_help="List what can drive the robot.")
 def commands() -> None:
-    """List the command sources for `commands:`, and the drives."""
+    """List what can drive the robot: the command sources for `commands:`, and the drives."""
     from sim_action.app import catalogue
 
     click.echo(catalogue.listing((*catalogue.commands(), *catalogue.drives())))
@@ -37,10 +37,10 @@ def sensors() -> None:
     click.echo(catalogue.listing(catalogue.sensors()))
 
 
-@click.command()
+@click.command(short_help="Print a JSON Schema.")
 @click.argument("kind", type=click.Choice(("scenario", "results")), default="scenario")
 def schema(kind: str) -> None:
-    """Print the JSON Schema of scenario files or of results.json."""
+    """Print the JSON Schema of scenario files (the default), or of results.json."""
     from sim_action.app.schema import results_schema, scenario_schema, schema_text
 
     click.echo(schema_text(scenario_schema() if kind == "scenario" else results_schema()), nl=False)

@@ -76,7 +76,9 @@ def call(arguments: Sequence[str]) -> int:
         return ExitCode.FAILED
     except Exception:  # noqa: BLE001 - any other exception is a fault of sim-action
         sys.excepthook(*sys.exc_info())
-        click.echo("sim-action: this is a fault of sim-action; please report it with the lines above", err=True)
+        click.echo(
+            "sim-action: this is an internal error of sim-action; please report it with the lines above", err=True
+        )
         return ExitCode.INTERNAL
 
 
@@ -97,11 +99,10 @@ def _blame_variable(error: click.ClickException) -> None:
 @click.version_option(__version__, prog_name="sim-action")
 @click.pass_context
 def program(context: click.Context) -> None:
-    """Simulation tests for robots: a YAML scenario, a headless physics engine, a verdict.
+    """Test robots in simulation: run YAML scenarios in a headless physics engine and report verdicts.
 
-    PATHS are scenario files, globs, or folders: every *.sim.yml in and below a folder is taken. The default is the
-    current folder. Many options can also be set by environment variables, such as SIM_ACTION_BACKEND, or in
-    [tool.sim-action] in pyproject.toml.
+    Many options can also be set by environment variables, such as SIM_ACTION_BACKEND, or below [tool.sim-action] in
+    pyproject.toml.
     """
     if context.invoked_subcommand is None:
         # As click 8.2 and later do by themselves: a missing command is an error of usage, and its message is the help.

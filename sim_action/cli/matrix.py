@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.options import PATHS, discovered, note, selection_flags
+from sim_action.cli.options import PATHS, Bounded, discovered, note, selection_flags
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -16,18 +16,32 @@ if TYPE_CHECKING:
     from sim_action.scenario.selection import Suite
 
 
-@click.command()
+@click.command(short_help="Split scenarios into shards.")
 @PATHS
 @selection_flags
 @click.option(
-    "--shards", type=click.IntRange(min=1, max=256), metavar="N", required=True, help="Largest number of shards."
+    "--shards",
+    type=Bounded(click.IntRange(min=1, max=256)),
+    metavar="N",
+    required=True,
+    help="Number of shards, 1 to 256. If there are fewer scenarios, there are fewer shards.",
 )
-@click.option("--durations", metavar="PATH", help="An earlier results.json; its durations balance the shards.")
+@click.option(
+    "--durations",
+    metavar="FILE",
+    help="The results.json of an earlier run: shards get about the same total duration. Without it, all scenarios "
+    "count the same.",
+)
 def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: Any) -> ExitCode:
-    """Split scenarios into shards of similar duration.
+    """Split scenarios into shards of similar duration, which parallel jobs run.
 
-    The shards are printed as JSON, for the matrix of a GitHub job. Exit code: 0 scenarios found, 2 the command line or
-    a scenario file is invalid, 5 no scenario found.
+    The shards are printed as JSON, for the matrix of a GitHub job.
+
+    PATHS are scenario files, globs, or folders. A folder stands for every *.sim.yml and *.sim.yaml in it and below. The
+    default is the current folder.
+
+    Exit code: 0 scenarios found; 2 a scenario file or the command line is invalid; 3 internal error of sim-action; 5 no
+    scenario found.
     """
     from pathlib import Path
 

@@ -14,17 +14,24 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-@click.command()
+@click.command(short_help="Join the results of shards.")
 @click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
-@click.option("--scenarios", multiple=True, metavar="PATHS", help="Scenarios that the results must cover; repeatable.")
+@click.option(
+    "--scenarios",
+    multiple=True,
+    metavar="PATH",
+    help="A scenario file, folder or glob: the results must cover these scenarios; repeatable.",
+)
 @selection_flags
 @report_flags
 def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> ExitCode:
-    """Join the results of shards into those of one run, and report them.
+    """Join the results of shards, and report them like one run.
 
-    RESULTS are results.json files, globs, or folders: every results.json in and below a folder is taken. A missing
-    shard, or a scenario of --scenarios without a result, becomes an error among the outcomes. Select scenarios here
-    with the same options as for the shards. Exit code: as for `run`.
+    RESULTS are results.json files, globs, or folders. A folder stands for every results.json in it and below. If a
+    shard is missing, or a scenario of --scenarios has no result, the joined results contain an error for it. Select
+    scenarios here with the same options as for the shards.
+
+    Exit code: as for `run`.
     """
     from sim_action.app.merge import MergeRequest, merge_results
     from sim_action.core.workspace import Permissions

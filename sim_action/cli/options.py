@@ -23,8 +23,27 @@ if TYPE_CHECKING:
 
 PATHS: Final = click.argument("paths", nargs=-1, metavar="[PATHS]...")
 ALLOW_OUTSIDE: Final = click.option(
-    "--allow-outside", is_flag=True, help="Allow scenarios to use files outside the workspace."
+    "--allow-outside",
+    is_flag=True,
+    help="Allow files outside the workspace. The workspace is the git repository of the scenario, else the current "
+    "folder.",
 )
+
+
+class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versions of click only
+    """A number within bounds. click lists bounds in `--help` as `[0<=x<=9223372036854775807]`; this type hides them."""
+
+    def __init__(self, number: click.IntRange | click.FloatRange) -> None:
+        """Take the type that checks the bounds."""
+        self.name = number.name
+        self._number = number
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """See click.ParamType."""
+        return self._number.convert(value, param, ctx)
+
+
+SEED: Final = Bounded(click.IntRange(0, 2**63 - 1))
 
 
 def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Suite:
@@ -91,9 +110,19 @@ def complain(message: str) -> None:
 Command = Callable[..., ExitCode]
 
 _SELECTION: Final = (
-    click.option("--only", multiple=True, metavar="PATTERN", help="Only scenarios whose name matches; repeatable."),
-    click.option("--exclude", multiple=True, metavar="PATTERN", help="Skip scenarios whose name matches; repeatable."),
-    click.option("--tag", "tags", multiple=True, metavar="TAG", help="Only scenarios with this tag; repeatable."),
+    click.option(
+        "--only",
+        multiple=True,
+        metavar="PATTERN",
+        help="Select scenarios by name; * and ? are wildcards; repeatable.",
+    ),
+    click.option(
+        "--exclude",
+        multiple=True,
+        metavar="PATTERN",
+        help="Skip scenarios by name; * and ? are wildcards; repeatable.",
+    ),
+    click.option("--tag", "tags", multiple=True, metavar="TAG", help="Select scenarios with this tag; repeatable."),
     click.option(
         "--exclude-tag", "exclude_tags", multiple=True, metavar="TAG", help="Skip scenarios with this tag; repeatable."
     ),
@@ -120,19 +149,20 @@ _FILES: Final = (
         envvar="SIM_ACTION_OUTPUT_DIR",
         default="sim-results",
         show_default=True,
+        metavar="FOLDER",
         help="Folder for results, JUnit XML, traces and reports.",
     ),
     click.option(
         "--junit",
         envvar="SIM_ACTION_JUNIT",
-        metavar="PATH",
+        metavar="FILE",
         help="File for the JUnit XML.  [default: junit.xml in the output folder]",
     ),
     click.option(
         "--junit-strict",
         envvar="SIM_ACTION_JUNIT_STRICT",
         is_flag=True,
-        help="Leave out everything that junit-10.xsd forbids.",
+        help="Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.",
     ),
 )
 _SWITCHES: Final = (
@@ -152,7 +182,7 @@ _SWITCHES: Final = (
         "--annotations/--no-annotations",
         envvar="SIM_ACTION_ANNOTATIONS",
         default=True,
-        help="On GitHub, annotate the lines of failures.  [default: yes]",
+        help="On GitHub, mark the line of each failed expectation.  [default: yes]",
     ),
 )
 _VERBOSITY: Final = (
@@ -161,10 +191,14 @@ _VERBOSITY: Final = (
         "-v",
         envvar="SIM_ACTION_VERBOSE",
         is_flag=True,
-        help="Also show notes, diagnostics and the output of controllers.",
+        help="Show also notes, messages of the engine, and the output of controllers.",
     ),
     click.option(
-        "--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show only failures and one closing line."
+        "--quiet",
+        "-q",
+        envvar="SIM_ACTION_QUIET",
+        is_flag=True,
+        help="Show only failures and one line with the totals.",
     ),
 )
 

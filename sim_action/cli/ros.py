@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.options import report_flags, report_request
+from sim_action.cli.options import SEED, Bounded, report_flags, report_request
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Command = Callable[..., ExitCode]
 
-_SECONDS: Final = click.FloatRange(min=0, min_open=True, max=1e9)
+_POSITIVE: Final = Bounded(click.FloatRange(min=0, min_open=True, max=1e9))
 
 _OPTIONS: Final = (
     click.argument("package"),
@@ -28,65 +28,75 @@ _OPTIONS: Final = (
         "--workspace",
         envvar="SIM_ACTION_WORKSPACE",
         default=".",
-        show_default="the current folder",
+        metavar="FOLDER",
         type=click.Path(exists=True, file_okay=False),
-        help="Catkin workspace. Its packages are searched in src and need no build.",
+        help="Catkin workspace. Its packages are searched in src and need no build.  [default: the current folder]",
     ),
     click.option(
-        "--backend", envvar="SIM_ACTION_BACKEND", type=click.Choice(("pybullet", "mujoco")), help="Physics engine."
+        "--backend",
+        envvar="SIM_ACTION_BACKEND",
+        type=click.Choice(("pybullet", "mujoco")),
+        help="Physics engine.  [default: pybullet if it is installed, else mujoco]",
     ),
     click.option(
         "--seed",
         envvar="SIM_ACTION_SEED",
-        type=click.IntRange(0, 2**63 - 1),
+        type=SEED,
         default=0,
+        show_default=True,
         metavar="N",
         help="Random seed.",
     ),
     click.option(
-        "--sim-time-limit",
-        type=_SECONDS,
-        metavar="S",
-        help="Sim time in s for each test.  [default: the longest time-limit of the tests; 30 without tests]",
-    ),
-    click.option(
-        "--rtf", type=_SECONDS, metavar="X", help="Limit the speed to X times real time.  [default: no limit]"
+        "--rtf",
+        type=_POSITIVE,
+        metavar="X",
+        help="Slow the simulation down to X times real time.  [default: as fast as possible]",
     ),
     click.option(
         "--wall-limit",
-        type=_SECONDS,
+        type=_POSITIVE,
         metavar="S",
-        help="Wall time in s for the whole call.  [default: enough for the tests]",
+        help="Stop after S seconds of real time.  [default: enough for all time limits]",
     ),
 )
 
 
-def _ros_options(command: Command) -> Command:
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+def _ros_options(sim_time_limit: str) -> Callable[[Command], Command]:
+    """Add the options of both commands; `sim_time_limit` is the help of that option."""
+    limit = click.option("--sim-time-limit", type=_POSITIVE, metavar="S", help=sim_time_limit)
+
+    def added(command: Command) -> Command:
+        for option in reversed((*_OPTIONS, limit)):
+            command = option(command)
+        return command
+
+    return added
 
 
-@click.command()
-@_ros_options
+@click.command(short_help="Run a rostest of ROS 1.")
+@_ros_options("End the simulation after this sim time in s.  [default: the longest time-limit of the tests]")
 @report_flags
 def rostest(**flags: Any) -> ExitCode:
-    """Run a rostest of a ROS 1 package in this simulation instead of Gazebo.
+    """Run a rostest of a ROS 1 package, with sim-action as simulator instead of Gazebo.
 
-    FILE is a .test file of PACKAGE. Nodes, launch files and tests run unmodified, on the installed ROS. Exit code: as
-    for `run`.
+    FILE is a .test file of PACKAGE. Nodes, launch files and tests run unmodified. An installed ROS 1 is needed.
+
+    Exit code: as for `run`.
     """
     return _called("rostest", flags)
 
 
-@click.command()
-@_ros_options
+@click.command(short_help="Run a ROS 1 launch file.")
+@_ros_options("End the launch after this sim time in s.  [default: 30]")
 @report_flags
 def roslaunch(**flags: Any) -> ExitCode:
-    """Launch a ROS 1 launch file in this simulation instead of Gazebo.
+    """Run a launch file of ROS 1, with sim-action as simulator instead of Gazebo.
 
-    FILE is a .launch file of PACKAGE. The launch ends at the limit of sim time. It passes if the robot is spawned and
-    no node dies. Exit code: as for `run`.
+    FILE is a .launch file of PACKAGE. An installed ROS 1 is needed. The launch ends at --sim-time-limit. It passes if
+    the robot is spawned and no node dies.
+
+    Exit code: as for `run`.
     """
     return _called("roslaunch", flags)
 

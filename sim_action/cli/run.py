@@ -11,6 +11,8 @@ import click
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
     PATHS,
+    SEED,
+    Bounded,
     discovered,
     named_paths,
     report_flags,
@@ -27,68 +29,76 @@ if TYPE_CHECKING:
     from sim_action.scenario.source import Refused, Source
 
 
-@click.command()
+@click.command(short_help="Run scenarios and report their verdicts.")
 @PATHS
 @selection_flags
 @click.option(
     "--fail-fast",
     envvar="SIM_ACTION_FAIL_FAST",
     is_flag=True,
-    help="Start no further scenario after the first one that does not pass.",
+    help="Start no more scenarios after one did not pass. Scenarios that are running finish.",
 )
-@click.option("--list", "list_only", is_flag=True, help="Print the name, place and tags of each scenario; run nothing.")
-@click.option("--watch", is_flag=True, help="Keep running: rerun the affected scenarios when files change.")
+@click.option(
+    "--list", "list_only", is_flag=True, help="Print name, file, line and tags of each scenario, and run nothing."
+)
+@click.option("--watch", is_flag=True, help="Run scenarios again when their files change, until Ctrl-C.")
 @report_flags
 @click.option(
-    "--shard", metavar="I/N", help="Run only shard I of N: every N-th scenario or variation, starting with the I-th."
+    "--shard",
+    metavar="I/N",
+    help="Run shard I of N: every N-th scenario or variation, starting with the I-th. "
+    'To balance shards by duration, use "sim-action matrix".',
 )
 @click.option(
     "--backend",
     envvar="SIM_ACTION_BACKEND",
     type=click.Choice(("pybullet", "mujoco", "all")),
-    help='Physics engine for all scenarios; overrides "backend:" in the files. all: run on both and compare.',
+    help="Physics engine for all scenarios; all: run each scenario on both engines and compare the runs.  "
+    '[default: "backend:" in the file of each scenario]',
 )
 @click.option(
     "--seed",
     envvar="SIM_ACTION_SEED",
-    type=click.IntRange(0, 2**63 - 1),
+    type=SEED,
     metavar="N",
-    help='Random seed for all scenarios; overrides "seed:" in the files.',
+    help='Random seed for all scenarios.  [default: "seed:" in the file of each scenario]',
 )
 @click.option(
     "--repeat",
     envvar="SIM_ACTION_REPEAT",
-    type=click.IntRange(1, 1000),
+    type=Bounded(click.IntRange(1, 1000)),
     default=1,
     metavar="N",
-    help="Run each scenario N times. It is flaky if the runs differ.",
+    help="Run each scenario N times, 1 to 1000. A scenario whose runs differ is flaky, and fails.",
 )
 @click.option(
     "--update-golden",
     is_flag=True,
-    help='Write the golden trajectories of "matches" instead of comparing with them.',
+    help='Save this run as the golden trajectory of each "matches", instead of comparing with it.',
 )
 @click.option(
     "--jobs",
     "-j",
     envvar="SIM_ACTION_JOBS",
-    type=click.IntRange(min=1, max=256),
+    type=Bounded(click.IntRange(min=1, max=256)),
     metavar="N",
-    help="Number of scenarios to run in parallel.  [default: number of cores]",
+    help="Number of scenarios to run in parallel, 1 to 256.  [default: number of cores]",
 )
 @click.option(
     "--record",
     envvar="SIM_ACTION_RECORD",
     multiple=True,
     metavar="FORMAT",
-    help="Record each run as mcap, csv, tum, gif or mp4; repeatable.",
+    help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs the extra mcap; gif and mp4 need the "
+    "extra video.",
 )
 @click.option(
     "--allow-scripts",
     type=click.Choice(("auto", "true", "false")),
     default="auto",
     show_default=True,
-    help="Allow scenarios to run code. auto: yes, except on pull_request_target and workflow_run.",
+    help="Allow scenarios to run code, such as controllers. auto: yes, except in GitHub workflows on "
+    "pull_request_target and workflow_run.",
 )
 @ALLOW_OUTSIDE
 def run(
@@ -110,9 +120,14 @@ def run(
 ) -> ExitCode:
     """Run scenarios and report their verdicts.
 
-    Exit code: 0 all passed, 1 a scenario failed, is flaky or has no verdict, 2 a scenario is invalid, 3 a fault of
-    sim-action, 5 no scenario found, 130 interrupted. If several apply, the first of 130, 3, 2, 1 is returned. An empty
-    shard passes if other shards have scenarios.
+    PATHS are scenario files, globs, or folders. A folder stands for every *.sim.yml and *.sim.yaml in it and below. The
+    default is the current folder.
+
+    Exit code: 0 all scenarios passed; 1 a scenario failed, is flaky, or has no verdict (crash, limit or script error);
+    2 a scenario or the command line is invalid; 3 internal error of sim-action; 5 no scenario found; 130 interrupted.
+    If several apply, the first of 130, 3, 2, 1 is returned.
+
+    With --shard: a shard without scenarios passes if another one has some.
     """
     from sim_action.core.process import Interruption
 

@@ -15,13 +15,17 @@ if TYPE_CHECKING:
     from sim_action.scenario.source import Refused
 
 
-@click.command()
+@click.command(short_help="Check scenarios without running them.")
 @PATHS
 @ALLOW_OUTSIDE
 def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     """Check scenarios without running them, and report all problems.
 
-    Exit code: 0 all valid, 2 a scenario is invalid, 3 a fault of sim-action, 5 no scenario found.
+    PATHS are scenario files, globs, or folders. A folder stands for every *.sim.yml and *.sim.yaml in it and below. The
+    default is the current folder.
+
+    Exit code: 0 all scenarios are valid; 2 a scenario or the command line is invalid; 3 internal error of sim-action; 5
+    no scenario found.
     """
     from sim_action.core.wording import log_line
     from sim_action.core.workspace import Permissions

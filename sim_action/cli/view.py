@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import click
 
+from sim_action.cli.options import Bounded
 
-@click.command()
+
+@click.command(short_help="Open a report in the browser.")
 @click.argument("report", required=False)
 @click.option(
     "--output-dir",
     envvar="SIM_ACTION_OUTPUT_DIR",
     default="sim-results",
     show_default=True,
+    metavar="FOLDER",
     help="Folder of the results if REPORT is not given.",
 )
 @click.option("--only", metavar="NAME", help="Open the report at this scenario.")
 @click.option(
-    "--time", type=click.FloatRange(min=0), metavar="T", help="Open the report at this sim time in s; needs --only."
+    "--time",
+    type=Bounded(click.FloatRange(min=0)),
+    metavar="T",
+    help="Open the report at this sim time in s; needs --only.",
 )
-@click.option("--print", "print_only", is_flag=True, help="Print the address of the report instead of opening it.")
+@click.option("--print", "print_only", is_flag=True, help="Print the URL of the report instead of opening it.")
 def view(report: str | None, *, output_dir: str, only: str | None, time: float | None, print_only: bool) -> None:
     """Open the report of a run in the browser.
 
-    REPORT is a report.html, its results.json, or their folder.
+    REPORT is a report.html, its results.json, or the folder of both. The default is the folder of --output-dir.
     """
     from pathlib import Path
 
