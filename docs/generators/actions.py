@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from docs.generators.markdown import table
+from docs.generators.markdown import escaped, table
 
 ROOT = Path(__file__).resolve().parents[2]
 # The inputs that the README shows. The action has more: docs/workflow/inputs.md.
@@ -50,4 +50,4 @@ def _default(entry: dict[str, str]) -> str:
 
 
 def _description(entry: dict[str, str]) -> str:
-    return " ".join(entry["description"].split()).replace("*", r"\*")
+    return escaped(" ".join(entry["description"].split()))

@@ -8,7 +8,7 @@ from typing import Final
 
 import click
 
-from docs.generators.markdown import table
+from docs.generators.markdown import escaped, table
 from sim_action.cli import SUBCOMMANDS
 
 # The end of a help text that states a default in words.
@@ -27,14 +27,14 @@ def commands() -> str:
 
 
 def _first_line(command: click.Command) -> str:
-    return _escaped(" ".join((command.help or "").strip().split("\n\n")[0].split()))
+    return escaped(" ".join((command.help or "").strip().split("\n\n")[0].split()))
 
 
 def _section(command: click.Command) -> str:
     arguments = [parameter for parameter in command.params if isinstance(parameter, click.Argument)]
     usage = " ".join(["sim-action", command.name or "", "[OPTIONS]", *map(_argument, arguments)])
     paragraphs = (" ".join(paragraph.split()) for paragraph in (command.help or "").strip().split("\n\n"))
-    text = "\n\n".join(_escaped(paragraph) for paragraph in paragraphs)
+    text = "\n\n".join(escaped(paragraph) for paragraph in paragraphs)
     options = list(_options(command))
     parts = [f"## `sim-action {command.name}`\n", f"{text}\n", f"```text\n{usage}\n```\n"]
     if options:
@@ -72,21 +72,14 @@ def _value(option: click.Option) -> str:
 
 
 def _meaning(option: click.Option) -> str:
-    return _escaped(_DEFAULT.sub("", option.help or "").rstrip())
+    return escaped(_DEFAULT.sub("", option.help or "").rstrip())
 
 
 def _default(option: click.Option) -> str:
     if stated := _DEFAULT.search(option.help or ""):
-        return _escaped(stated[1])
+        return escaped(stated[1])
     if option.required:
         return "required"
     if option.show_default and isinstance(option.default, str | int | float):
         return f"`{option.default}`"
     return ""
-
-
-def _escaped(text: str) -> str:
-    """Return text in which Markdown sees no markup; code in backticks stays code."""
-    parts = text.replace("\b", "").split("`")
-    parts[::2] = [part.replace("*", r"\*").replace("<", r"\<").replace("[", r"\[") for part in parts[::2]]
-    return "`".join(parts)

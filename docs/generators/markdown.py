@@ -1,4 +1,4 @@
-"""Markdown tables and fenced blocks."""
+"""Markdown tables and fenced blocks, and text without markup."""
 
 from __future__ import annotations
 
@@ -14,3 +14,10 @@ def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
 def fenced(language: str, text: str) -> str:
     """Return a fenced code block."""
     return f"```{language}\n{text}```\n"
+
+
+def escaped(text: str) -> str:
+    """Return text in which Markdown sees no markup; code in backticks stays code."""
+    parts = text.replace("\b", "").split("`")
+    parts[::2] = [part.replace("*", r"\*").replace("<", r"\<").replace("[", r"\[") for part in parts[::2]]
+    return "`".join(parts)
