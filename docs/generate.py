@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from docs.generators import actions, command_line, lists, scenario
-from sim_action.app import catalogue
 from sim_action.app.schema import results_schema, scenario_schema, schema_text
 from sim_action.scenario.model import ExpectationOptions
 from sim_action.sensors import Mounting
@@ -35,6 +34,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "sections": scenario.sections,
     "examples": scenario.examples,
     "file": scenario.file_of,
+    "first-scenario": scenario.first_scenario,
     "scenario-keys": scenario.scenario_keys,
     "expectation-keys": lambda: scenario.keys_table(ExpectationOptions),
     "sensor-keys": lambda: scenario.keys_table(Mounting),
@@ -44,7 +44,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "judge-types": lambda: scenario.attributes(*scenario.JUDGE_TYPES),
     "readings": lambda: scenario.attributes(*scenario.READINGS),
     "reading-columns": lists.reading_columns,
-    "assertions": lambda: lists.entries(catalogue.assertions(), "assertion", scenario.assertion_pages()),
+    "assertions": scenario.assertions,
     "models": lists.models,
     "rules": lists.rules,
     "recordings": lists.recordings,

@@ -15,7 +15,7 @@ import yaml
 
 from docs.generate import pages
 from docs.generators.actions import MOST_USED
-from docs.generators.scenario import ASSERTION_PAGES, FAMILIES, example
+from docs.generators.scenario import ASSERTION_KINDS, ASSERTION_PAGES, FAMILIES, example
 from docs.robots import without_figures
 from sim_action.assertions import ASSERTIONS
 from sim_action.cli import SUBCOMMANDS
@@ -151,7 +151,7 @@ SINGLE_EXAMPLES = [
 def test_examples_check_what_their_names_say(name: Path) -> None:
     scenario = load_scenario(ROOT / name).scenario
     keys = {expected.assertion.key for expected in scenario.expect}
-    if "stops before" in scenario.name:
+    if "stops in front of" in scenario.name:
         assert "stops_before" in keys
         assert scenario.duration is not None, "it must also stay there"
     if keys & {"no_collision", "clearance"}:
@@ -160,6 +160,7 @@ def test_examples_check_what_their_names_say(name: Path) -> None:
 
 def test_each_assertion_has_a_page() -> None:
     assert sorted(name for names in ASSERTION_PAGES.values() for name in names) == sorted(ASSERTIONS)
+    assert sorted(ASSERTION_KINDS) == sorted(ASSERTIONS)
 
 
 def test_the_first_scenario_of_the_reference_loads(tmp_path: Path) -> None:

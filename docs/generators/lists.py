@@ -24,14 +24,9 @@ EXIT_CODES = {
 LEVELS = {"fatal": "refused", "error": "refused, unless allowed", "warning": "a note"}
 
 
-def entries(family: Iterable[Entry], kind: str, pages: dict[str, str] | None = None) -> str:
-    """Return a table of names and summaries; `pages` maps a name to the page that has its section."""
-    rows = ((_linked(entry.name, pages or {}), entry.summary) for entry in family)
-    return table((kind, "meaning"), rows)
-
-
-def _linked(name: str, pages: dict[str, str]) -> str:
-    return f"[`{name}`]({pages[name]}#{name.replace('.', '')})" if name in pages else f"`{name}`"
+def entries(family: Iterable[Entry], kind: str) -> str:
+    """Return a table of names and summaries."""
+    return table((kind, "meaning"), ((f"`{entry.name}`", entry.summary) for entry in family))
 
 
 def rules() -> str:

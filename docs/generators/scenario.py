@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from docs.generators.markdown import fenced, table
 from sim_action.app import catalogue
+from sim_action.app.init import files
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
@@ -62,6 +63,34 @@ ASSERTION_PAGES: Final = {
     "assertions-joints.md": ("joint", "joint_within", "effort", "energy", "sensor", "odometry_error"),
     "assertions-logic.md": ("any_of", "all_of", "not", "stl", "matches", "assertion"),
 }
+# What the keys of each assertion are: a goal, an invariant, or judged at the end of the run.
+ASSERTION_KINDS: Final = {
+    "travel": "`at_least`: goal; `at_most`: invariant",
+    "path_length": "`at_least`: goal; `at_most`: invariant",
+    "reach": "goal",
+    "settled": "goal",
+    "final_pose": "judged at the end",
+    "no_collision": "invariant",
+    "contact": "goal; `at_most`: invariant",
+    "stops_before": "goal; not touching: invariant",
+    "upright": "invariant",
+    "max_speed": "invariant",
+    "stay_within": "invariant",
+    "clearance": "`at_least`: invariant; `at_most`: goal",
+    "follow_path": "`max_error`: invariant; `end`: goal; `rms`: judged at the end",
+    "matches": "invariant that does not end the run",
+    "odometry_error": "invariant",
+    "sensor": "invariant; with `once`: goal",
+    "joint": "`at_least`, `near`: goal; `at_most`: invariant",
+    "joint_within": "invariant",
+    "effort": "`at_most`: invariant; `rms_at_most`: judged at the end",
+    "energy": "invariant",
+    "stl": "depends on the formula",
+    "any_of": "goal if one of its assertions is a goal, else invariant",
+    "all_of": "goal if one of its assertions is a goal, else invariant",
+    "not": "invariant if its assertion is a goal, and the other way round",
+    "assertion": "`kind` of the class",
+}
 
 CONTROLLER_TYPES: Final = (
     *(Observation, Pose, Twist, JointState, Contact, JointTargets),
@@ -109,6 +138,22 @@ def sections(family: str, *names: str) -> str:
 def assertion_pages() -> dict[str, str]:
     """Return the page of each assertion."""
     return {name: page for page, names in ASSERTION_PAGES.items() for name in names}
+
+
+def assertions() -> str:
+    """Return the table of assertions: a link to the section, the kind, the requirement."""
+    pages = assertion_pages()
+    rows = (
+        (f"[`{entry.name}`]({pages[entry.name]}#{entry.name})", ASSERTION_KINDS[entry.name], entry.summary)
+        for entry in catalogue.assertions()
+    )
+    return table(("assertion", "goal or invariant", "requirement"), rows)
+
+
+def first_scenario() -> str:
+    """Return the scenario that `sim-action init` writes, without the line for editors."""
+    text = files("")["simulation/drive_straight.sim.yml"]
+    return fenced("yaml", text.partition("\n")[2])
 
 
 def example(family: str, name: str) -> Path:

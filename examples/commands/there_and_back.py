@@ -1,10 +1,10 @@
-"""Drive to half a metre before the wall and back; the controller remembers which of the two is next."""
+"""Drive to half a metre in front of the wall and back; the controller remembers which of the two is next."""
 
 from sim_action import Observation, RobotDescription, Twist
 
-WALL = 1.95  # m, its near side
+WALL_FACE_X = 1.95  # m, x of the side of the wall that faces the robot
 FRONT = 0.038  # m, from the origin of the burger to its front
-TURNING_POINT = WALL - 0.5 - FRONT
+TURNING_POINT = WALL_FACE_X - 0.5 - FRONT
 CLOSE = 0.02  # m
 TOP_SPEED = 0.5  # m/s
 
@@ -22,5 +22,5 @@ class Controller:
         x, _, _ = observation.pose.position_xyz
         if len(self.goals) > 1 and abs(self.goals[0] - x) < CLOSE:
             self.goals.pop(0)
-        way = self.goals[0] - x
-        return Twist.planar(linear=max(-TOP_SPEED, min(TOP_SPEED, way)))
+        remaining = self.goals[0] - x
+        return Twist.planar(linear=max(-TOP_SPEED, min(TOP_SPEED, remaining)))

@@ -1,4 +1,4 @@
-"""Turn until something red is in view, drive towards its middle, and stop half a metre before it."""
+"""Turn until something red is in view, drive towards its middle, and stop half a metre in front of it."""
 
 import numpy as np
 

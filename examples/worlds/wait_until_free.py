@@ -4,9 +4,9 @@ from math import radians
 
 from sim_action import Observation, Twist
 
-FREE = 0.4  # m
+FREE = 0.4  # m, the distance ahead that must be free
 SPEED = 0.2  # m/s
-AHEAD = radians(15)
+AHEAD = radians(15)  # to the left and to the right of straight ahead
 
 
 def control(observation: Observation) -> Twist:

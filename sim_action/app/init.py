@@ -15,23 +15,23 @@ name: robot drives straight
 robot:
   model: turtlebot3_burger      # a built-in model (sim-action models), or the path of your .urdf, relative to this file
 
-# world:                        # the default is flat ground; add objects like this:
+# world:                        # flat ground; to add a wall, remove the # in front of these three lines
 #   objects:
 #     - {name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}
 
-commands:                       # command sources that drive the robot (sim-action commands)
+commands:                       # what drives the robot (sim-action commands lists more)
   rate: 10 Hz
   twist:
     - {linear: 0.5, for: 4 s}
     - {linear: 0.2, angular: 30 deg/s}
 
-expect:                         # assertions (sim-action assertions)
-  - travel: {at_least: 1.5 m}   # a goal: the run ends when all goals are met
-    before: 10 s
-  - no_collision                # an invariant: the run ends when it is broken
+expect:                         # expectations (sim-action assertions lists what they can be)
+  - travel: {at_least: 1.5 m}   # a goal: it must come true once; the run ends when all goals are met
+    before: 10 s                # deadline of this goal
+  - no_collision                # an invariant: it must always hold; the run ends when it is broken
   - upright: {max_tilt: 10 deg}
 
-time_limit: 20 s                # simulated time
+time_limit: 20 s                # sim time at which the scenario fails if a goal is not met
 """
 
 _WORKFLOW: Final = """\

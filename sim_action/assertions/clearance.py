@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 
 class Clearance(Assertion):
-    """The least distance between the robot and bodies of the world stays above a bound, or falls to one.
+    """The distance between the robot and bodies of the world is never less than `at_least`, or falls to `at_most` once.
 
-    It is the 3-D distance between collision shapes at every physics step; shapes that overlap have a negative distance.
-    The ground counts only if `to` names it. PyBullet rounds the edges of boxes by 1 mm, so its distances to edges are
-    up to 0.7 mm greater than those of MuJoCo.
+    It is the least distance in space between collision shapes at every physics step; shapes that overlap have a
+    negative distance. The ground counts only if `to` names it. PyBullet rounds the edges of boxes by 1 mm, so its
+    distances to edges are up to 0.7 mm greater than those of MuJoCo.
     """
 
     key: ClassVar[str] = "clearance"

@@ -214,7 +214,7 @@ class Several(Combined):
 
 
 class AllOf(Several):
-    """All assertions of a list must hold.
+    """All assertions of a list hold.
 
     `expect` itself asks the same of its entries. `all_of` is useful inside `any_of` and `not`, and to give several
     assertions one `name`, `after`, `before` and `severity`. It is a goal if one of its parts is a goal. It breaks as
@@ -231,7 +231,7 @@ class AllOf(Several):
 
 
 class AnyOf(Several):
-    """At least one assertion of a list must hold.
+    """At least one assertion of a list holds.
 
     It is a goal if one of its parts is a goal: the run waits until a goal comes true. If none does, a part that is not
     broken at the end of the run holds. If all parts are invariants, it is an invariant, and it breaks when the last
@@ -248,7 +248,7 @@ class AnyOf(Several):
 
 
 class Negation(Combined):
-    """An assertion must not hold.
+    """An assertion does not hold.
 
     The negation of a goal is an invariant: `not: {reach: ...}` keeps the robot away and breaks when the goal comes
     true. The negation of an invariant is a goal: `not: no_collision` asks for a collision and comes true when the

@@ -40,9 +40,10 @@ _MAX_CONTACT_GAP_S: Final = 0.05
 
 
 class Touch(Assertion):
-    """A goal: the robot touches a body of the world. With `at_most` also an invariant: the force stays below a limit.
+    """The robot touches the body `with`. With `at_most`, the force of the contact never exceeds this limit.
 
-    The force is the sum over all contact points of the two in one physics step. An impact lasts only a few steps, so
+    Touching is a goal, `at_most` an invariant. The force is the sum over all contact points of the two in one physics
+    step. An impact lasts only a few steps, so
     its force is large. A body that is pushed bounces: a loss of contact for 50 ms or less does not interrupt the
     contact.
     """

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 
 class Effort(Assertion):
-    """The effort of each motor stays below a limit in both directions: at any step, or as RMS over the run.
+    """The effort (torque or force) of each motor never exceeds `at_most`, or its RMS is at most `rms_at_most`.
 
-    The root mean square (RMS) is a measure of motor heating. It is judged at the end of the run or at `before`. Efforts
-    are those of the engine's motors, within the effort limits of the model. A velocity command changes the target in
-    steps, once per tick of the command, which causes peaks. If peaks matter, set the `rate` of the command to the
-    physics rate.
+    Limits hold in both directions. The root mean square (RMS) is a measure of motor heating. It is judged at the end of
+    the run or at `before`. Efforts are those of the engine's motors, within the effort limits of the model. A velocity
+    command changes the target in steps, once per tick of the command, which causes peaks. If peaks matter, set the
+    `rate` of the command to the physics rate.
     """
 
     key: ClassVar[str] = "effort"

@@ -27,11 +27,11 @@ Braking = Literal["free", "costs", "regained"]
 
 
 class Energy(Assertion):
-    """The mechanical work of the motors since `after`, summed over joints and physics steps, stays below a limit.
+    """The mechanical work of the motors never exceeds `at_most`.
 
-    A motor does positive work if its effort has the direction of the motion, and negative work if it brakes. `braking`
-    sets how negative work counts: "free" ignores it, "costs" adds its magnitude, "regained" subtracts it. Heat and
-    holding torque are not included: see `effort`.
+    The work is summed over joints and physics steps since `after`. A motor does positive work if its effort has the
+    direction of the motion, and negative work if it brakes. `braking` sets how negative work counts: "free" ignores it,
+    "costs" adds its magnitude, "regained" subtracts it. Heat and holding torque are not included: see `effort`.
     """
 
     key: ClassVar[str] = "energy"

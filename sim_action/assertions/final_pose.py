@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 
 
 class FinalPose(Assertion):
-    """The pose of the base link at the end of the run, or at `before` if that is earlier.
+    """At the end of the run, the base link is at `x`, `y`, `z` with the heading `yaw`, within tolerances.
 
-    It neither ends a run nor prolongs it. A run ends at its `duration`, or as soon as all goals of the scenario are
-    met; the robot may still be moving then. To let it stop first, add `settled` or a `duration`. Any of `x`, `y`, `z`
-    and `yaw` may be omitted; then it is not checked.
+    The pose is checked at the end of the run, or at `before` if that is earlier. It neither ends a run nor prolongs it.
+    A run ends at its `duration`, or as soon as all goals of the scenario are met; the robot may still be moving then.
+    To let it stop first, add `settled` or a `duration`. Any of `x`, `y`, `z` and `yaw` may be omitted; then it is not
+    checked.
     """
 
     key: ClassVar[str] = "final_pose"

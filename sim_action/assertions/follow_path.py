@@ -52,13 +52,13 @@ class PathEnd(FrozenModel):
 
 
 class FollowPath(Assertion):
-    """The base follows a path on the ground and reaches its end. The error is the distance of its origin from the path.
+    """The base follows `path` on the ground: the distance from it never exceeds `max_error`, and its `end` is reached.
 
     The path is in the world frame. Its points are joined by straight lines, or with `smooth` by curves. The error is
-    measured from the robot's progress on the path, which never goes back. So where a path crosses itself or returns,
-    only the current branch counts. Beyond the last point, the error is the distance from that point. `max_error` is an
-    invariant. `rms`, the root mean square over all steps, is judged at the end of the run. `end` is a goal; once it is
-    met, neither `max_error` nor `rms` is checked further.
+    the distance of the base link's origin from the path. The progress of the robot on the path never goes back. So
+    where a path crosses itself or returns, only the current branch counts. Beyond the last point, the error is the
+    distance from that point. `max_error` is an invariant. `rms`, the root mean square over all steps, is judged at the
+    end of the run. `end` is a goal; once it is met, neither `max_error` nor `rms` is checked further.
     """
 
     key: ClassVar[str] = "follow_path"

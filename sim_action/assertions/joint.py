@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 
 
 class JointReading(Assertion):
-    """The position, velocity or motor effort of a joint reaches a bound or a value, or stays below a bound."""
+    """The `reading` of a joint reaches `at_least`, comes within `tolerance` of `near`, or never exceeds `at_most`.
+
+    `reading` is the position, the velocity or the effort (torque or force) of the joint's motor.
+    """
 
     key: ClassVar[str] = "joint"
 
@@ -135,7 +138,7 @@ _BOUNDS = "an invariant: name, or pattern such as '*_wheel_joint', to [lower, up
 
 
 class JointWithin(Assertion):
-    """An invariant: positions, velocities and motor efforts of joints stay between bounds.
+    """Positions, velocities and efforts (torques or forces) of joints stay between bounds.
 
     A pattern applies to every joint that matches it; `"*"` matches all.
     """

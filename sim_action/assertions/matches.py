@@ -58,14 +58,14 @@ _SAME_TIME_S: Final = 1e-3
 
 
 class Matches(Assertion):
-    """The run matches a golden trajectory: a recorded run in a CSV file that is kept next to the scenario.
+    """The run equals a golden trajectory within tolerances: an earlier run, in the CSV file `trace`.
 
     `sim-action run --update-golden` writes the file from the current run. Commit it, and review its diff whenever it
     changes. At each time of the file, the position of the base is compared with the golden run, and so are heading and
-    joints if they have a tolerance. It is an invariant, but it does not end the run, so the verdict reports when the
-    run first left the tolerance and the largest error. `duration` is the allowed difference in length. With `after` and
-    `before`, the file holds only the time between them. Physics rates and engines may differ as far as the tolerances
-    allow. All variations share one file, unless its name contains `$variation`.
+    joints if they have a tolerance. It is an invariant, but it does not end the run, so the verdict reports when a
+    difference first exceeded its tolerance, and the largest difference. `duration` is the allowed difference in length.
+    With `after` and `before`, the file holds only the time between them. Physics rates and engines may differ as far as
+    the tolerances allow. All variations share one file, unless its name contains `$variation`.
     """
 
     key: ClassVar[str] = "matches"

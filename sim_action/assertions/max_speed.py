@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class MaxSpeed(Assertion):
-    """Limits on the speed of the base link's origin and on the turn rate of the base, in any direction."""
+    """The speed of the base link's origin never exceeds `linear`, and the turn rate of the base never `angular`."""
 
     key: ClassVar[str] = "max_speed"
 

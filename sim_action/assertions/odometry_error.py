@@ -38,7 +38,7 @@ _UNITS: Final = {"position": "m", "yaw": "rad", "drift": ""}
 
 
 class OdometryError(Assertion):
-    """An invariant: the error of the odometry sensor against the true pose on the ground stays below limits.
+    """The errors of the odometry sensor against the true pose never exceed `position`, `yaw` and `drift`.
 
     Each reading is compared with the true pose at the same time. The sensor is read even if no controller uses it.
     `drift` is the position error divided by the distance travelled since t = 0; the first metre counts as a full metre.

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 class PathLength(LengthBounds):
-    """The arc length in space of the path of the base link since `after`, summed over every physics step."""
+    """The length of the driven path reaches `at_least`, or never exceeds `at_most`.
+
+    It is the length of the path of the base link in space since `after`, summed over every physics step.
+    """
 
     key: ClassVar[str] = "path_length"
 

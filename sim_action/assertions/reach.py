@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 
 class Reach(Assertion):
-    """A goal: the base link's origin is within `tolerance` of a point, and heads within `yaw_tolerance` of `yaw`."""
+    """The origin of the base link comes within `tolerance` of the point `x`, `y`, `z`.
+
+    With `yaw`, the heading must be within `yaw_tolerance` of `yaw` at the same moment. Reaching the point is a goal.
+    """
 
     key: ClassVar[str] = "reach"
 

@@ -40,7 +40,7 @@ _AXES: Final = "xyzw"
 
 
 class SensorReading(Assertion):
-    """The readings of a sensor stay within bounds, or with `once` enter them at least once.
+    """All readings of a sensor are between `at_least` and `at_most`. With `once: true`, one such reading is enough.
 
     Every reading counts, at the sensor's own rate. The sensor is read even if no controller uses it. The readings are
     the columns of a trace: `ranges` of a lidar; `depth` and `rgb` of a camera; `force` and `touching` of a contact

@@ -38,9 +38,10 @@ class AtRest(Assertion):
 
 
 class Settled(AtRest):
-    """A goal: the robot comes to rest and stays at rest for some time.
+    """The robot comes to rest and stays at rest for the time `for`.
 
-    The robot is at rest if the base, and the joints if they count, move and turn no faster than two limits. The time
+    It is a goal. The robot is at rest if the base, and the joints if they count, move no faster than `speed` and turn
+    no faster than `turn_rate`. The time
     must be uninterrupted. Motion after it does not matter. The robot is also at rest before its first command. If it
     waits for one, set `after` to begin the check later.
     """

@@ -23,7 +23,7 @@ Range = tuple[Metres, Metres]
 
 
 class StayWithin(Assertion):
-    """The base link's origin stays between bounds in the world frame. An omitted axis is not checked."""
+    """The base link's origin stays between the bounds of `x`, `y` and `z`. An axis without bounds is not checked."""
 
     key: ClassVar[str] = "stay_within"
 

@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 
 
 class StopsBefore(AtRest):
-    """A goal: the robot stops in front of a body with a gap between two bounds. It must never touch the body.
+    """The robot stops in front of `body`, at a distance between the two values of `gap`, and never touches the body.
 
-    The gap is the least distance of any link from the body. It is checked only while the robot is at rest; it may have
-    been smaller before. To limit it at all times, add `clearance`. Motion after the stop does not matter.
+    It is a goal. The gap is the least distance of any link from the body. It is checked only while the robot is at
+    rest; it may have been smaller before. To limit it at all times, add `clearance`. Motion after the stop does not
+    matter.
     """
 
     key: ClassVar[str] = "stops_before"

@@ -35,7 +35,10 @@ class LengthBounds(Assertion):
 
 
 class Travel(LengthBounds):
-    """The straight-line distance on the ground from the settled start position."""
+    """The distance on the ground from the start position reaches `at_least`, or never exceeds `at_most`.
+
+    It is the length of a straight line from the position in which the robot has settled, at t = 0.
+    """
 
     key: ClassVar[str] = "travel"
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Upright(Assertion):
-    """The angle between the base link's z axis and the world's z axis stays below a limit."""
+    """The angle between the z axis of the base link and that of the world never exceeds `max_tilt`."""
 
     key: ClassVar[str] = "upright"
 

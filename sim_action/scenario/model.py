@@ -60,17 +60,15 @@ Severity = Literal["error", "warning"]
 class ExpectationOptions(FrozenModel):
     """The keys that every assertion can have besides its own."""
 
-    name: Annotated[Name | None, Field(description="the name in reports; default: the condition in words")] = None
-    after: Annotated[NonNegativeSeconds, Field(description="start of the time window, in sim time")] = 0.0
+    name: Annotated[Name | None, Field(description="the name in reports; default: the assertion in words")] = None
+    after: Annotated[NonNegativeSeconds, Field(description="sim time from which it is checked")] = 0.0
     before: Annotated[
         PositiveSeconds | None,
-        Field(
-            description="end of the time window: a goal must come true before it, an invariant is checked until then"
-        ),
+        Field(description="deadline in sim time: a goal must come true by then, an invariant is checked until then"),
     ] = None
-    severity: Annotated[Severity, Field(description="error: the scenario fails; warning: it is only reported")] = (
-        "error"
-    )
+    severity: Annotated[
+        Severity, Field(description="error: if it fails, the scenario fails; warning: if it fails, it is only reported")
+    ] = "error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,15 +148,17 @@ class Scenario(FrozenModel):
     commands: Annotated[tuple[CommandSource, ...], Field(description="command sources that drive the robot")] = ()
     sensors: Annotated[tuple[MountedSensor, ...], Field(description="sensors that controllers can read")] = ()
     expect: Annotated[
-        tuple[Expectation, ...], Field(min_length=1, description="the assertions that decide the verdict")
+        tuple[Expectation, ...], Field(min_length=1, description="the expectations that decide the verdict")
     ]
     duration: Annotated[
-        PositiveSeconds | None, Field(description="least sim time of the run, even if all goals are met")
+        PositiveSeconds | None, Field(description="simulate at least so long, even if all goals are met earlier")
     ] = None
-    time_limit: Annotated[PositiveSeconds, Field(le=86_400, description="sim time at which a pending goal fails")]
+    time_limit: Annotated[
+        PositiveSeconds, Field(le=86_400, description="sim time at which the scenario fails if a goal is not met")
+    ]
     wall_limit: Annotated[
         PositiveSeconds | None,
-        Field(description="wall time at which a stuck run is stopped; default: max(60 s, 10 x time_limit)"),
+        Field(description="real time after which a stuck run is stopped; default: max(60 s, 10 x time_limit)"),
     ] = None
     memory_limit: Annotated[
         PositiveBytes | None,

@@ -30,7 +30,7 @@ def run(folder: Path, engine: str) -> subprocess.CompletedProcess[str]:
 
 
 CONTROLLED = """\
-name: burger stops half a metre before the wall
+name: burger stops half a metre in front of the wall
 robot: {model: turtlebot3_burger}
 world: {objects: [{name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}]}
 commands: {script: controller.py}

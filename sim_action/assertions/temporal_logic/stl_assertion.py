@@ -34,7 +34,7 @@ _STEP_ROUNDING: Final = 1e-6
 
 
 class Stl(Assertion):
-    """Signal temporal logic: a formula over signals and time must be true.
+    """A formula of signal temporal logic (STL) is true: a statement about signals over time.
 
     The formula is text. `speed < 0.5 m/s` compares signals: `time`, `x`, `y`, `z`, `roll`, `pitch`, `yaw`, `tilt`,
     `speed`, `turn_rate`, `travel` (distance on the ground from the settled pose), and `position(JOINT)`,

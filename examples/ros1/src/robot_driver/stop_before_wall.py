@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Drives until something is half a metre before the lidar: a closed loop on /scan."""
+"""Drives until something is half a metre in front of the lidar: a closed loop on /scan."""
 
 import rospy
 from geometry_msgs.msg import Twist

@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""The robot comes near the wall, stops half a metre before it, and is at rest there."""
+"""The robot comes near the wall, stops half a metre in front of it, and is at rest there."""
 
 import unittest
 
