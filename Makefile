@@ -22,7 +22,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: viewer screenshots demo check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots picture bench fuzz lock clean
 
-demo: $(VENV)/.installed ## run the tutorial's own job
+demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
 
 check: $(VENV)/.dev ## quick feedback: style, types for this platform, layers, and the tests that start no process
