@@ -41,11 +41,9 @@ class Clearance(Assertion):
     at_least: Annotated[PositiveMetres | None, Field(description="an invariant: minimum distance")] = None
     at_most: Annotated[PositiveMetres | None, Field(description="a goal: the distance must fall to this value")] = None
     to: Annotated[
-        tuple[str, ...] | None, Field(min_length=1, description="names of bodies; left out: all but the ground")
+        tuple[str, ...] | None, Field(min_length=1, description="names of bodies; default: all but the ground")
     ] = None
-    links: Annotated[tuple[str, ...] | None, Field(min_length=1, description="links of the robot; left out: all")] = (
-        None
-    )
+    links: Annotated[tuple[str, ...] | None, Field(min_length=1, description="links of the robot; default: all")] = None
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> Self:

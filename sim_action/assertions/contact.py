@@ -52,12 +52,12 @@ class Touch(Assertion):
 
     body: Annotated[str, Field(alias="with", min_length=1, description="name of the object")]
     link: Annotated[
-        str | None, Field(min_length=1, description="link of the robot, or a pattern such as '*_finger'; left out: any")
+        str | None, Field(min_length=1, description="link of the robot, or a pattern such as '*_finger'; default: any")
     ] = None
     at_least: Annotated[PositiveNewtons | None, Field(description="a goal: smaller forces do not count")] = None
     at_most: Annotated[PositiveNewtons | None, Field(description="an invariant: must not be exceeded")] = None
     span: Annotated[
-        PositiveSeconds | None, Field(alias="for", description="required duration; left out: one physics step")
+        PositiveSeconds | None, Field(alias="for", description="required duration; default: one physics step")
     ] = None
 
     @model_validator(mode="after")

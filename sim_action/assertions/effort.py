@@ -37,7 +37,7 @@ class Effort(Assertion):
     key: ClassVar[str] = "effort"
 
     joints: Annotated[
-        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; left out: all moving joints")
+        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; default: all moving joints")
     ] = ()
     at_most: Annotated[JointEffort | None, Field(description="an invariant: must not be exceeded")] = None
     rms_at_most: Annotated[

@@ -38,7 +38,7 @@ class Energy(Assertion):
 
     at_most: Annotated[NonNegativeJoules, Field(description="an invariant: must not be exceeded")]
     joints: Annotated[
-        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; left out: all moving joints")
+        tuple[str, ...], Field(description="names, or patterns such as '*_wheel_joint'; default: all moving joints")
     ] = ()
     braking: Annotated[Braking, Field(description="how negative work counts")] = "free"
 

@@ -33,10 +33,10 @@ class FinalPose(Assertion):
 
     key: ClassVar[str] = "final_pose"
 
-    x: Annotated[Metres | None, Field(description="left out: any")] = None
-    y: Annotated[Metres | None, Field(description="left out: any")] = None
-    z: Annotated[Metres | None, Field(description="left out: any")] = None
-    yaw: Annotated[Radians | None, Field(description="left out: any heading")] = None
+    x: Annotated[Metres | None, Field(description="default: any")] = None
+    y: Annotated[Metres | None, Field(description="default: any")] = None
+    z: Annotated[Metres | None, Field(description="default: any")] = None
+    yaw: Annotated[Radians | None, Field(description="default: any heading")] = None
     tolerance: Annotated[PositiveMetres, Field(description="maximum distance from the place")] = 0.05
     yaw_tolerance: PositiveRadians = math.radians(5)
     relative: Annotated[

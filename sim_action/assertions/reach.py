@@ -32,8 +32,8 @@ class Reach(Assertion):
 
     x: Annotated[Metres, Field(description="in the world frame")]
     y: Annotated[Metres, Field(description="in the world frame")]
-    z: Annotated[Metres | None, Field(description="left out: any height")] = None
-    yaw: Annotated[Radians | None, Field(description="left out: any heading")] = None
+    z: Annotated[Metres | None, Field(description="default: any height")] = None
+    yaw: Annotated[Radians | None, Field(description="default: any heading")] = None
     tolerance: PositiveMetres = 0.05
     yaw_tolerance: PositiveRadians = math.radians(5)
 

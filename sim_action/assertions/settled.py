@@ -49,7 +49,7 @@ class Settled(AtRest):
     key: ClassVar[str] = "settled"
 
     joints: Annotated[
-        bool | None, Field(description="true: joints must be at rest too; left out: only if the base is fixed")
+        bool | None, Field(description="true: joints must be at rest too; default: only if the base is fixed")
     ] = None
 
     @property

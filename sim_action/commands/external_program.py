@@ -55,7 +55,7 @@ class ProcessCommands(CommandSource):
 
     The program is started once, in the folder of the scenario. Each line on its standard input is one JSON object. It
     answers each line with one line on standard output, which it must flush. Sim time stops meanwhile: a slow answer
-    within its limit has no effect. All other output belongs on standard error, which is kept with the outcome.
+    within its limit has no effect. All other output belongs on standard error, which is saved with the result.
 
     The first line is `{"type": "reset", "version": 1, "robot": {...}, "rate": 20.0, "seed": 0}`. `robot` has `name`,
     `base`, `links` and `joints` (by name: `type`, `moves`, `lower`, `upper`, `max_effort`, `max_velocity`, `mimics`).

@@ -63,7 +63,7 @@ class ScriptCommands(CommandSource):
     limit, with a note. With a position beyond its limits, a joint stops at the limit, also with a note.
 
     The file may import modules in its folder, and numpy. It runs in sim-action's own Python, without other packages of
-    yours. Its output is kept with the outcome.
+    yours. Its output is saved with the result.
     """
 
     runs_user_code: ClassVar[bool] = True

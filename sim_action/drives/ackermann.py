@@ -72,7 +72,7 @@ TOO_TIGHT = "a twist asked for a tighter curve than the steering allows: the rob
 class AckermannDrive(Drive):
     """Steered and driven wheels. Each takes the angle and speed that its own radius of the curve requires.
 
-    It cannot turn on the spot: such a command stops it and adds a note to the outcome. A curve that is tighter than the
+    It cannot turn on the spot: such a command stops it and adds a note to the result. A curve that is tighter than the
     steering allows becomes the tightest possible one at the same speed, also with a note. If a driven wheel would
     exceed the velocity limit of its joint in the model, all wheels slow down by the same factor, with a note.
     """
@@ -86,23 +86,23 @@ class AckermannDrive(Drive):
     radius: WheelRadius = None
     wheelbase: Annotated[
         PositiveMetres | None,
-        Field(description="distance from the fixed axle to the steering joints; left out: read from the model"),
+        Field(description="distance from the fixed axle to the steering joints; default: read from the model"),
     ] = None
     track: Annotated[
         PositiveMetres | None,
         Field(
-            description="distance between the steering joints, and between driven wheels; left out: read from the model"
+            description="distance between the steering joints, and between driven wheels; default: read from the model"
         ),
     ] = None
     steering_limit: Annotated[
         PositiveRadians | None,
         Field(
             lt=math.pi / 2,
-            description="maximum angle of a steering joint; left out: the smallest in the model, else 45 deg",
+            description="maximum angle of a steering joint; default: the smallest in the model, else 45 deg",
         ),
     ] = None
     steering_rate: Annotated[
-        PositiveRadiansPerSecond | None, Field(description="maximum rate of a steering joint; left out: the model's")
+        PositiveRadiansPerSecond | None, Field(description="maximum rate of a steering joint; default: the model's")
     ] = None
     acceleration: Annotated[PositiveMetresPerSecondSquared, Field(description="limit of the forward acceleration")] = (
         1.0

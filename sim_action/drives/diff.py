@@ -65,7 +65,7 @@ class TwoSidedDrive(Drive):
     radius: WheelRadius = None
     separation: Annotated[
         PositiveMetres | None,
-        Field(description="distance between left and right wheels; left out: read from the model"),
+        Field(description="distance between left and right wheels; default: read from the model"),
     ] = None
     acceleration: Annotated[
         PositiveMetresPerSecondSquared, Field(description="limit of the acceleration at the rim of a wheel")
@@ -204,7 +204,7 @@ class DiffDrive(TwoSidedDrive):
 
     Wheel speeds follow a twist with a ramp, as in Gazebo's diff drive plugin (`wheelAcceleration`). If a wheel would
     exceed the velocity limit of its joint in the model, all wheels slow down by the same factor, which keeps the curve,
-    and the outcome has a note.
+    and the result has a note.
     """
 
     key: ClassVar[str] = "diff"

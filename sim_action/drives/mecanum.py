@@ -51,7 +51,7 @@ class MecanumDrive(Drive):
 
     Wheels turn according to their inverse kinematics and have no friction. A limited force at ground level pushes the
     base to its velocity. If a script controls the wheels directly, the base is not pushed. If a wheel would exceed the
-    velocity limit of its joint in the model, all three velocities are reduced by the same factor, and the outcome has a
+    velocity limit of its joint in the model, all three velocities are reduced by the same factor, and the result has a
     note.
     """
 
@@ -66,7 +66,7 @@ class MecanumDrive(Drive):
     ] = 1.0
     force: Annotated[
         PositiveNewtons | None,
-        Field(description="maximum force on the base; left out: the grip of rollers, 0.7 of its weight in this world"),
+        Field(description="maximum force on the base; default: the grip of rollers, 0.7 of its weight in this world"),
     ] = None
     heading: Heading = None
 

@@ -46,11 +46,11 @@ class SkidSteer(TwoSidedDrive):
 
     slip: Annotated[
         PositiveRatio | None,
-        Field(description="factor on the separation; left out: computed from the positions of wheels and mass"),
+        Field(description="factor on the separation; default: computed from the positions of wheels and mass"),
     ] = None
     rotor_inertia: Annotated[
         NonNegativeKilogramSquareMetres | None,
-        Field(description="inertia of a wheel's motor behind its gears; left out: half the robot's mass at the rim"),
+        Field(description="inertia of a wheel's motor behind its gears; default: half the robot's mass at the rim"),
     ] = None
 
     @classmethod

@@ -14,17 +14,15 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 
-WheelRadius = Annotated[PositiveMetres | None, Field(description="radius of the wheels; left out: read from the model")]
+WheelRadius = Annotated[PositiveMetres | None, Field(description="radius of the wheels; default: read from the model")]
 
 MotorTorque = Annotated[
-    PositiveNewtonMetres | None, Field(description="torque limit of each wheel motor; left out: the limit of its joint")
+    PositiveNewtonMetres | None, Field(description="torque limit of each wheel motor; default: the limit of its joint")
 ]
 
 Heading = Annotated[
     Radians | None,
-    Field(
-        description="direction of forward from the base's x axis, positive to the left; left out: that of the wheels"
-    ),
+    Field(description="direction of forward from the base's x axis, positive to the left; default: that of the wheels"),
 ]
 
 MIN_LENGTH_M: Final = 1e-6

@@ -88,7 +88,7 @@ class RosNodes(FrozenModel):
         NamesFile(),
         Field(
             min_length=1,
-            description="folder of the catkin workspace; left out: the nearest one around the scenario, else its "
+            description="folder of the catkin workspace; default: the nearest one around the scenario, else its "
             "repository",
         ),
     ] = None
