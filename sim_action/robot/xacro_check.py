@@ -17,7 +17,7 @@ from xml.dom.minidom import Element, Node
 from sim_action.core.errors import Location
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.packages import PackageError, Packages
-from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of, unknown_argument
+from sim_action.robot.xacro_documents import UnknownArgument, XacroDocuments, XacroError, place_of
 from sim_action.robot.xml_document import shown_file, shown_place
 
 _FIND: Final = re.compile(r"(?<!\$)\$\(find\s+([^\s()$]+)\s*\)")
@@ -74,7 +74,7 @@ class _Checker:
         if self.problems or not self._all_followed:
             return
         declared = self._documents.declared
-        self.problems += [unknown_argument(name, declared, self._path) for name in sorted({*arguments} - declared)]
+        self.problems += [UnknownArgument(name, declared, self._path) for name in sorted({*arguments} - declared)]
 
     def _read(self, path: Path) -> None:
         try:

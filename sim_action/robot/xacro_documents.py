@@ -42,10 +42,13 @@ class XacroError(Exception):
         return finding(self.rule, self.message, shown_place(self.location))
 
 
-def unknown_argument(name: str, declared: set[str], path: Path) -> XacroError:
-    """Return the error for a name in `robot.args` that no file declares."""
-    message = f"robot.args: no <xacro:arg> has the name '{name}'{did_you_mean(name, declared)}"
-    return XacroError("unknown-argument", message, Location(str(path)))
+class UnknownArgument(XacroError):
+    """A name in `robot.args` that no file declares; `argument`: that name."""
+
+    def __init__(self, argument: str, declared: set[str], path: Path) -> None:
+        self.argument = argument
+        message = f"robot.args: no <xacro:arg> has the name '{argument}'{did_you_mean(argument, declared)}"
+        super().__init__("unknown-argument", message, Location(str(path)))
 
 
 def place_of(node: object) -> Location | None:

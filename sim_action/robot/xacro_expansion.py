@@ -27,7 +27,7 @@ from sim_action.core.errors import Location
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding
-from sim_action.robot.xacro_documents import XacroDocuments, XacroError, place_of, read_bytes, unknown_argument
+from sim_action.robot.xacro_documents import UnknownArgument, XacroDocuments, XacroError, place_of, read_bytes
 from sim_action.robot.xacro_errors import explain_xacro_error
 from sim_action.robot.xml_document import ModelDocument, shown_file, shown_place
 
@@ -116,6 +116,8 @@ class _Expander:
                 document = self._processed()
                 self._check_arguments()
                 text = _written(document, self._path)
+            except UnknownArgument:
+                raise
             except (Exception, SystemExit) as error:  # noqa: BLE001 - expressions raise anything
                 raise explain_xacro_error(error, self._path) from None
         elements = document.getElementsByTagName("*")
@@ -130,7 +132,7 @@ class _Expander:
 
     def _check_arguments(self) -> None:
         if unknown := sorted(self._arguments.unused - self._documents.declared):
-            raise unknown_argument(unknown[0], self._documents.declared, self._path)
+            raise UnknownArgument(unknown[0], self._documents.declared, self._path)
 
     # --- replacements for parts of xacro ---
 

@@ -37,7 +37,7 @@ def test_a_scale_of_nothing_is_a_speck_to_the_engine_and_refused(tmp_path: Path)
     path = written(tmp_path, "box.stl", stl())
     (alone,) = found(["look_at", str(path), "", "0 0 0"])
     assert reach(alone) == pytest.approx([ENGINES_MARGIN] * 6)
-    with pytest.raises(MeshError, match="a scale is three finite numbers other than 0"):
+    with pytest.raises(MeshError, match="expected three finite numbers other than 0"):
         rewritten(path, (0, 0, 0))
 
 

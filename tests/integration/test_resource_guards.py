@@ -100,11 +100,11 @@ Files = Callable[[], dict[str, bytes]]
 REFUSED: Final[dict[str, tuple[Files, str]]] = {
     "a mesh of a million triangles, STL": (
         lambda: {"robot.urdf": shape("collision", "mesh.stl"), "mesh.stl": stl()},
-        "robot.urdf:2: mesh 'mesh.stl': has 1,000,000 triangles or more, at most 500,000 are read",
+        "robot.urdf:2: mesh 'mesh.stl': has 1,000,000 triangles or more; at most 500,000 are read",
     ),
     "a mesh of a million triangles, OBJ": (
         lambda: {"robot.urdf": shape("collision", "mesh.obj"), "mesh.obj": obj()},
-        "robot.urdf:2: mesh 'mesh.obj': has 500,001 triangles or more, at most 500,000 are read",
+        "robot.urdf:2: mesh 'mesh.obj': has 500,001 triangles or more; at most 500,000 are read",
     ),
     "a chain of 3,000 links": (lambda: {"robot.urdf": chain(3000)}, "2999 joints; the engine supports at most 127"),
     "a model of 100,000 links": (lambda: {"robot.urdf": chain(100_000)}, "a model may have at most 20 MB"),
@@ -126,7 +126,7 @@ REFUSED: Final[dict[str, tuple[Files, str]]] = {
     ),
     "an image as a mesh": (
         lambda: {"robot.urdf": shape("collision", "image.png"), "image.png": image()},
-        "robot.urdf:2: mesh 'image.png': '.png' files are not read",
+        "robot.urdf:2: mesh 'image.png': '.png' files are not supported",
     ),
     "an image as a mesh, by another name": (
         lambda: {"robot.urdf": shape("collision", "image.stl"), "image.stl": image()},

@@ -15,10 +15,9 @@ from sim_action.core.errors import ModelError
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.robot.packages import Packages
-from sim_action.robot.xacro_documents import XacroError
+from sim_action.robot.xacro_documents import UnknownArgument, XacroError
 from sim_action.robot.xacro_expansion import Expansion, expand
 
-_UNKNOWN_ARGUMENT_RULE: Final = "unknown-argument"
 _FALLBACKS: Final = Path(__file__).parent / "packages"
 
 
@@ -30,7 +29,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         text = _expanded(path, {name: value for name, value in given.items() if not name.startswith("_")}).text
     except (ModelError, XacroError) as error:
-        sys.stderr.write(f"xacro: {_told(error)}\n")
+        sys.stderr.write(f"xacro: {escaped_line(str(error))}\n")
         return 2
     if asked.output:
         Path(asked.output).write_text(text, encoding="utf-8")
@@ -59,14 +58,9 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> Expansion:
     while True:
         try:
             return expand(path, left, packages)
-        except XacroError as error:
+        except UnknownArgument as error:
             # ROS ignores arguments that a file does not declare.
-            unknown = [
-                name for name in left if error.rule == _UNKNOWN_ARGUMENT_RULE and f"is named '{name}'" in str(error)
-            ]
-            if not unknown:
-                raise
-            del left[unknown[0]]
+            del left[error.argument]
 
 
 def _missing(path: Path) -> str:
@@ -78,11 +72,6 @@ def _missing(path: Path) -> str:
             "turtlebot3_description to the workspace for the others, or set TURTLEBOT3_MODEL=burger"
         )
     return f"'{path}' does not exist (the folder has {names})"
-
-
-def _told(error: ModelError | XacroError) -> str:
-    place = f"{error.location}: " if isinstance(error, XacroError) else ""
-    return escaped_line(f"{place}{error}")
 
 
 if __name__ == "__main__":
