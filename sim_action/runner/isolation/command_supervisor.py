@@ -12,15 +12,7 @@ import signal
 import sys
 from typing import NoReturn
 
-from sim_action.runner.isolation.process_control import (
-    AWAITED_SIGNALS,
-    PR_SET_PDEATHSIG,
-    become_subreaper,
-    end_descendants,
-    exit_as,
-    prctl,
-    wait_for_child,
-)
+from sim_action.runner.isolation import process_control
 
 assert sys.platform == "linux"
 
@@ -29,23 +21,23 @@ _NOT_STARTED = 127
 
 def main() -> NoReturn:
     """Run the program in a fresh interpreter."""
-    become_subreaper()
+    process_control.become_subreaper()
     command = os.fork()
     if command == 0:
         _become(sys.argv[1:])
-    status = wait_for_child(command)
-    end_descendants(command)
-    exit_as(status)
+    status = process_control.wait_for_child(command)
+    process_control.end_descendants(command)
+    process_control.exit_as(status)
 
 
 def _become(words: list[str]) -> NoReturn:
     """Become the command; never return."""
     try:
         os.setpgid(0, 0)
-        prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        process_control.prctl(process_control.PR_SET_PDEATHSIG, signal.SIGKILL)
         # The supervisor ignores Ctrl-C; the command does not.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, AWAITED_SIGNALS)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)
         os.execvp(words[0], words)  # noqa: S606 - the caller's own command
     except OSError as error:
         os.write(2, f"{words[0]}: {error.strerror}\n".encode())

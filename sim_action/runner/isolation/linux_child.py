@@ -20,8 +20,8 @@ from contextlib import suppress
 from typing import Final, NoReturn, Self
 
 from sim_action.runner.child_main import become_child, run_job
+from sim_action.runner.isolation import process_control
 from sim_action.runner.isolation.child_process import ChildProcess, environment
-from sim_action.runner.isolation.process_control import impose_limits, processes
 from sim_action.runner.job import Job
 
 assert sys.platform == "linux"
@@ -114,7 +114,7 @@ class LinuxChild(ChildProcess):
             self._kill_session()
 
     def _kill_session(self) -> None:
-        for process in processes():
+        for process in process_control.processes():
             if process.session == self._pid != process.number:
                 with suppress(ProcessLookupError, PermissionError):
                     os.kill(process.number, signal.SIGKILL)
@@ -139,7 +139,7 @@ def _child_main(job: Job, writer: int) -> NoReturn:
         signal.set_wakeup_fd(-1)
         os.setsid()
         become_child(job)
-        impose_limits(job.loaded.scenario.memory_bytes)
+        process_control.impose_limits(job.loaded.scenario.memory_bytes)
         run_job(job, writer)
         code = 0
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code

@@ -66,8 +66,6 @@ def processes() -> Iterator[Process]:
             yield Process(int(folder.name), int(parent), int(session))
 
 
-assert sys.platform == "linux"
-
 AWAITED_SIGNALS: Final = (signal.SIGCHLD, signal.SIGTERM)
 """Blocked from `become_subreaper` on; a forked child must unblock them."""
 

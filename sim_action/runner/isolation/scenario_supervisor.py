@@ -17,14 +17,7 @@ import traceback
 from contextlib import suppress
 from typing import NoReturn
 
-from sim_action.runner.isolation.process_control import (
-    AWAITED_SIGNALS,
-    become_subreaper,
-    end_descendants,
-    exit_as,
-    impose_limits,
-    wait_for_child,
-)
+from sim_action.runner.isolation import process_control
 
 assert sys.platform == "linux"
 
@@ -32,25 +25,25 @@ assert sys.platform == "linux"
 def main() -> NoReturn:
     """Run in a fresh interpreter: the job comes on standard input, the progress descriptor as the argument."""
     progress = int(sys.argv[1])
-    become_subreaper()
+    process_control.become_subreaper()
     worker = os.fork()
     if worker == 0:
         _work(progress)
-    status = wait_for_child(worker)
-    _report(progress, left=end_descendants(worker))
-    exit_as(status)
+    status = process_control.wait_for_child(worker)
+    _report(progress, left=process_control.end_descendants(worker))
+    process_control.exit_as(status)
 
 
 def _work(progress: int) -> NoReturn:
     """Become the scenario's process; never return."""
     try:
         os.setpgid(0, 0)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, AWAITED_SIGNALS)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)
         from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
         job = received_job()
         become_child(job)
-        impose_limits(job.loaded.scenario.memory_bytes)
+        process_control.impose_limits(job.loaded.scenario.memory_bytes)
         run_job(job, progress)
         exit_child()
     except BaseException:  # noqa: BLE001 - nothing may return into the supervisor's code
