@@ -89,7 +89,7 @@ ASSERTION_KINDS: Final = {
     "any_of": "goal if one of its assertions is a goal, else invariant",
     "all_of": "goal if one of its assertions is a goal, else invariant",
     "not": "invariant if its assertion is a goal, and the other way round",
-    "assertion": "`kind` of the class",
+    "assertion": "as the attribute `kind` of the class says",
 }
 
 CONTROLLER_TYPES: Final = (

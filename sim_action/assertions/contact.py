@@ -40,7 +40,7 @@ _MAX_CONTACT_GAP_S: Final = 0.05
 
 
 class Touch(Assertion):
-    """The robot touches the body `with`. With `at_most`, the force of the contact never exceeds this limit.
+    """The robot touches the body that `with` names. If `at_most` is given, the contact force also never exceeds it.
 
     Touching is a goal, `at_most` an invariant. The force is the sum over all contact points of the two in one physics
     step. An impact lasts only a few steps, so

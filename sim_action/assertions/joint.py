@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class JointReading(Assertion):
-    """The `reading` of a joint reaches `at_least`, comes within `tolerance` of `near`, or never exceeds `at_most`.
+    """A joint's `reading` (position, velocity, effort) reaches `at_least` or `near`, or never exceeds `at_most`.
 
     `reading` is the position, the velocity or the effort (torque or force) of the joint's motor.
     """

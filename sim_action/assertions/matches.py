@@ -58,7 +58,7 @@ _SAME_TIME_S: Final = 1e-3
 
 
 class Matches(Assertion):
-    """The run equals a golden trajectory within tolerances: an earlier run, in the CSV file `trace`.
+    """The run equals an earlier one, the golden trajectory in the CSV file that `trace` names, within tolerances.
 
     `sim-action run --update-golden` writes the file from the current run. Commit it, and review its diff whenever it
     changes. At each time of the file, the position of the base is compared with the golden run, and so are heading and

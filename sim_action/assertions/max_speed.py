@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class MaxSpeed(Assertion):
-    """The speed of the base link's origin never exceeds `linear`, and the turn rate of the base never `angular`."""
+    """The speed of the base link's origin never exceeds `linear`, its turn rate never exceeds `angular`."""
 
     key: ClassVar[str] = "max_speed"
 

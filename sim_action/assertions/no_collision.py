@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class NoCollision(Assertion):
-    """No link of the robot touches a body of the world at any physics step. The ground and `allow` do not count."""
+    """No link of the robot touches a body of the world, except the ground and the names in `allow`."""
 
     key: ClassVar[str] = "no_collision"
 

@@ -37,7 +37,7 @@ def sensors() -> None:
     click.echo(catalogue.listing(catalogue.sensors()))
 
 
-@click.command(short_help="Print a JSON Schema.")
+@click.command(short_help="Print the JSON Schema of scenarios.")
 @click.argument("kind", type=click.Choice(("scenario", "results")), default="scenario")
 def schema(kind: str) -> None:
     """Print the JSON Schema of scenario files (the default), or of results.json."""

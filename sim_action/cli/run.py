@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     type=Bounded(click.IntRange(1, 1000)),
     default=1,
     metavar="N",
-    help="Run each scenario N times, 1 to 1000. A scenario whose runs differ is flaky, and fails.",
+    help="Run each scenario N times, 1 to 1000. A scenario is flaky, and fails, if its runs are not equal bit for bit.",
 )
 @click.option(
     "--update-golden",
@@ -89,8 +89,8 @@ if TYPE_CHECKING:
     envvar="SIM_ACTION_RECORD",
     multiple=True,
     metavar="FORMAT",
-    help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs the extra mcap; gif and mp4 need the "
-    "extra video.",
+    help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install '.[mcap]'; gif and mp4 "
+    "need '.[video]'.",
 )
 @click.option(
     "--allow-scripts",
@@ -123,11 +123,11 @@ def run(
     PATHS are scenario files, globs, or folders. A folder stands for every *.sim.yml and *.sim.yaml in it and below. The
     default is the current folder.
 
-    Exit code: 0 all scenarios passed; 1 a scenario failed, is flaky, or has no verdict (crash, limit or script error);
-    2 a scenario or the command line is invalid; 3 internal error of sim-action; 5 no scenario found; 130 interrupted.
-    If several apply, the first of 130, 3, 2, 1 is returned.
+    Exit code: 0 all scenarios passed; 1 a scenario failed, is flaky, or has no verdict (crash, script error, or stopped
+    at its wall, memory or output limit); 2 a scenario or the command line is invalid; 3 internal error of sim-action; 5
+    no scenario found; 130 interrupted. If several apply, the first of 130, 3, 2, 1 is returned.
 
-    With --shard: a shard without scenarios passes if another one has some.
+    With --shard: a shard that gets no scenario passes if another shard gets one.
     """
     from sim_action.core.process import Interruption
 
