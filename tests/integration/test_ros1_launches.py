@@ -66,7 +66,8 @@ def test_a_launch_passes_at_its_limit_of_sim_time_also_where_temporary_files_hav
 def test_a_launch_fails_if_a_node_dies(tmp_path: Path) -> None:
     launch = f'<launch>{BURGER}<node pkg="parts" name="it" type="dies.py"/></launch>'
     package(tmp_path, "parts", {"a.launch": launch, "dies.py": DIES})
-    code, [outcome] = called(tmp_path, "roslaunch", "a.launch", "--sim-time-limit", "2")
+    # The node needs some real time to end, and roslaunch some to notice it: 20 s of sim time are over two of real time.
+    code, [outcome] = called(tmp_path, "roslaunch", "a.launch", "--sim-time-limit", "20")
 
     assert (code, outcome.status) == (1, "failed")
     assert outcome.expectations[0].verdict.message.startswith("the node 'it' ended with exit code 1")
