@@ -16,7 +16,7 @@ from sim_action.scenario.model import LoadedScenario
 
 _PACKAGE: Final = find_spec("pybullet_data")
 DATA: Final = Path(_PACKAGE.origin).parent if _PACKAGE and _PACKAGE.origin else Path("no-pybullet_data")
-"""Where they are; where PyBullet is not installed, none of them is there."""
+"""The folder of the robots; it does not exist without PyBullet."""
 
 WORKSPACE: Final = Workspace(DATA, DATA, allow_outside=True)
 
@@ -86,7 +86,7 @@ ROBOTS: Final = (
         {"allow": ["zero-mass"], "base": "fixed", "packages": {"meshes": str(DATA / "franka_panda/meshes")}},
     ),
 )
-"""Those of `pybullet_data`."""
+"""The robots of `pybullet_data`."""
 
 REFUSED: Final = KnownRobot("humanoid", "humanoid/humanoid.urdf")
 """Its file ends in a NUL."""

@@ -33,7 +33,7 @@ SUITE = 16
 VARIATIONS = 200
 BATCH = 10
 ASKED = 1.4
-"""Of watching, times a loop by hand."""
+"""The largest cost of watching, as a multiple of a hand-written loop."""
 
 SCENARIO = """\
 name: burger drives on {number}

@@ -15,7 +15,7 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
 
 SECONDS: Final = 5
-"""Of sim time that are measured, after settling."""
+"""Measured sim time in s, after settling."""
 
 ROUNDS: Final = 5
 """Noise only ever adds: the least time counts."""

@@ -26,15 +26,15 @@ _OPENING: Final = re.compile(r"(?:What|Whether|Who|Whom|Whose|Whoever|Of|Where|H
 _RIDDLES: Final = re.compile(
     r"\b(?:of what|what is|those that|whatever|whoever|nobody|beside|anew|lest|told|tells)\b", re.IGNORECASE
 )
-_DEFINITIONS: Final = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def docstring_violations(name: str, source: str) -> Iterator[str]:
     """Yield the docstrings of a Python file that do not start with a verb or a noun phrase."""
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, _DEFINITIONS) and (found := _OPENING.match(ast.get_docstring(node) or "")):
-            of = getattr(node, "name", "the module")
-            yield f"{name}:{node.body[0].lineno}: start the docstring of {of} with a verb or a noun, not '{found[0]}'"
+        # A string that stands alone is a docstring: of the module, class or function, or of the constant above it.
+        match node:
+            case ast.Expr(value=ast.Constant(value=str(text))) if found := _OPENING.match(text.lstrip()):
+                yield f"{name}:{node.lineno}: start the docstring with a verb or a noun phrase, not with '{found[0]}'"
 
 
 def help_violations(command: click.Command, name: str) -> Iterator[str]:
@@ -64,6 +64,8 @@ def size_violations(lines: dict[str, int]) -> Iterator[str]:
 def violations(paths: Iterable[Path]) -> Iterator[str]:
     """Yield all violations in Python files of the repository and in the help texts."""
     sources = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+    if missing := [folder for folder in _FOLDERS if not any(name.startswith(f"{folder}/") for name in sources)]:
+        yield f"{', '.join(missing)}: no Python file found, nothing was checked there"
     for name, source in sources.items():
         yield from docstring_violations(name, source)
     yield from size_violations({name: source.count("\n") for name, source in sources.items()})

@@ -26,10 +26,10 @@ from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations import MAX_RUNS, expanded
 
 MAX_BASES: Final = 10
-"""How many files may stand behind one."""
+"""The largest number of files that extend each other."""
 
 MAX_SCENARIOS: Final = 1_000
-"""How many a file may hold."""
+"""The largest number of scenarios in a file."""
 
 # Number of values; shared values count for each scenario.
 _MAX_WRITTEN_OUT: Final = 1_000_000

@@ -46,10 +46,10 @@ if TYPE_CHECKING:
 _MIN_MEMORY: Final = 512 << 20
 _MAX_MEMORY: Final = 1 << 50
 MEMORY: Final = 4 << 30
-"""Bytes of address space that a process may take, if nobody says otherwise."""
+"""The default limit of a process's address space in bytes."""
 
 WALL_SECONDS: Final = 60.0
-"""Of wall time that anything may take, if nobody says otherwise."""
+"""The default wall limit in s."""
 
 _OUTPUT: Final = 100_000_000
 

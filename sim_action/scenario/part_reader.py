@@ -27,7 +27,7 @@ Model = TypeVar("Model", bound=BaseModel)
 Options = TypeVar("Options", bound=BaseModel)
 Entry = TypeVar("Entry")
 Reader = Callable[[type[Model], Any, KeyPath], Model | None]
-"""What makes a spec of a class out of plain values, and notes what is wrong."""
+"""A function that makes a spec of a class from plain values and notes problems."""
 
 # Each source and assertion may name a file that takes a second to read. Nested assertions count too.
 _MAX_SOURCES: Final = 50

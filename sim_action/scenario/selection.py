@@ -55,7 +55,7 @@ def _range(text: str) -> range:
 
 
 Scenarios = tuple[Source | Refused, ...]
-"""What is written in one file."""
+"""The scenarios of one file."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ class Draw(FrozenModel):
 
     key: ClassVar[str]
     bounding: ClassVar[str]
-    """What to do where a sample is beyond what its key allows."""
+    """Advice for a sample outside the range of its key."""
 
     samples: Annotated[int, Field(ge=1, le=10_000, description="number of samples; the same for all drawn keys")]
 

@@ -164,7 +164,7 @@ def _written(value: object) -> str | None:
 
 
 MAX_RUNS: Final = 10_000
-"""Of all scenarios of a file together."""
+"""The largest number of runs of all scenarios of a file."""
 
 MAX_KEYS: Final = 20
 

@@ -22,7 +22,7 @@ from sim_action.core.yaml_document import MAX_BYTES, read_document
 from sim_action.robot.packages import PackageError, Packages
 
 MAX_FILES: Final = 2_000
-"""Of one scenario file; what comes after these is not looked at."""
+"""The largest number of watched files of one scenario file; further ones are ignored."""
 
 _MODELS: Final = frozenset({".urdf", ".xacro", ".sdf", ".world", ".xml", ".mjcf", ".config", ".obj"})
 _SCENARIOS: Final = frozenset({".yml", ".yaml"})
@@ -38,7 +38,7 @@ _NODES: Final = ("**/*.py", "**/*.launch", "**/*.yaml", "package.xml")
 _LOOKS_LIKE_A_FILE: Final = re.compile(r"[^\s:]*\.[A-Za-z]\w{0,9}")
 
 Stamp = tuple[int, int, int] | None
-"""Of a file: when it was changed, its size, which file it is; None: it is not there."""
+"""The time of the last change of a file, its size and its identity; None if it does not exist."""
 
 
 @dataclass(frozen=True, slots=True)

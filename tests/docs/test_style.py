@@ -5,16 +5,28 @@ from __future__ import annotations
 import click
 import pytest
 
-from docs.style import MAX_FOLDER_MODULES, MAX_MODULE_LINES, docstring_violations, help_violations, size_violations
+from docs.style import (
+    MAX_FOLDER_MODULES,
+    MAX_MODULE_LINES,
+    docstring_violations,
+    help_violations,
+    size_violations,
+    violations,
+)
 
 
 @pytest.mark.parametrize(
     "source",
-    ['"""What it is."""', 'def f():\n    """Whether it is."""', 'class C:\n    def f(self):\n        """Of many."""'],
+    [
+        '"""What it is."""',
+        'def f():\n    """Whether it is."""',
+        'class C:\n    def f(self):\n        """Of many."""',
+        'LIMIT = 3\n"""How many there may be."""',
+    ],
 )
 def test_docstrings_start_with_a_verb_or_a_noun(source: str) -> None:
     (found,) = docstring_violations("a.py", source)
-    assert found.startswith(f"a.py:{source.count(chr(10)) + 1}: start the docstring of ")
+    assert found.startswith(f"a.py:{source.count(chr(10)) + 1}: start the docstring with ")
 
 
 @pytest.mark.parametrize("source", ["", '"""Whatsapp messages."""', 'def f():\n    """Return what is left."""\n'])
@@ -46,3 +58,7 @@ def test_modules_and_folders_have_a_size() -> None:
         f"a/long.py:1: {MAX_MODULE_LINES + 1} lines; a module has at most {MAX_MODULE_LINES}",
         f"a: {MAX_FOLDER_MODULES + 1} modules; a folder has at most {MAX_FOLDER_MODULES}",
     ]
+
+
+def test_a_check_of_no_files_is_a_violation() -> None:
+    assert "sim_action, docs, action, bench: no Python file found, nothing was checked there" in violations([])
