@@ -9,7 +9,7 @@ from sim_action.core.errors import UsageError
 
 _SCENARIO: Final = """\
 # yaml-language-server: $schema=scenario.schema.json
-# A simulation test of a robot. Run it with: sim-action run simulation
+# A simulation test of a robot. Run it in the folder above this one: sim-action run simulation
 name: robot drives straight
 
 robot:
@@ -23,7 +23,7 @@ commands:                       # what drives the robot (sim-action commands lis
   rate: 10 Hz
   twist:
     - {linear: 0.5, for: 4 s}
-    - {linear: 0.2, angular: 30 deg/s}
+    - {linear: 0.2, angular: 30 deg/s}   # a curve; not reached here, as the run ends at 1.5 m
 
 expect:                         # expectations (sim-action assertions lists what they can be)
   - travel: {at_least: 1.5 m}   # a goal: it must come true once; the run ends when all goals are met
