@@ -37,8 +37,9 @@ def rerun_command(outcome: Outcome, options: ReportOptions) -> str:
     # Keep the name exactly, including spaces, unless no scenario can have this name.
     words = ["sim-action", "run", file, "--only", name if name.isprintable() else one_line(name)]
     # If the seed is varied, the name already selects it; --seed would draw other variations.
-    if outcome.seed and not any(varied.key == "seed" for varied in outcome.variation):
-        words += ["--seed", str(outcome.seed)]
+    seed = outcome.seed if outcome.scenario_seed is None else outcome.scenario_seed
+    if seed and not any(varied.key == "seed" for varied in outcome.variation):
+        words += ["--seed", str(seed)]
     if backend:
         words += ["--backend", backend]
     if outcome.status == "flaky" and outcome.repeats:

@@ -124,7 +124,8 @@ class Outcome(FrozenModel):
         wall_time: the wall time in s of the process, loading included; the sum if the scenario was run repeatedly.
         real_time_factor: sim time divided by wall time, measured over the simulation loop alone.
         travelled: the distance in m between the first and the last position of the robot on the ground plane.
-        seed: the random seed.
+        seed: the random seed of the run.
+        scenario_seed: the seed of the scenario, from which `seed` is derived, if this is one of its samples.
         digest: the SHA-256 hash of the state at every physics step.
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
         provenance: the versions and the machine that produced the run.
@@ -152,6 +153,7 @@ class Outcome(FrozenModel):
     real_time_factor: NotNegative | None = None
     travelled: NotNegative | None = None
     seed: int | None = None
+    scenario_seed: int | None = None
     digest: str | None = None
     repeats: Repeats | None = None
     engine: str | None = None

@@ -326,6 +326,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         real_time_factor=run.sim_time / run.wall_time,
         travelled=run.travelled,
         seed=scenario.seed,
+        scenario_seed=job.loaded.source.scenario_seed,
         digest=run.digest,
         engine=run.engine,
         notes=run.notes,

@@ -14,6 +14,7 @@ from sim_action.scenario.loading import Libraries, load_all, scenarios_of
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.selection import Suite
 from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.variation_values import SEED
 
 
 def engine_runs(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario, ...]:
@@ -162,8 +163,9 @@ def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
 
 
 def _seeded(loaded: LoadedScenario, seed: int | None) -> LoadedScenario:
-    """Return the scenario with the typed seed, unless there is none or its variations set the seed."""
-    varies = any(varied.key == "seed" for varied in loaded.source.variation)
+    """Return the scenario with the typed seed, unless there is none or its variation has a seed of its own."""
+    source = loaded.source
+    varies = source.scenario_seed is not None or any(varied.key == SEED for varied in source.variation)
     return (
         loaded
         if seed is None or varies

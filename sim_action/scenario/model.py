@@ -30,7 +30,7 @@ from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.source import Source
-from sim_action.scenario.variation_values import Normal, Uniform
+from sim_action.scenario.variation_values import MAX_SEED, Normal, Uniform
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
@@ -178,7 +178,7 @@ class Scenario(FrozenModel):
     agreement: Annotated[
         Agreement | None, Field(description="runs the scenario on both engines and limits their difference")
     ] = None
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1, description="random seed; the same seed gives the same run")] = 0
+    seed: Annotated[int, Field(ge=0, le=MAX_SEED, description="random seed; the same seed gives the same run")] = 0
     trace: TraceSettings = TraceSettings.model_construct()
 
     @property

@@ -38,6 +38,7 @@ class Source:
         variation: the values of this variation.
         number: its place among all runs of its file, from 1.
         draws: key paths of randomly drawn values -> advice for an invalid one.
+        scenario_seed: the seed of the scenario, if this is one of its samples: each sample has a seed derived from it.
     """
 
     path: Path
@@ -49,6 +50,7 @@ class Source:
     variation: tuple[Varied, ...] = ()
     number: int = 1
     draws: tuple[tuple[Location, str], ...] = ()
+    scenario_seed: int | None = None
 
     @property
     def tags(self) -> tuple[str, ...]:

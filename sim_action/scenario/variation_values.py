@@ -23,15 +23,29 @@ _QUANTITY: Final = re.compile(
 # The least number that is used instead of 0, at which the inverse normal distribution is infinite.
 _LEAST: Final = 2.0**-53
 
+SEED: Final = "seed"
+"""The key of the random seed."""
+
+MAX_SEED: Final = 2**63 - 1
+
+# Many programs round larger numbers when they read JSON.
+_DRAWN_SEED_BITS: Final = 53
+
 Bounds = tuple[float | str, float | str]
 
 
 @dataclass(frozen=True, slots=True)
 class ValueList:
-    """The values of one key; `draw`: advice for an invalid value if they are drawn at random."""
+    """The values of one key.
+
+    Attributes:
+        draw: advice for an invalid value if they are drawn at random.
+        whole: True if they are drawn as whole numbers.
+    """
 
     values: tuple[Any, ...]
     draw: str = ""
+    whole: bool = False
 
     @property
     def drawn(self) -> bool:
@@ -152,7 +166,9 @@ def value_list(key: str, stated: object, seed: int) -> ValueList:
         hint = did_you_mean(others[0], (*DRAWS, "samples")) if others else ""
         raise ValuesError(f"{_EXPECTED}{hint}")
     draw = _draw(DRAWS[ways[0]], stated)
-    return ValueList(draw.drawn(_generator(key, seed)), f"drawn from {draw}; {draw.bounding}")
+    if key == SEED:
+        return ValueList(_seeds(draw, _generator(key, seed)), _advice(draw), whole=True)
+    return ValueList(draw.drawn(_generator(key, seed)), _advice(draw))
 
 
 def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
@@ -161,6 +177,33 @@ def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
     except ValidationError as error:
         path, message = next(spec_errors(model, stated, error))
         raise ValuesError(message, path[:2]) from None
+
+
+def sample_seed(seed: int, sample: int) -> int:
+    """Return the seed of a sample, from the scenario's seed and the index of the sample alone."""
+    return Random(f"sample {sample} of seed {seed}").getrandbits(_DRAWN_SEED_BITS)
+
+
+def _seeds(draw: Draw, generator: Random) -> tuple[int, ...]:
+    """Return different whole numbers; more samples keep the first ones. Raises ValuesError."""
+    if not isinstance(draw, Uniform):
+        example = "{uniform: [0, 1000000], samples: 20}"
+        raise ValuesError(f"seeds are whole numbers: draw them with 'uniform', such as {example}", (draw.key,))
+    low, high, unit = draw.numbers
+    if unit or low < 0 or high > 2**_DRAWN_SEED_BITS or low % 1 or high % 1:
+        raise ValuesError(f"the bounds of seeds must be whole numbers from 0 to {2**_DRAWN_SEED_BITS}", (draw.key,))
+    size = int(high - low) + 1
+    if draw.samples > size:
+        message = f"{draw.samples} different seeds do not fit between {low:g} and {high:g}"
+        raise ValuesError(f"{message}; choose wider bounds, such as [0, 1000000]", ("samples",))
+    found: dict[int, None] = {}
+    while len(found) < draw.samples:
+        found[int(low) + int(size * generator.random())] = None
+    return tuple(found)
+
+
+def _advice(draw: Draw) -> str:
+    return f"drawn from {draw}; {draw.bounding}"
 
 
 def _generator(key: str, seed: int) -> Random:

@@ -4,6 +4,8 @@
 of an entry or its index from 0. A key or name that contains dots counts as a whole. Lists are multiplied with each
 other. Random draws are joint: each sample holds a value for every drawn key, and the list of samples is one more
 factor. A variation is named `push[friction=0.4,yaw=0.031]`.
+
+Each sample has a seed of its own, so that samples are independent. Listed values are compared on the same samples.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.scenario.extends import without
 from sim_action.scenario.source import Source, Varied
-from sim_action.scenario.variation_values import ValueList, ValuesError, value_list
+from sim_action.scenario.variation_values import MAX_SEED, SEED, ValueList, ValuesError, sample_seed, value_list
 
 
 class NoSuchKey(Exception):
@@ -123,7 +125,7 @@ def labels(keys: Sequence[str]) -> dict[str, str]:
 
 def texts(values: ValueList) -> tuple[str, ...]:
     """Return the text of each value in names; a long or structured value is replaced by its number in the list."""
-    if values.drawn:
+    if values.drawn and not values.whole:
         return _told_apart([_rounding(value) for value in values.values])
     written = [_written(value) for value in values.values]
     return tuple(
@@ -210,7 +212,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     if not isinstance(data, dict) or "variations" not in data:
         return (source,)
     base = without(source.document, "variations")
-    keys = _keys(source.document, base, _seed(base) if seed is None else seed)
+    keys = _keys(source.document, base, (_seed(base) or 0) if seed is None else seed)
     # Indices into the values of each key; drawn keys share one index.
     drawn = [key for key in keys if key.values.drawn]
     factors = [key for key in keys if key not in drawn[1:]]
@@ -224,7 +226,11 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     rows = product(*(range(len(key.values.values)) for key in factors))
     # The keys that all variations share exist once.
     base = replace(base, marks=dict(base.marks))
-    return tuple(_varied(source, base, keys, dict(_indices(factors, drawn, row))) for row in rows)
+    indices = (dict(_indices(factors, drawn, row)) for row in rows)
+    if not drawn or any(key.written == SEED for key in drawn):
+        return tuple(_varied(source, base, keys, each) for each in indices)
+    sample = drawn[0].written
+    return tuple(_sampled(_varied(source, base, keys, each), each[sample], seed) for each in indices)
 
 
 def _indices(factors: Sequence[_Key], drawn: Sequence[_Key], row: Sequence[int]) -> Iterator[tuple[str, int]]:
@@ -254,6 +260,17 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
     )
 
 
+def _sampled(run: Source, sample: int, typed: int | None) -> Source:
+    """Return a run with the seed of its sample; `typed`: as on the command line, a listed seed overrides it."""
+    listed = any(varied.key == SEED for varied in run.variation)
+    stated = _seed(run.document)
+    if stated is None:
+        return run
+    seed = stated if listed or typed is None else typed
+    data, _ = placed(run.document.data, (SEED,), sample_seed(seed, sample))
+    return replace(run, document=replace(run.document, data=data), scenario_seed=seed)
+
+
 def _json(value: Any) -> JsonValue:
     """Return a value of a document as results store it."""
     if isinstance(value, dict):
@@ -264,10 +281,10 @@ def _json(value: Any) -> JsonValue:
     return scalar
 
 
-def _seed(base: Document) -> int:
-    """Return the seed of the document; an invalid one is reported by the loader."""
-    seed = base.data.get("seed", 0) if isinstance(base.data, dict) else 0
-    return seed if isinstance(seed, int) and seed >= 0 else 0
+def _seed(document: Document) -> int | None:
+    """Return the seed of the document; None for an invalid one, which the loader reports."""
+    seed = document.data.get(SEED, 0) if isinstance(document.data, dict) else 0
+    return seed if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= MAX_SEED else None
 
 
 def _keys(document: Document, base: Document, seed: int) -> list[_Key]:

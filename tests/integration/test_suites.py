@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from sim_action.engines import installed
+from sim_action.state.trace_storage import load_trace
 from tests.integration.test_examples import outcomes, sim_action
 
 SHARED = """\
@@ -92,6 +93,62 @@ def test_another_seed_draws_other_values(folder: Path) -> None:
         return [outcome["variation"][1]["value"] for outcome in outcomes(folder)]
 
     assert yaws() == yaws("--seed", "0") != yaws("--seed", "7")
+
+
+NOISY = """\
+name: noisy
+robot: {model: turtlebot3_burger}
+world: {objects: [{name: wall, box: [0.1, 20, 1], pose: {x: 2}}]}
+sensors:
+  - {lidar: {rays: 50, range: 3 m, noise: 2 cm}, link: base_scan, trace: true}
+  - {imu: {gyro_bias: 1 deg/s}, trace: true}
+commands: {script: random_walk.py}
+variations:
+  wall_limit: {uniform: [50 s, 60 s], samples: 3}
+  memory_limit: [3 GiB, 4 GiB]
+expect: [upright]
+duration: 0.5 s
+time_limit: 1 s
+"""
+RANDOM_WALK = """\
+import random
+import numpy
+from sim_action import Twist
+
+
+class Controller:
+    def reset(self, robot):
+        self.robot = robot
+
+    def step(self, seen):
+        return Twist.planar(self.robot.random.random(), random.random() + numpy.random.random())
+"""
+
+
+def noise(outcome: dict[str, Any], folder: Path) -> tuple[bytes, ...]:
+    trace = load_trace(folder / "sim-results" / outcome["trace"])
+    parts = [trace.sensors["lidar"].columns["ranges"][:1], trace.sensors["imu"].columns["angular_velocity_xyz"][:1]]
+    return tuple(part.tobytes() for part in (*parts, trace.state))
+
+
+def test_samples_share_no_random_numbers_and_are_repeated_by_name(tmp_path: Path) -> None:
+    (tmp_path / "noisy.sim.yml").write_text(NOISY)
+    (tmp_path / "random_walk.py").write_text(RANDOM_WALK)
+    sim_action(tmp_path, "run", "noisy.sim.yml", "--seed", "5")
+    found = outcomes(tmp_path)
+    assert [outcome["status"] for outcome in found] == ["passed"] * 6
+    for kind in zip(*(noise(outcome, tmp_path) for outcome in found[::2]), strict=True):
+        assert len(set(kind)) == 3
+    # Nothing that varies here changes the motion. Both values of the list meet the same samples.
+    seeds = [outcome["digest"] for outcome in found]
+    assert seeds[::2] == seeds[1::2]
+    assert {outcome["scenario_seed"] for outcome in found} == {5}
+    for selection in (["--only", found[2]["name"]], ["--shard", "2/3"]):
+        sim_action(tmp_path, "run", "noisy.sim.yml", "--seed", "5", *selection)
+        digests = {outcome["name"]: outcome["digest"] for outcome in found}
+        again = outcomes(tmp_path)
+        assert again
+        assert all(outcome["digest"] == digests[outcome["name"]] for outcome in again)
 
 
 @pytest.mark.skipif(len(installed()) < 2, reason="there is one engine")

@@ -45,6 +45,14 @@ def test_a_variation_of_the_seed_is_found_by_its_name(samples: Samples, options:
     assert rerun_command(varied, options).endswith('--only "push[seed=7]" --backend pybullet')
 
 
+def test_a_sample_is_drawn_again_from_the_seed_of_its_scenario(samples: Samples, options: ReportOptions) -> None:
+    variation = (Varied("robot.pose.yaw", 0.1),)
+    sample = of(samples, name="push[yaw=0.1]", seed=81, scenario_seed=0, variation=variation)
+    assert rerun_command(sample, options).endswith('--only "push[yaw=0.1]" --backend pybullet')
+    again = rerun_command(sample.model_copy(update={"scenario_seed": 7}), options)
+    assert again.endswith('--only "push[yaw=0.1]" --seed 7 --backend pybullet')
+
+
 def test_a_run_that_is_held_against_another_engine_needs_both(samples: Samples, options: ReportOptions) -> None:
     assert rerun_command(of(samples, name="push [pybullet]"), options) == (
         "sim-action run scenarios/straight.sim.yml --only push"

@@ -121,6 +121,58 @@ def test_what_is_drawn_is_of_the_seed_and_the_key_alone() -> None:
     assert more[:4] == [run.variation for run in varied(yaw)]
 
 
+def seeds(text: str, seed: int | None = None) -> list[object]:
+    return [source.document.data.get("seed") for source in varied(text, seed) if isinstance(source.document.data, dict)]
+
+
+def test_each_sample_has_a_seed_of_its_own_that_depends_on_its_index_and_the_scenarios_seed_alone() -> None:
+    yaw = "variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 4}\n"
+    first = seeds(yaw)
+    assert len(set(first)) == 4
+    assert all(isinstance(seed, int) and 0 <= seed < 2**53 for seed in first)
+    assert seeds(yaw) == first == seeds(yaw.replace("4}", "40}"))[:4]
+    assert seeds(f"{yaw}  robot.pose.x: {{normal: [0, 1], samples: 4}}\n") == first
+    assert seeds(f"seed: 1\n{yaw}") == seeds(yaw, seed=1) == seeds(f"seed: 3\n{yaw}", seed=1)
+    assert not set(first) & set(seeds(yaw, seed=1))
+    assert {source.scenario_seed for source in varied(yaw, seed=1)} == {1}
+
+
+def test_listed_values_are_compared_on_the_same_samples() -> None:
+    listed = "variations:\n  world.ground.friction: [0.4, 0.8]\n"
+    assert seeds(listed) == [None, None]
+    assert seeds(f"seed: 5\n{listed}") == [5, 5]
+    assert [source.scenario_seed for source in varied(listed)] == [None, None]
+    drawn = "  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 3}\n"
+    both = seeds(listed + drawn)
+    assert both[:3] == both[3:] == seeds(f"variations:\n{drawn}")
+
+
+def test_a_listed_seed_has_samples_of_its_own() -> None:
+    drawn = "  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 3}\n"
+    found = seeds(f"variations:\n  seed: [1, 2]\n{drawn}")
+    assert found == [*seeds(f"seed: 1\nvariations:\n{drawn}"), *seeds(f"seed: 2\nvariations:\n{drawn}")]
+    assert seeds("variations: {seed: [1, 2]}\n") == [1, 2]
+
+
+def test_seeds_are_drawn_as_different_whole_numbers() -> None:
+    drawn = "variations:\n  seed: {uniform: [0, 9], samples: 10}\n"
+    found = seeds(drawn)
+    assert sorted(found, key=str) == list(range(10))
+    assert seeds(drawn.replace("10}", "4}")) == found[:4]
+    assert names(drawn) == [f"[seed={seed}]" for seed in found]
+    assert [source.scenario_seed for source in varied(drawn)] == [None] * 10
+    large = "variations: {seed: {uniform: [0, 1000000000], samples: 50}}\n"
+    assert names(large) == [f"[seed={seed}]" for seed in seeds(large)]
+    assert seeds(large) != seeds(large, seed=1)
+
+
+def test_an_invalid_seed_is_reported_although_there_are_samples(tmp_path: Path) -> None:
+    text = "seed: -3\nvariations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 4}\n"
+    (refused,) = loaded(tmp_path, text)
+    assert isinstance(refused, Refused)
+    assert [problem.message.partition(":")[0] for problem in refused.problems] == ["seed"]
+
+
 @pytest.mark.parametrize(
     ("bounds", "alike"),
     [
@@ -204,6 +256,18 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         (
             "{scenarios: [[], []]}",
             "'scenarios' is the same in all variations: scenarios are separated before keys vary",
+        ),
+        (
+            "{seed: {normal: [5, 1], samples: 2}}",
+            "seeds are whole numbers: draw them with 'uniform', such as {uniform: [0, 1000000], samples: 20}",
+        ),
+        (
+            "{seed: {uniform: [0, 0.5], samples: 2}}",
+            "the bounds of seeds must be whole numbers from 0 to 9007199254740992",
+        ),
+        (
+            "{seed: {uniform: [0, 4], samples: 6}}",
+            "6 different seeds do not fit between 0 and 4; choose wider bounds, such as [0, 1000000]",
         ),
         ("{variations.seed: [1, 2]}", "'variations' is the same in all variations: variations cannot be nested"),
         ("{backend: [pybullet]}", "'backend' is the same in all variations; use --backend all to run"),
