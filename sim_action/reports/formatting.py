@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from sim_action.core import units
 from sim_action.core.provenance import Provenance
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.state.verdict import Verdict
-
-DisplayStatus = Literal["passed", "warned", "failed", "flaky", "error", "skipped"]
-"""The status of an outcome as reports show it; "warned" is a pass with a warning."""
-
-
-def display_status(outcome: Outcome) -> DisplayStatus:
-    """Return the status of an outcome for display."""
-    if outcome.status != "passed":
-        return outcome.status
-    return "warned" if any(expected.warned for expected in outcome.expectations) else "passed"
 
 
 def user_output(outcome: Outcome) -> str:
@@ -37,6 +25,7 @@ def counts_text(results: Results) -> str:
         (results.count("passed"), "passed"),
         (results.count("failed"), "failed"),
         (results.count("flaky"), "flaky"),
+        (results.count("not_exercised"), "not exercised"),
         (errors, "error" if errors == 1 else "errors"),
         (results.count("skipped"), "not run"),
     )

@@ -105,6 +105,9 @@ class _Document:
         if expected.failed:
             body = self._body(message, expected.name, expected.location)
             add_child(case, "failure", body, {"type": expected.assertion, "message": message})
+        if expected.status == "not_exercised":
+            body = self._body(message, expected.name, expected.location)
+            add_child(case, "error", body, {"type": "not_exercised", "message": message})
         self._attach_trace(case, outcome)
         add_line(case, "system-out", f"warning: {message}" if expected.warned else message)
         add_line(case, "system-out", measurements(expected.verdict))

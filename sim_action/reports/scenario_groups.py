@@ -8,10 +8,8 @@ from itertools import groupby
 from typing import Final
 
 from sim_action.core.errors import Location
-from sim_action.reports.formatting import DisplayStatus, display_status, moment, quantity
-from sim_action.results.outcome import ExpectationOutcome, Outcome
-
-WORST_FIRST: Final[tuple[DisplayStatus, ...]] = ("error", "flaky", "failed", "warned", "skipped", "passed")
+from sim_action.reports.formatting import moment, quantity
+from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
 
 # The relative margin of a failure without a margin.
 _NO_MARGIN: Final = -1.0
@@ -28,7 +26,7 @@ class ScenarioGroup:
     @property
     def worst(self) -> Outcome:
         """The worst outcome by status; among equals, the one with the smallest relative margin."""
-        return min(self.outcomes, key=lambda outcome: (WORST_FIRST.index(display_status(outcome)), *_nearness(outcome)))
+        return min(self.outcomes, key=lambda outcome: (WORST_FIRST.index(outcome.display_status), *_nearness(outcome)))
 
     @property
     def worst_text(self) -> str:
@@ -44,7 +42,7 @@ class ScenarioGroup:
     @property
     def status(self) -> DisplayStatus:
         """The status of the worst outcome."""
-        return display_status(self.worst)
+        return self.worst.display_status
 
     @property
     def location(self) -> Location | None:
@@ -64,7 +62,7 @@ class ScenarioGroup:
 
     def worst_first(self) -> list[Outcome]:
         """Return the outcomes, the worst first, otherwise in call order."""
-        return sorted(self.outcomes, key=lambda outcome: WORST_FIRST.index(display_status(outcome)))
+        return sorted(self.outcomes, key=lambda outcome: WORST_FIRST.index(outcome.display_status))
 
 
 def grouped_scenarios(outcomes: Iterable[Outcome]) -> list[ScenarioGroup]:

@@ -16,9 +16,7 @@ from sim_action.core.errors import ExitCode
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.formatting import (
-    DisplayStatus,
     counts_text,
-    display_status,
     measurements,
     provenance_rows,
     repeats_text,
@@ -27,8 +25,8 @@ from sim_action.reports.formatting import (
     user_output,
 )
 from sim_action.reports.links import REPORT_FILE, stored_trace
-from sim_action.reports.scenario_groups import WORST_FIRST, ScenarioGroup, grouped_scenarios
-from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
+from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
 
 _SYMBOLS: Final[dict[DisplayStatus, str]] = {
@@ -37,6 +35,7 @@ _SYMBOLS: Final[dict[DisplayStatus, str]] = {
     "warned": "!",
     "failed": "✗",
     "flaky": "≠",
+    "not_exercised": "∅",
     "error": "✗",
 }
 _ASCII_SYMBOLS: Final[dict[DisplayStatus, str]] = {
@@ -45,15 +44,17 @@ _ASCII_SYMBOLS: Final[dict[DisplayStatus, str]] = {
     "warned": "!",
     "failed": "x",
     "flaky": "?",
+    "not_exercised": "0",
     "error": "x",
 }
-_NOT_PASSED: Final[tuple[DisplayStatus, ...]] = ("failed", "flaky", "error")
+_NOT_PASSED: Final[tuple[DisplayStatus, ...]] = ("not_exercised", "flaky", "failed", "error")
 _STYLES: Final[dict[DisplayStatus, str]] = {
     "passed": "green",
     "skipped": "dim",
     "warned": "yellow",
     "failed": "bold red",
     "flaky": "bold red",
+    "not_exercised": "bold red",
     "error": "bold red",
 }
 _BEST_FIRST: Final = tuple(reversed(WORST_FIRST))
@@ -104,11 +105,11 @@ class _Printer:
     def _variations(self, group: ScenarioGroup) -> None:
         verbose = self._verbosity == "verbose"
         shown = [
-            outcome for outcome in group.outcomes if verbose or display_status(outcome) not in ("passed", "skipped")
+            outcome for outcome in group.outcomes if verbose or outcome.display_status not in ("passed", "skipped")
         ]
         most = len(shown) if verbose else _MAX_VARIATIONS
         for outcome in shown[:most]:
-            self._heading(display_status(outcome), outcome.name, "", _after(repeats_text(outcome)))
+            self._heading(outcome.display_status, outcome.name, "", _after(repeats_text(outcome)))
             self._outcome(outcome)
         if len(shown) > most:
             self._line("", (f"{len(shown) - most} more variations: see {RESULTS_FILE}", "dim"))
@@ -128,7 +129,7 @@ class _Printer:
 
     def closing(self, results: Results) -> None:
         """Print the counts and, unless quiet, the paths of all files."""
-        statuses = {display_status(outcome) for outcome in results.outcomes}
+        statuses = {outcome.display_status for outcome in results.outcomes}
         of_nothing: DisplayStatus = "passed" if results.exit_code is ExitCode.PASSED else "error"
         worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
         fast = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
@@ -140,7 +141,7 @@ class _Printer:
 
     def _expectation(self, expected: ExpectationOutcome) -> None:
         verdict = expected.verdict
-        look: DisplayStatus = "passed" if verdict.passed else "warned" if expected.warned else "failed"
+        look = expected.status
         self._line("  ", (f"{self._symbols[look]} ", _STYLES[look]), (expected.name, ""), (f": {verdict.message}", ""))
         measured = measurements(verdict)
         if measured and (not verdict.passed or self._verbosity == "verbose"):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self, get_args
 
 from pydantic import Field
 
@@ -11,19 +12,29 @@ from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Loc
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
-from sim_action.scenario.model import Severity
+from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict
 
-Status = Literal["passed", "failed", "flaky", "error", "skipped"]
-"""The status of a scenario.
+Status = Literal["error", "failed", "flaky", "not_exercised", "passed", "skipped"]
+"""The status of a scenario, the worst first; every status before "passed" gives exit code 1 or worse.
 
-- passed: every expectation with severity "error" held.
-- failed: at least one of them did not hold.
-- flaky: repeated runs gave different results.
 - error: there is no verdict; `Outcome.failures` gives the reasons.
-- skipped: the scenario was not run because another one had failed.
+- failed: at least one expectation with severity "error" did not hold.
+- flaky: repeated runs gave different results.
+- not_exercised: nothing failed, but at least one expectation with severity "error" was never judged.
+- passed: every expectation with severity "error" was judged and held.
+- skipped: the scenario was not run because another one had failed. It stands outside the order.
 """
+
+DisplayStatus = Literal["error", "failed", "flaky", "not_exercised", "warned", "skipped", "passed"]
+"""The status as reports show it, the worst first; "warned" is a pass with a warning."""
+
+WORST_FIRST: Final[tuple[DisplayStatus, ...]] = get_args(DisplayStatus)
+"""All statuses, in the order in which reports list scenarios."""
+
+ExpectationStatus = Literal["failed", "not_exercised", "warned", "passed"]
+"""The status of an expectation, the worst first; "warned": it did not pass, but it must not fail the scenario."""
 
 FailureKind = Literal[
     "invalid",
@@ -74,23 +85,44 @@ class Diagnostic(FrozenModel):
 
 
 class ExpectationOutcome(FrozenModel):
-    """One expectation and its verdict; `location` is the place of the assertion in the scenario file."""
+    """One expectation and its verdict.
+
+    Attributes:
+        location: the place of the assertion in the scenario file.
+        unexercised: "warn" if the scenario accepts that this expectation is never judged.
+    """
 
     name: str
     assertion: str
     severity: Severity
     location: Location
     verdict: Verdict
+    unexercised: Unexercised = "error"
+
+    @property
+    def status(self) -> ExpectationStatus:
+        """The status: the verdict, softened by the severity and by `unexercised`."""
+        status = self.verdict.status
+        if status == "passed":
+            return "passed"
+        is_soft = self.severity == "warning" or (status == "not_exercised" and self.unexercised == "warn")
+        return "warned" if is_soft else status
 
     @property
     def failed(self) -> bool:
         """Return True if this expectation makes the scenario fail."""
-        return not self.verdict.passed and self.severity == "error"
+        return self.status == "failed"
 
     @property
     def warned(self) -> bool:
-        """Return True if the expectation did not hold but has only the severity "warning"."""
-        return not self.verdict.passed and self.severity == "warning"
+        """Return True if the expectation did not pass but must not make the scenario fail."""
+        return self.status == "warned"
+
+
+def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:
+    """Return the status of a scenario that has verdicts: that of its worst expectation."""
+    statuses = {expected.status for expected in expectations}
+    return "failed" if "failed" in statuses else "not_exercised" if "not_exercised" in statuses else "passed"
 
 
 class Repeats(FrozenModel):
@@ -179,7 +211,14 @@ class Outcome(FrozenModel):
     @property
     def has_verdict(self) -> bool:
         """Return True if the expectations were judged and the judgement is reliable."""
-        return self.status in ("passed", "failed")
+        return self.status in ("passed", "failed", "not_exercised")
+
+    @property
+    def display_status(self) -> DisplayStatus:
+        """The status for display."""
+        if self.status != "passed":
+            return self.status
+        return "warned" if any(expected.warned for expected in self.expectations) else "passed"
 
     @property
     def exit_code(self) -> ExitCode:

@@ -1,6 +1,6 @@
 """The file `results.json`: the results of one call of sim-action, written, found and read.
 
-A file that is read may come from anywhere, so its content is validated. Files of the former version are upgraded.
+A file that is read may come from anywhere, so its content is validated. Files of former versions are upgraded.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most, whole_file
 from sim_action.core.wording import escaped_line
-from sim_action.results.outcome import NotNegative, Outcome, Status
+from sim_action.results.outcome import WORST_FIRST, NotNegative, Outcome, Status, status_of
 from sim_action.results.shards import Shard
 
 RESULTS_FILE = "results.json"
@@ -29,22 +29,23 @@ MAX_OUTCOMES: Final = 50_000
 
 _MAX_BYTES: Final = 64_000_000
 
-_FORMER_VERSION: Final = 1
-_VERSION: Final = 2
+_FIRST_VERSION: Final = 1
+_VERSION: Final = 3
 _FORMER_ENDS: Final = {
     "broken": "expectation failed",
     "nobody left": "controllers finished",
     "test over": "test finished",
     "nodes gone": "nodes finished",
 }
-"""The values of `end` in version 1 -> those in version 2."""
+"""The values of `end` in version 1 -> those since version 2."""
 
 
 class Results(FrozenModel):
     """The results of one call of `sim-action`; `results.json` is this object as JSON.
 
     Attributes:
-        version: the version of the format. Version 1 named some values of `end` and the key `selected` differently.
+        version: the version of the format. Version 3 added the status "not_exercised" and `judged` of a verdict.
+            Version 1 also named some values of `end` and the key `selected` differently.
         sim_action: the version of sim-action; after `merge`, every version that the shards used.
         wall_time: the wall time in s of the call; after `merge`, that of the slowest shard.
         shard: the part of the list of scenarios that these results cover; null if they cover the whole list.
@@ -52,7 +53,7 @@ class Results(FrozenModel):
         merged: true if `sim-action merge` wrote this file.
     """
 
-    version: Literal[2] = 2
+    version: Literal[3] = 3
     sim_action: str
     python: str
     platform: str
@@ -100,8 +101,8 @@ class Results(FrozenModel):
         return sim_time / self.wall_time if sim_time and self.wall_time > 0 else None
 
     def worst_first(self) -> list[Outcome]:
-        """Return errors, flaky, failed, passed with a warning, skipped and passed outcomes, each in call order."""
-        return sorted(self.outcomes, key=_severity)
+        """Return the outcomes, the worst status first, otherwise in call order."""
+        return sorted(self.outcomes, key=lambda outcome: WORST_FIRST.index(outcome.display_status))
 
     def write(self, folder: Path) -> Path:
         """Write `results.json` into an existing folder and return its path."""
@@ -112,7 +113,7 @@ class Results(FrozenModel):
 
     @classmethod
     def read(cls, path: Path) -> Results:
-        """Read a `results.json` of this or the former format version. Raises UsageError if the file is not valid."""
+        """Read a `results.json` of this or a former format version. Raises UsageError if the file is not valid."""
         try:
             if (data := read_at_most(path, _MAX_BYTES)) is not None:
                 return cls._parsed(data)
@@ -134,12 +135,12 @@ class Results(FrozenModel):
 
 
 def _upgraded(data: bytes) -> str | None:
-    """Return the text of a file of version 1 as version 2; None if it is not of version 1."""
+    """Return the text of a file of a former version as this one; None if it is not of a former version."""
     try:
         document: Any = json.loads(data)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(document, dict) or document.get("version") != _FORMER_VERSION:
+    if not isinstance(document, dict) or document.get("version") not in range(_FIRST_VERSION, _VERSION):
         return None
     document["version"] = _VERSION
     if "some" in document:
@@ -156,15 +157,9 @@ def _first_problem(error: ValidationError) -> str:
     details, more = error.errors(include_url=False)[0], error.error_count() - 1
     steps = [str(step) for step in details["loc"] if isinstance(step, int) or step.isidentifier()]
     if steps == ["version"] and type(found := details["input"]) is int:
-        return f"its format version is {found}, and this sim-action reads {_FORMER_VERSION} and {_VERSION}"
+        return f"its format version is {found}, and this sim-action reads {_FIRST_VERSION} to {_VERSION}"
     text = ": ".join(part for part in (".".join(steps), details["msg"]) if part)
     return f"{text} (and {more} more)" if more else text
-
-
-def _severity(outcome: Outcome) -> int:
-    if outcome.status != "passed":
-        return {"error": 0, "flaky": 1, "failed": 2, "skipped": 4}[outcome.status]
-    return 3 if any(expectation.warned for expectation in outcome.expectations) else 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,8 +230,8 @@ def _is_inconsistent(outcome: Outcome) -> bool:
         return not outcome.failures
     if outcome.status == "skipped":
         return bool(outcome.failures or outcome.expectations)
-    failed = any(expected.failed for expected in outcome.expectations)
-    return bool(outcome.failures) or not outcome.expectations or failed != (outcome.status == "failed")
+    judged = status_of(outcome.expectations)
+    return bool(outcome.failures) or not outcome.expectations or outcome.status != judged
 
 
 def _reject(message: str) -> NoReturn:

@@ -35,7 +35,7 @@ from sim_action.core.files import whole_file
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, status_of
 from sim_action.runner.job import JUDGED, Job, out_of_memory
 from sim_action.runner.process_output import dump_stack_before, redirect_output
 from sim_action.scenario.loading import build_scene, checked
@@ -313,13 +313,14 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
             severity=expected.severity,
             location=expected.location,
             verdict=verdict,
+            unexercised=scenario.unexercised or "error",
         )
         for expected, verdict in zip(scenario.expect, run.verdicts, strict=True)
     )
     return Outcome(
         name=scenario.name,
         file=job.loaded.file,
-        status="failed" if any(expectation.failed for expectation in expectations) else "passed",
+        status=status_of(expectations),
         expectations=expectations,
         end=run.end,
         sim_time=run.sim_time,

@@ -25,7 +25,7 @@ from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
 from sim_action.engines import PACKAGES, chosen
-from sim_action.results.outcome import Failure, FailureKind, Outcome
+from sim_action.results.outcome import Failure, FailureKind, Outcome, status_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job, out_of_memory
 from sim_action.runner.process_output import place_in_stack_dump, split_output
@@ -119,8 +119,7 @@ def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
         return bool(outcome.failures)
     asked = [(expected.name, expected.severity, expected.location) for expected in scenario.expect]
     judged = [(expected.name, expected.severity, expected.location) for expected in outcome.expectations]
-    failed = any(expected.failed for expected in outcome.expectations)
-    return judged == asked and not outcome.failures and outcome.status == ("failed" if failed else "passed")
+    return judged == asked and not outcome.failures and outcome.status == status_of(outcome.expectations)
 
 
 def _afterwards(child: ChildProcess, ending: Ending) -> Iterator[str]:

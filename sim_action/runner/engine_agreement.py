@@ -14,7 +14,7 @@ import numpy as np
 
 from sim_action.core import units
 from sim_action.results.artifacts import stored_file
-from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Outcome, status_of
 from sim_action.scenario.model import Agreement, LoadedScenario
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_storage import TraceError, load_trace
@@ -40,9 +40,8 @@ def with_agreement(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder
     expectations = tuple(
         expectation for other in others for expectation in _Comparison(loaded, other, last, folder).expectations()
     )
-    told = last.model_copy(update={"expectations": (*last.expectations, *expectations)})
-    if any(expectation.failed for expectation in expectations):
-        told = told.model_copy(update={"status": "failed"})
+    all_expectations = (*last.expectations, *expectations)
+    told = last.model_copy(update={"expectations": all_expectations, "status": status_of(all_expectations)})
     return tuple(told if outcome is last else outcome for outcome in outcomes)
 
 

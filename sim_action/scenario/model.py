@@ -56,6 +56,8 @@ _OUTPUT: Final = 100_000_000
 
 Severity = Literal["error", "warning"]
 
+Unexercised = Literal["error", "warn"]
+
 
 class ExpectationOptions(FrozenModel):
     """The keys that every assertion can have besides its own."""
@@ -150,6 +152,13 @@ class Scenario(FrozenModel):
     expect: Annotated[
         tuple[Expectation, ...], Field(min_length=1, description="the expectations that decide the verdict")
     ]
+    unexercised: Annotated[
+        Unexercised | None,
+        Field(
+            description="an expectation that is never judged, for example because its sensor has no reading: error: "
+            "the scenario does not pass; warn: it is only reported; default: error"
+        ),
+    ] = None
     duration: Annotated[
         PositiveSeconds | None, Field(description="simulate at least so long, even if all goals are met earlier")
     ] = None

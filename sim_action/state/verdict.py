@@ -5,10 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeAlias
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+
+VerdictStatus = Literal["passed", "failed", "not_exercised"]
+"""The status of a verdict; not_exercised: the quantity was not defined at any moment, so nothing was checked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The moments at which an assertion was judged: the steps or readings at which its quantity is defined.
+
+    Attributes:
+        moments: their number.
+        first, last: the sim times in s of the first and the last one; None if there is none.
+    """
+
+    moments: int = 0
+    first: float | None = None
+    last: float | None = None
+
+    def followed_by(self, moments: int, first: float, last: float) -> Judged:
+        """Return the moments with `moments` later ones, from `first` to `last` in s of sim time."""
+        if not moments:
+            return self
+        return Judged(self.moments + moments, first if self.first is None else self.first, last)
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +40,7 @@ class Verdict:
     """The measured value of an assertion, and the limit that it was compared with.
 
     Attributes:
-        passed: True if the assertion held.
+        passed: True if the assertion was judged at least once and held.
         measured: the value that decided it, in `unit`; None if there was nothing to measure.
         limit: the limit for the value, in `unit`.
         margin: the distance to the limit, in `unit`; positive on the passing side.
@@ -25,6 +49,7 @@ class Verdict:
         message: one sentence for people.
         cut_off: True if it failed only because another failure ended the run before its decision.
         goal: True if it had to become true once; its margin then belongs to that moment, and says little.
+        judged: the moments at which it was judged; None if they were not counted, as in ROS tests and old results.
     """
 
     passed: bool
@@ -36,6 +61,22 @@ class Verdict:
     message: str = ""
     cut_off: bool = False
     goal: bool = False
+    judged: Judged | None = None
+
+    @property
+    def status(self) -> VerdictStatus:
+        """The status: an assertion without a moment to judge is neither passed nor failed."""
+        if self.judged is not None and not self.judged.moments:
+            return "not_exercised"
+        return "passed" if self.passed else "failed"
+
+    def counted(self, steps: Judged) -> Verdict:
+        """Return the verdict with the moments at which it was judged; `steps`: those of the run, the default.
+
+        This is the one place that decides what is not exercised: a verdict without a moment never passes.
+        """
+        judged = steps if self.judged is None else self.judged
+        return replace(self, judged=judged, passed=self.passed and judged.moments > 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+import pytest
+
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
-from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.state.verdict import Verdict
+from sim_action.results.outcome import WORST_FIRST, ExpectationOutcome, ExpectationStatus, Outcome, Status, status_of
+from sim_action.scenario.model import Severity, Unexercised
+from sim_action.state.verdict import Judged, Verdict
+
+PASSED, FAILED, NEVER = Verdict(True, judged=Judged(1, 0.0, 0.0)), Verdict(False), Verdict(False, judged=Judged())
+
+
+def expectation(
+    verdict: Verdict, severity: Severity = "error", unexercised: Unexercised = "error"
+) -> ExpectationOutcome:
+    where = Location("a.sim.yml", 9, 5)
+    return ExpectationOutcome(
+        name="far", assertion="travel", severity=severity, location=where, verdict=verdict, unexercised=unexercised
+    )
 
 
 def test_what_was_named_and_holds_nothing_is_invalid() -> None:
@@ -40,3 +54,43 @@ def test_what_another_expectation_cut_off_comes_last() -> None:
     made = Outcome(name="a", file="a.sim.yml", status="failed", expectations=(first, second, third))
     assert made.causes_first == (second, third, first)
     assert made.expectations == (first, second, third)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "severity", "unexercised", "status"),
+    [
+        (PASSED, "error", "error", "passed"),
+        (PASSED, "warning", "warn", "passed"),
+        (FAILED, "error", "warn", "failed"),
+        (FAILED, "warning", "error", "warned"),
+        (NEVER, "error", "error", "not_exercised"),
+        (NEVER, "error", "warn", "warned"),
+        (NEVER, "warning", "error", "warned"),
+    ],
+)
+def test_severity_and_unexercised_soften_a_verdict(
+    verdict: Verdict, severity: Severity, unexercised: Unexercised, status: ExpectationStatus
+) -> None:
+    assert expectation(verdict, severity, unexercised).status == status
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "status"),
+    [
+        ((PASSED, PASSED), "passed"),
+        ((PASSED, NEVER), "not_exercised"),
+        ((NEVER, FAILED, PASSED), "failed"),
+    ],
+)
+def test_the_worst_expectation_gives_the_status_and_all_but_a_pass_exit_code_1(
+    verdicts: tuple[Verdict, ...], status: Status
+) -> None:
+    expectations = tuple(expectation(verdict) for verdict in verdicts)
+    assert status_of(expectations) == status
+    outcome = Outcome(name="a", file="a.sim.yml", status=status, expectations=expectations)
+    assert outcome.display_status == status
+    assert outcome.exit_code is (ExitCode.PASSED if status == "passed" else ExitCode.FAILED)
+
+
+def test_the_order_of_all_statuses() -> None:
+    assert WORST_FIRST == ("error", "failed", "flaky", "not_exercised", "warned", "skipped", "passed")

@@ -56,7 +56,7 @@ def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert Results.read(written.write(tmp_path)) == written
 
 
-HEAD = '"version": 2, "sim_action": "0", "python": "3", "platform": "p"'
+HEAD = '"version": 3, "sim_action": "0", "python": "3", "platform": "p"'
 
 
 @pytest.mark.parametrize(
@@ -66,15 +66,15 @@ HEAD = '"version": 2, "sim_action": "0", "python": "3", "platform": "p"'
         ("[1, 2]", "Input should be an object"),
         ("[" * 100_000, "Invalid JSON: recursion limit exceeded at line 1 column 202"),
         ("{}", "sim_action: Field required (and 4 more)"),
-        ('{"version": 3}', "its format version is 3, and this sim-action reads 1 and 2"),
-        ('{"version": "2"}', "version: Input should be 2 (and 5 more)"),
+        ('{"version": 4}', "its format version is 4, and this sim-action reads 1 to 3"),
+        ('{"version": "2"}', "version: Input should be 3 (and 5 more)"),
         ('{"version": 1}', "sim_action: Field required (and 4 more)"),
         (f'{{{HEAD}, "wall_time": NaN, "outcomes": []}}', "wall_time: Input should be a finite number"),
         (f'{{{HEAD}, "wall_time": "1", "outcomes": []}}', "wall_time: Input should be a valid number"),
         (f'{{{HEAD}, "wall_time": 1, "outcomes": [], "##[error]x": 1}}', "Extra inputs are not permitted"),
         (
             f'{{{HEAD}, "wall_time": 1, "outcomes": [{{"name": "a", "file": "a", "status": "fine"}}]}}',
-            "outcomes.0.status: Input should be 'passed', 'failed', 'flaky', 'error' or 'skipped'",
+            "outcomes.0.status: Input should be 'error', 'failed', 'flaky', 'not_exercised', 'passed' or 'skipped'",
         ),
         (
             f'{{{HEAD}, "wall_time": 1, "outcomes": [], "shard": {{"index": 3, "count": 2, "total": 1}}}}',
@@ -113,6 +113,18 @@ def test_results_of_the_former_version_are_read_with_the_values_of_today(
     path.write_text(json.dumps(written))
     first = given.outcomes[0].model_copy(update={"end": end})
     assert Results.read(path) == given.model_copy(update={"selected": True, "outcomes": (first, given.outcomes[1])})
+
+
+def test_results_of_version_2_are_read_and_keep_their_status(tmp_path: Path) -> None:
+    given = of_call(made(), made(passed=False))
+    path = given.write(tmp_path)
+    written = json.loads(path.read_text())
+    written["version"] = 2
+    for before in written["outcomes"]:
+        for expected in before["expectations"]:
+            del expected["unexercised"], expected["verdict"]["judged"]
+    path.write_text(json.dumps(written))
+    assert [outcome.status for outcome in Results.read(path).outcomes] == ["passed", "failed"]
 
 
 def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None:

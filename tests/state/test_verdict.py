@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sim_action.state.verdict import Arrow, Circle, Signal, goal, line, rectangle
+from sim_action.state.verdict import Arrow, Circle, Judged, Signal, Verdict, goal, line, rectangle
 
 TIME = np.array([0.0, 1.0, 2.0])
 
@@ -57,3 +57,25 @@ def test_an_area_goes_round_its_corners() -> None:
 def test_a_bound_of_one_axis_is_a_line_across_it() -> None:
     assert {x for x, _, _ in line("x", 2.0, (0.0, 1.0)).points} == {2.0}
     assert {y for _, y, _ in line("y", 2.0, (0.0, 1.0)).points} == {2.0}
+
+
+def test_a_verdict_without_a_moment_is_not_exercised_even_if_it_passed() -> None:
+    never = Verdict(True).counted(Judged())
+    assert (never.passed, never.status) == (False, "not_exercised")
+    assert Verdict(False).counted(Judged()).status == "not_exercised"
+
+
+def test_a_verdict_keeps_its_own_moments_and_else_takes_those_of_the_run() -> None:
+    steps, readings = Judged(240, 0.0, 1.0), Judged(2, 0.5, 1.0)
+    assert Verdict(True).counted(steps).judged == steps
+    assert Verdict(True, judged=readings).counted(steps).judged == readings
+    assert Verdict(True, judged=Judged()).counted(steps).status == "not_exercised"
+
+
+def test_without_a_count_the_verdict_stands_as_it_is() -> None:
+    assert (Verdict(True).status, Verdict(False).status) == ("passed", "failed")
+
+
+def test_moments_follow_each_other() -> None:
+    judged = Judged().followed_by(3, 0.5, 1.5).followed_by(0, 9.0, 9.0).followed_by(2, 2.0, 2.5)
+    assert judged == Judged(5, 0.5, 2.5)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.state.verdict import Signal
+from sim_action.state.verdict import Judged, Signal
 
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace
@@ -23,12 +23,14 @@ class Window:
         after: begin of the window, in s of sim time.
         before: end of the window, in s of sim time; infinite if there is none.
         over: True if the window has closed.
+        steps: the steps that were passed on.
     """
 
     monitor: Monitor
     after: float = 0.0
     before: float = math.inf
     over: bool = False
+    steps: Judged = Judged()
 
     @property
     def state(self) -> State:
@@ -36,7 +38,7 @@ class Window:
         state = self.monitor.state
         if not self.over or state is not State.PENDING:
             return state
-        return State.HOLDS if self.monitor.verdict().passed else State.BROKEN
+        return State.BROKEN if self.verdict().status == "failed" else State.HOLDS
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
@@ -45,12 +47,26 @@ class Window:
         monitor = self.monitor
         if is_cumulative(monitor):
             monitor = monitor.begin(trace.between(-math.inf, self.after))
-        monitor = monitor.observe(trace.between(self.after, self.before))
-        return replace(self, monitor=monitor, over=bool(trace.time[-1] >= self.before - TIME_EPSILON_S))
+        seen = trace.between(self.after, self.before)
+        return replace(
+            self,
+            monitor=monitor.observe(seen),
+            over=bool(trace.time[-1] >= self.before - TIME_EPSILON_S),
+            steps=counted(self.steps, seen),
+        )
 
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
-        return self.monitor.verdict()
+        """Return the verdict of the monitor with the moments at which it was judged."""
+        verdict = self.monitor.verdict().counted(self.steps)
+        if self.steps.moments or verdict.status != "not_exercised":
+            return verdict
+        message = f"never checked: the run ended before {self.after:g} s (after); run for longer, or lower 'after'"
+        return replace(verdict, message=message)
+
+
+def counted(steps: Judged, trace: Trace) -> Judged:
+    """Return the steps so far and those of `trace`."""
+    return steps.followed_by(len(trace), float(trace.time[0]), float(trace.time[-1])) if len(trace) else steps
 
 
 def signals_of(monitor: Monitor, trace: Trace, after: float, before: float) -> tuple[Signal, ...]:

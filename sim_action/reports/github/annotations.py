@@ -102,7 +102,7 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
     for expected in outcome.causes_first:
         if expected.verdict.passed:
             continue
-        level: Level = "error" if expected.failed else "warning"
+        level: Level = "warning" if expected.warned else "error"
         message = expected.verdict.message + _replayed(outcome, options, expected.verdict.time)
         annotation = Annotation(level, f"{name}: {expected.name}", message, expected.location)
         yield annotation, relative_margin(expected)

@@ -14,9 +14,7 @@ from sim_action.recording.replay.replay_file import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text, shortened
 from sim_action.reports.formatting import (
-    DisplayStatus,
     counts_text,
-    display_status,
     moment,
     provenance_rows,
     quantity,
@@ -29,7 +27,7 @@ from sim_action.reports.github.markdown import code, code_of_link, folded, row, 
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.reports.links import replay_link, rerun_command
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
-from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
 MAX_BYTES: Final = 1 << 20
@@ -154,6 +152,7 @@ ICONS: Final[dict[DisplayStatus, str]] = {
     "warned": "⚠️",
     "failed": "❌",
     "flaky": "🎲",
+    "not_exercised": "⭕",
     "error": "💥",
     "skipped": "⏭️",
 }
@@ -199,10 +198,10 @@ def _total_sim_time(group: ScenarioGroup) -> float | None:
 def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str:
     """Return a table of the variations, with the passed ones folded, and the section of the worst variation."""
     ordered = group.worst_first()
-    unhappy = [outcome for outcome in ordered if display_status(outcome) != "passed"]
+    unhappy = [outcome for outcome in ordered if outcome.display_status != "passed"]
     rows = [
         row(
-            ICONS[display_status(outcome)],
+            ICONS[outcome.display_status],
             markdown_text(group.values(outcome)),
             _gist(outcome),
             moment(outcome.sim_time),
@@ -225,7 +224,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
 
 def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -> str:
     parts = [
-        f"### {ICONS[display_status(outcome)]} {markdown_text(outcome.name)}",
+        f"### {ICONS[outcome.display_status]} {markdown_text(outcome.name)}",
         _subtitle(outcome, options),
         *(_failure_text(failure, options) for failure in outcome.failures[:_MAX_FAILURES]),
         _left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
@@ -254,7 +253,7 @@ def _chart(replay: Replay, number: int, expected: ExpectationOutcome) -> str:
 
 def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
     """Return the command that runs the scenario again, unless it passed."""
-    if display_status(outcome) in ("passed", "skipped") or not (typed := rerun_command(outcome, options)):
+    if outcome.display_status in ("passed", "skipped") or not (typed := rerun_command(outcome, options)):
         return ""
     return f"Run it again:\n\n{shell_block(typed)}"
 
@@ -319,7 +318,7 @@ def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options
 
 def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
     verdict = expected.verdict
-    icon = ICONS["passed" if verdict.passed else "failed" if expected.failed else "warned"]
+    icon = ICONS[expected.status]
     what = f"**{markdown_text(expected.name)}**<br>{_message(verdict.message)}"
     if not verdict.passed:
         what += f"<br>{source_link(options, expected.location)}"

@@ -22,7 +22,7 @@ from sim_action.recording.replay.replay_file import Replay, ReplayError, read_re
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, shortened
-from sim_action.reports.formatting import counts_text, display_status, shard_text, speed_text
+from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, joined
 from sim_action.reports.html.scenario_article import MARKS, article, drawn
 from sim_action.reports.links import REPORT_FILE
@@ -99,13 +99,13 @@ def _index_entry(identity: str, outcome: Outcome, number: int, replay: Replay | 
         "id": identity,
         "name": one_line(outcome.name),
         "number": number,
-        "status": display_status(outcome),
+        "status": outcome.display_status,
         "replay": None if replay is None else f"replay-{identity}",
         "moment": next((time for failure in outcome.failures if (time := _moment(failure.time)) is not None), None),
         "expectations": [
             {
                 "name": one_line(expected.name),
-                "status": "passed" if expected.verdict.passed else "warned" if expected.warned else "failed",
+                "status": expected.status,
                 "time": _moment(expected.verdict.time),
                 "cutOff": expected.verdict.cut_off,
             }
@@ -200,7 +200,7 @@ def _list_entry(group: ScenarioGroup, ids: Mapping[int, str]) -> Html:
 
 
 def _list_item(outcome: Outcome, name: str, ids: Mapping[int, str]) -> Html:
-    kind, why = display_status(outcome), _gist(outcome)
+    kind, why = outcome.display_status, _gist(outcome)
     return element(
         "li",
         element(

@@ -10,8 +10,6 @@ from sim_action.recording.replay.replay_file import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import (
-    DisplayStatus,
-    display_status,
     moment,
     provenance_rows,
     quantity,
@@ -22,7 +20,7 @@ from sim_action.reports.formatting import (
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.top_view import drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
-from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
 
@@ -31,6 +29,7 @@ WORDS: dict[DisplayStatus, str] = {
     "warned": "Passed, with a warning",
     "failed": "Failed",
     "flaky": "Flaky: its runs differ",
+    "not_exercised": "Not exercised: something was never checked",
     "error": "No verdict",
     "skipped": "Not run",
 }
@@ -38,7 +37,7 @@ WORDS: dict[DisplayStatus, str] = {
 
 def article(identity: str, outcome: Outcome, results: Results, options: ReportOptions, still: Html) -> Html:
     """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts."""
-    kind = display_status(outcome)
+    kind = outcome.display_status
     return element(
         "article",
         element(
@@ -81,7 +80,7 @@ def drawn(replay: Replay, outcome: Outcome) -> Html:
     return element("figure", drawing(replay, outcome), element("figcaption", words), class_="still")
 
 
-MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "flaky": "≠", "error": "✕", "skipped": "·"}
+MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "flaky": "≠", "not_exercised": "∅", "error": "✕", "skipped": "·"}
 
 _NUMBERS = ("Measured", "Limit", "Margin", "Decided")
 _MAX_FAILURES = 20
@@ -155,7 +154,7 @@ def _named_figures(named: Mapping[str, str]) -> Html:
 
 def _expectation_row(expected: ExpectationOutcome, options: ReportOptions) -> Html:
     verdict = expected.verdict
-    kind = "passed" if verdict.passed else "warned" if expected.warned else "failed"
+    kind = expected.status
     measured, limit = _apart(verdict)
     margin = "" if verdict.margin is None else units.display(verdict.margin, verdict.unit)
     cells = dict(zip(_NUMBERS, (measured, limit, margin, _moment_link(verdict.time)), strict=True))

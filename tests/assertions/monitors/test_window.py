@@ -18,6 +18,7 @@ from sim_action.assertions.upright import Upright
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.verdict import Judged
 from tests.traces import START, contact, monitor, piece, scene, trace
 from tests.work import work_of
 
@@ -34,7 +35,8 @@ def ride() -> Trace:
 
 
 def test_an_open_window_lets_everything_through() -> None:
-    assert window(FAR).observe(ride()).verdict() == monitor(FAR).observe(ride()).verdict()
+    told = window(FAR).observe(ride()).verdict()
+    assert replace(told, judged=None) == monitor(FAR).observe(ride()).verdict()
 
 
 def test_a_goal_counts_from_after_on() -> None:
@@ -151,3 +153,15 @@ def test_the_ends_of_a_window_are_the_same_however_the_run_is_cut(look: str, cut
     assert broken(look, 168, cut, after=AT)
     if not is_reading and look != "state":
         assert not broken(look, 167, cut, after=AT)
+
+
+def test_the_steps_inside_the_window_are_counted() -> None:
+    told = window(NEAR, after=1.5, before=3.0).observe(ride().first(2)).observe(ride().rows(slice(2, 4))).verdict()
+    assert told.judged == Judged(2, 2.0, 3.0)
+
+
+def test_a_window_that_never_opened_was_not_exercised() -> None:
+    for assertion in (NEAR, FAR, NoCollision()):
+        told = window(assertion, after=5.0).observe(ride()).verdict()
+        assert told.status == "not_exercised"
+        assert told.message == ("never checked: the run ended before 5 s (after); run for longer, or lower 'after'")
