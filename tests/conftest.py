@@ -12,7 +12,7 @@ import pytest
 
 from sim_action.engines import installed
 
-pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance"]
+pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance", "tests.reached_assertions"]
 
 
 @pytest.fixture(autouse=True, scope="session")

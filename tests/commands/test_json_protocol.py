@@ -226,7 +226,14 @@ json_values = st.recursive(
 )
 
 
-@given(json_values.map(lambda value: json.dumps(value).encode()) | st.binary())
+speeds = st.dictionaries(st.sampled_from(["linear", "lateral", "angular"]), st.floats() | st.integers())
+targets = st.dictionaries(st.text(), st.floats() | st.integers())
+answers = st.fixed_dictionaries(
+    {}, optional={"twist": speeds, "position": targets, "velocity": targets, "effort": targets}
+)
+
+
+@given((json_values | answers).map(lambda value: json.dumps(value).encode()) | st.binary())
 @example(b'{"twist": {"linear": 1e308}}')
 def test_whatever_is_answered_is_a_command_or_an_error(line: bytes) -> None:
     try:

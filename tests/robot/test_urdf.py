@@ -248,11 +248,26 @@ def mutated(text: str, seed: int) -> bytes:
     """The text with a few things deleted, doubled, exchanged or made up."""
     rng = random.Random(seed)
     data = bytearray(text.encode())
-    numbers = ["nan", "1e999", "-0", "", "0 0 0", "1e-320", "\u0661", "x" * 50, "${x}", "base_footprint"]
-    for _ in range(rng.randint(1, 4)):
+    numbers = [
+        "0.5",
+        "2",
+        "1 0 0",
+        "0.1 0.2 0.3",
+        "nan",
+        "1e999",
+        "-0",
+        "",
+        "0 0 0",
+        "1e-320",
+        "\u0661",
+        "x" * 50,
+        "${x}",
+        "base_footprint",
+    ]
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
         start = rng.randrange(len(data))
-        end = min(len(data), start + rng.choice([1, 3, 20, 200]))
-        match rng.randrange(5):
+        end = min(len(data), start + rng.choice([1, 3, 20, 60]))
+        match rng.randrange(7):
             case 0:
                 del data[start:end]
             case 1:
@@ -263,6 +278,9 @@ def mutated(text: str, seed: int) -> bytes:
                 quote = data.find(b'"', start)
                 close = data.find(b'"', quote + 1)
                 data[quote + 1 : close] = rng.choice(numbers).encode()
+            case 4 | 5:
+                after = data.find(b">", start) + 1
+                data[after:after] = rng.choice((b"\n", b"\t ", b"<!-- c -->", b"<gazebo/>"))
             case _:
                 lines = bytes(data).split(b"\n")
                 rng.shuffle(lines) if rng.random() < 0.1 else lines.pop(rng.randrange(len(lines)))

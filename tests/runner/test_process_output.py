@@ -61,7 +61,10 @@ def test_diagnostics_have_an_end() -> None:
     assert found[0] == Diagnostic(level="warning", message="message 0")
 
 
-@given(st.text())
+PIECES = (BANNER, WARNING, ERROR, "b3Printf[a.cpp,1]:", "b3Warning[", "\nmujoco warning: ", "]:", "\n")
+
+
+@given(st.lists(st.sampled_from(PIECES) | st.text(max_size=8), max_size=12).map("".join))
 def test_any_text_is_split(text: str) -> None:
     found, output = split_output(text)
     assert all(diagnostic.message for diagnostic in found)

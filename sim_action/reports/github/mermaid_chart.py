@@ -41,7 +41,7 @@ def chart(signal: Signal, moment: float | None = None) -> str:
     """
     there = np.isfinite(signal.values)
     time, factor, unit = signal.time[there], *_shown_in(signal.unit)
-    if len(time) < 2 or not time[-1] - time[0] > _SHORTEST or not _is_sane(time, signal.values[there]):
+    if len(time) < 2 or not _is_sane(time, signal.values[there]) or not time[-1] - time[0] > _SHORTEST:
         return ""
     values = sampled(time, factor * signal.values[there], moment)
     limits = [factor * limit for limit in (signal.lower, signal.upper) if limit is not None]

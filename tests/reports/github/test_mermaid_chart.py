@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sim_action.recording.replay.replay_file import Replay, write_replay
@@ -154,9 +154,17 @@ def test_any_curve_is_drawn_within_its_axis(values: list[float], limit: float | 
 
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
+# Larger numbers are not drawn at all.
+drawn = st.floats(-1e12, 1e12)
+gaps = st.sampled_from((math.nan, math.inf, -math.inf))
 
 
-@given(st.lists(st.tuples(anything, anything), max_size=50), st.none() | anything)
+@given(
+    st.lists(st.tuples(anything, anything), max_size=50)
+    | st.lists(st.tuples(drawn, drawn | gaps), min_size=6, max_size=50),
+    st.none() | anything,
+)
+@example([(1e300, 0.0), (-1.7e308, 0.0)], None)
 def test_nothing_that_a_file_may_hold_breaks_it(rows: list[tuple[float, float]], moment: float | None) -> None:
     """Times rise, and nothing else is sure."""
     rising = {time: value for time, value in sorted(rows, key=lambda row: row[0]) if math.isfinite(time)}

@@ -32,10 +32,13 @@ def test_rays_are_turned_with_the_camera() -> None:
 
 
 near_or_far = st.floats(-12, 12)
+# What is at most as far to a side as it is ahead is in sight.
+ahead = st.tuples(st.floats(0.1, 10), st.floats(-1, 1), st.floats(-0.5, 0.5))
 
 
 @given(
-    middle=st.tuples(st.floats(-1, 12), near_or_far, near_or_far),
+    middle=st.tuples(st.floats(-1, 12), near_or_far, near_or_far)
+    | ahead.map(lambda at: (at[0], at[0] * at[1], at[0] * at[2])),
     radius=st.floats(0.01, 3),
     toward=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)),
 )
