@@ -17,8 +17,9 @@ def user_output(outcome: Outcome) -> str:
 
 
 def counts_text(results: Results) -> str:
-    """Return counts such as "3 passed, 1 failed, 2 warnings": scenarios by status, and expectations that warn."""
+    """Return counts such as "3 passed, 1 failed, 2 warnings": scenarios by status, and all warnings."""
     warnings = sum(expected.warned for outcome in results.outcomes for expected in outcome.expectations)
+    warnings += sum(len(outcome.warnings) for outcome in results.outcomes)
     warned = f", {warnings} {'warning' if warnings == 1 else 'warnings'}" if warnings else ""
     errors = results.count("error")
     named = (

@@ -203,6 +203,8 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
     """Add notes and output to the first testcase that failed: Jenkins hides the output of a suite otherwise."""
     unhappy = (case for case in cases if case.find("failure") is not None or case.find("error") is not None)
     case = next(unhappy, cases[0])
+    for warning in outcome.warnings:
+        add_line(case, "system-out", f"warning: {warning.location}: {warning}")
     for note in outcome.notes:
         add_line(case, "system-out", f"note: {note}")
     add_line(case, "system-out", user_output(outcome))

@@ -9,7 +9,7 @@ from typing import Final
 
 from sim_action.core.errors import Location
 from sim_action.reports.formatting import moment, quantity
-from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
+from sim_action.results.outcome import WORST_FIRST, AuditWarning, DisplayStatus, ExpectationOutcome, Outcome
 
 # The relative margin of a failure without a margin.
 _NO_MARGIN: Final = -1.0
@@ -55,6 +55,21 @@ class ScenarioGroup:
         statuses = [outcome.status for outcome in self.outcomes]
         left = f", {statuses.count('skipped')} not run" if "skipped" in statuses else ""
         return f"{statuses.count('passed')} of {len(statuses)} passed{left}"
+
+    @property
+    def warnings(self) -> tuple[tuple[AuditWarning, int], ...]:
+        """The warnings of the audit in file order: the first one of each rule and place, and its number of runs."""
+        found: dict[tuple[str, Location], list[AuditWarning]] = {}
+        for outcome in self.outcomes:
+            for warning in outcome.warnings:
+                found.setdefault((warning.rule, warning.location), []).append(warning)
+        ordered = sorted(found.values(), key=lambda same: (same[0].location.line or 0, same[0].location.column or 0))
+        return tuple((same[0], len(same)) for same in ordered)
+
+    def warning_text(self, warning: AuditWarning, runs: int) -> str:
+        """Return a warning as text, with the number of variations if it is not of all."""
+        share = f" (in {runs} of {len(self.outcomes)} variations)" if runs < len(self.outcomes) else ""
+        return f"{warning}{share}"
 
     def values(self, outcome: Outcome) -> str:
         """Return the values that identify a variation, such as "[friction=0.4]"; empty without variations."""

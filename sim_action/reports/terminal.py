@@ -93,10 +93,12 @@ class _Printer:
             self._margin = "  "
             self._variations(group)
             self._margin = ""
+            self._warnings(group)
         else:
             file = f"  {group.location}" if group.location else ""
             self._heading(group.status, group.name, file, _after(repeats_text(group.worst)))
             self._outcome(group.worst)
+            self._warnings(group)
         self._line()
 
     def _heading(self, look: DisplayStatus, name: str, file: str, rest: str = "") -> None:
@@ -105,7 +107,11 @@ class _Printer:
     def _variations(self, group: ScenarioGroup) -> None:
         verbose = self._verbosity == "verbose"
         shown = [
-            outcome for outcome in group.outcomes if verbose or outcome.display_status not in ("passed", "skipped")
+            outcome
+            for outcome in group.outcomes
+            if verbose
+            or outcome.status not in ("passed", "skipped")
+            or any(each.warned for each in outcome.expectations)
         ]
         most = len(shown) if verbose else _MAX_VARIATIONS
         for outcome in shown[:most]:
@@ -126,6 +132,16 @@ class _Printer:
             self._failure(failure)
         if self._verbosity == "verbose":
             self._run_details(outcome)
+
+    def _warnings(self, group: ScenarioGroup) -> None:
+        """Print the warnings of the audit, each once for all variations."""
+        if self._verbosity == "quiet":
+            return
+        for warning, runs in group.warnings:
+            self._line(
+                "  ", (f"{self._symbols['warned']} ", _STYLES["warned"]), (group.warning_text(warning, runs), "")
+            )
+            self._line("      ", (str(warning.location), "cyan"))
 
     def closing(self, results: Results) -> None:
         """Print the counts and, unless quiet, the paths of all files."""

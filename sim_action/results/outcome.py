@@ -119,6 +119,23 @@ class ExpectationOutcome(FrozenModel):
         return self.status == "warned"
 
 
+class AuditWarning(FrozenModel):
+    """A part of the scenario that checked nothing in this run, found by a rule of the audit of claims.
+
+    Attributes:
+        rule: the name of the rule, which `allow` in the scenario accepts.
+        message: what was found, and what to change.
+        location: the place in the scenario file.
+    """
+
+    rule: str
+    message: str
+    location: Location
+
+    def __str__(self) -> str:
+        return f"{self.message} [{self.rule}]"
+
+
 def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:
     """Return the status of a scenario that has verdicts: that of its worst expectation."""
     statuses = {expected.status for expected in expectations}
@@ -161,6 +178,7 @@ class Outcome(FrozenModel):
         digest: the SHA-256 hash of the state at every physics step.
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
         provenance: the versions and the machine that produced the run.
+        warnings: the parts of the scenario that checked nothing in this run.
         notes: assumptions and remarks.
         diagnostics: messages of the engine.
         output: the end of the text that the user's code printed.
@@ -190,6 +208,7 @@ class Outcome(FrozenModel):
     repeats: Repeats | None = None
     engine: str | None = None
     provenance: Provenance | None = None
+    warnings: tuple[AuditWarning, ...] = ()
     notes: tuple[str, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
     output: str = ""
@@ -218,7 +237,7 @@ class Outcome(FrozenModel):
         """The status for display."""
         if self.status != "passed":
             return self.status
-        return "warned" if any(expected.warned for expected in self.expectations) else "passed"
+        return "warned" if self.warnings or any(expected.warned for expected in self.expectations) else "passed"
 
     @property
     def exit_code(self) -> ExitCode:

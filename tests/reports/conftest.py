@@ -13,7 +13,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance
 from sim_action.reports import ReportOptions
-from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
+from sim_action.results.outcome import AuditWarning, Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.scenario.source import Varied
@@ -57,6 +57,14 @@ CUT_OFF = TRAVEL.model_copy(
             False, 1.2, 1.5, -0.3, "m", 3.2, "travelled 1.2 m of 1.5 m in 3.2 s, when the run ended", cut_off=True
         ),
     }
+)
+NOTHING_TO_TOUCH = AuditWarning(
+    rule="nothing-to-touch",
+    message="the world has no objects, so the robot can touch nothing; add objects, or remove no_collision",
+    location=Location(STRAIGHT, 9, 5),
+)
+ENDLESS = AuditWarning(
+    rule="segment-beyond-run", message="for: 2000 s, and the run ends at 30 s", location=Location(STRAIGHT, 6, 7)
 )
 PASSED = Outcome(
     name="burger drives straight",
@@ -182,6 +190,11 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
         ),
     ),
     "warning": (PASSED.model_copy(update={"expectations": (TRAVEL, UPRIGHT)}),),
+    "audited": (
+        PASSED.model_copy(update={"warnings": (NOTHING_TO_TOUCH, ENDLESS)}),
+        variation(0.4, "0 deg", "passed", 0.0).model_copy(update={"warnings": (NOTHING_TO_TOUCH,)}),
+        variation(0.8, "0 deg", "failed", -0.2).model_copy(update={"warnings": (NOTHING_TO_TOUCH, ENDLESS)}),
+    ),
     "crash": (
         Outcome(
             name="burger falls apart",
@@ -247,6 +260,7 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
                         }
                     ),
                 ),
+                "warnings": (AuditWarning(rule=HOSTILE, message=HOSTILE, location=Location(HOSTILE, 3)),),
                 "notes": (HOSTILE,),
                 "output": f"[[ATTACHMENT|/etc/passwd]]\n[\x00[ATTACHMENT|/etc/shadow]]\n{HOSTILE}\n````\n</details>",
             }

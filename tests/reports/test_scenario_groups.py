@@ -7,6 +7,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.reports.scenario_groups import grouped_scenarios, relative_margin, worst_first
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
+from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
 
 
@@ -115,3 +116,15 @@ def test_without_a_margin_the_worst_is_but_named() -> None:
         [outcome("a[x=1]", expected()), outcome("a[x=2]", expected(passed=True), status="passed")]
     )
     assert group.worst_text == "[x=1]"
+
+
+def test_a_warning_of_several_variations_is_one(samples: dict[str, Results]) -> None:
+    _, group = grouped_scenarios(samples["audited"].outcomes)
+    assert [(warning.rule, runs) for warning, runs in group.warnings] == [
+        ("segment-beyond-run", 1),
+        ("nothing-to-touch", 2),
+    ]
+    assert [group.warning_text(*found).rpartition("]")[2] for found in group.warnings] == [
+        " (in 1 of 2 variations)",
+        "",
+    ]

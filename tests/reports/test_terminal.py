@@ -55,6 +55,10 @@ def test_quiet_is_one_line_if_all_passed(samples: Samples, options: ReportOption
     assert printed(samples["passed"], options, "quiet") == "1 passed in 1.2 s (1.6x real time)\n"
 
 
+def test_quiet_prints_no_warnings_of_the_audit(samples: Samples, options: ReportOptions) -> None:
+    assert "nothing-to-touch" not in printed(samples["audited"], options, "quiet")
+
+
 def test_ascii_stream(samples: Samples, options: ReportOptions) -> None:
     text = printed(samples["failed"], options, encoding="ascii")
     assert "x no_collision: base_link touched wall" in text

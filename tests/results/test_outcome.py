@@ -5,7 +5,15 @@ from __future__ import annotations
 import pytest
 
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
-from sim_action.results.outcome import WORST_FIRST, ExpectationOutcome, ExpectationStatus, Outcome, Status, status_of
+from sim_action.results.outcome import (
+    WORST_FIRST,
+    AuditWarning,
+    ExpectationOutcome,
+    ExpectationStatus,
+    Outcome,
+    Status,
+    status_of,
+)
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.state.verdict import Judged, Verdict
 
@@ -94,3 +102,11 @@ def test_the_worst_expectation_gives_the_status_and_all_but_a_pass_exit_code_1(
 
 def test_the_order_of_all_statuses() -> None:
     assert WORST_FIRST == ("error", "failed", "flaky", "not_exercised", "warned", "skipped", "passed")
+
+
+def test_a_warning_of_the_audit_keeps_the_status_and_is_displayed() -> None:
+    warning = AuditWarning(rule="never-moved", message="it did not move", location=Location("a.sim.yml", 9))
+    outcome = Outcome(name="a", file="a.sim.yml", status="passed", warnings=(warning,))
+    assert (outcome.display_status, outcome.exit_code) == ("warned", ExitCode.PASSED)
+    assert outcome.model_copy(update={"status": "failed"}).display_status == "failed"
+    assert str(warning) == "it did not move [never-moved]"

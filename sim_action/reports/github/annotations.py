@@ -94,7 +94,7 @@ def _of_variations(group: ScenarioGroup, options: ReportOptions) -> Iterator[Ann
 
 
 def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterator[tuple[Annotation, float]]:
-    """Yield an annotation and its relative margin for each failure and each expectation that did not hold."""
+    """Yield an annotation and its relative margin for each failure, expectation that did not hold, and warning."""
     for failure in outcome.failures:
         where = failure.location or outcome.location
         message = failure.message + _replayed(outcome, options, failure.time)
@@ -106,6 +106,8 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
         message = expected.verdict.message + _replayed(outcome, options, expected.verdict.time)
         annotation = Annotation(level, f"{name}: {expected.name}", message, expected.location)
         yield annotation, relative_margin(expected)
+    for warning in outcome.warnings:
+        yield Annotation("warning", f"{name}: {warning.rule}", warning.message, warning.location), 0.0
 
 
 def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> str:

@@ -228,6 +228,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
         _subtitle(outcome, options),
         *(_failure_text(failure, options) for failure in outcome.failures[:_MAX_FAILURES]),
         _left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
+        _warnings(outcome, options),
         _expectations(outcome, options),
         *(_charts(outcome, options) if drawn else ()),
         _reproduction(outcome, options),
@@ -264,6 +265,7 @@ def _gist(outcome: Outcome) -> str:
     reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
     reasons += [expected.verdict.message for expected in outcome.causes_first if expected.failed]
     reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
+    reasons = reasons or [str(warning) for warning in outcome.warnings]
     if reasons:
         more = f" <sub>(and {len(reasons) - 1} more)</sub>" if len(reasons) > 1 else ""
         return _message(reasons[0]) + more
@@ -287,6 +289,16 @@ def _failure_text(failure: Failure, options: ReportOptions) -> str:
     if failure.details.strip():
         said += f"\n\nDetails:\n\n{_ending_block(failure.details)}"
     return said
+
+
+def _warnings(outcome: Outcome, options: ReportOptions) -> str:
+    """Return a list of the warnings of the audit."""
+    lines = [
+        f"- {ICONS['warned']} {_message(str(warning))}<br>{source_link(options, warning.location)}"
+        for warning in outcome.warnings[:_MAX_ROWS]
+    ]
+    left_out = _left_out_note(len(outcome.warnings), _MAX_ROWS, "warning")
+    return "\n".join(lines) + (f"\n\n{left_out}" if left_out else "")
 
 
 def _expectations(outcome: Outcome, options: ReportOptions) -> str:

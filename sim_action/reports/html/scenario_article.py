@@ -20,7 +20,7 @@ from sim_action.reports.formatting import (
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.top_view import drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
-from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
+from sim_action.results.outcome import AuditWarning, DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
 
@@ -84,6 +84,7 @@ MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "flaky": "≠", "not_e
 
 _NUMBERS = ("Measured", "Limit", "Margin", "Decided")
 _MAX_FAILURES = 20
+_MAX_WARNINGS = 100
 
 
 def reasons(outcome: Outcome, options: ReportOptions) -> Html:
@@ -91,6 +92,7 @@ def reasons(outcome: Outcome, options: ReportOptions) -> Html:
     causes = [expected for expected in outcome.causes_first if not expected.verdict.passed]
     told = [_failure_section(failure, options) for failure in outcome.failures[:_MAX_FAILURES]]
     told += [_missed_section(expected) for expected in causes]
+    told += [_warning_section(warning, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
     left = len(outcome.failures) - _MAX_FAILURES
     more = element("p", f"{left} more errors are in results.json.", class_="faint") if left > 0 else ""
     return element("div", joined(*told, more), class_="reasons") if told else Html("")
@@ -134,6 +136,16 @@ def _missed_section(expected: ExpectationOutcome) -> Html:
         _figures(verdict),
         element("p", cut, class_="faint") if cut else "",
         class_=f"reason {'cut' if verdict.cut_off else kind}",
+    )
+
+
+def _warning_section(warning: AuditWarning, options: ReportOptions) -> Html:
+    return element(
+        "section",
+        element("h3", warning.rule, element("small", " · a warning")),
+        element("p", warning.message, class_="what"),
+        element("p", source(warning.location, options), class_="faint"),
+        class_="reason warned",
     )
 
 

@@ -69,6 +69,23 @@ def test_what_was_not_run_is_no_annotation(samples: Samples, options: ReportOpti
     ]
 
 
+def test_a_warning_of_the_audit_stands_on_its_line_once_for_all_variations(
+    samples: Samples, options: ReportOptions
+) -> None:
+    found = [line for line in lines(samples["audited"], options) if line.startswith("::warning")]
+    place = "file=scenarios/straight.sim.yml,line=9,col=5"
+    assert [line for line in found if place in line] == [
+        (
+            f"::warning {place},title=push%3A nothing-to-touch::2 of 2 variations; the worst, [friction=0.8,yaw=0deg]: "
+            "the world has no objects, so the robot can touch nothing; add objects, or remove no_collision"
+        ),
+        (
+            f"::warning {place},title=burger drives straight%3A nothing-to-touch::the world has no objects, "
+            "so the robot can touch nothing; add objects, or remove no_collision"
+        ),
+    ]
+
+
 def test_without_a_place_it_is_the_file(samples: Samples, options: ReportOptions) -> None:
     (line,) = lines(samples["crash"], options)
     assert line.startswith("::error file=scenarios/wall.sim.yml,title=burger falls apart%3A SIGSEGV::the process")
