@@ -166,3 +166,16 @@ def test_a_file_that_holds_none_is_told(text: str, problem: str, tmp_path: Path)
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
     ((path, message),) = FollowPath(file="no.csv", rms=0.1).file_problems(Workspace(tmp_path, tmp_path))
     assert (path, message.split(" (")[0]) == (("file",), "'no.csv' does not exist")
+
+
+@pytest.mark.parametrize(
+    ("asked", "limit"),
+    [
+        ({"max_error": 0.75, "rms": 0.5, "end": END}, 0.75),
+        ({"rms": 0.5, "end": END}, 0.5),
+        ({"end": END}, 0.25),
+    ],
+)
+def test_without_a_step_the_limit_is_the_first_that_was_asked(asked: dict[str, Any], limit: float) -> None:
+    verdict = judged(FollowPath(path=LINE, **asked), trace([]))
+    assert (verdict.passed, verdict.measured, verdict.limit) == (False, None, limit)

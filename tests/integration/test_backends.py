@@ -128,6 +128,15 @@ def test_contacts_that_are_held_are_those_of_their_moment(engine: str, tmp_path:
     assert last.contacts == ()
 
 
+def test_contacts_that_nothing_else_asked_for_are_those_of_their_moment(engine: str, tmp_path: Path) -> None:
+    with running(engine, scene_of(tmp_path, BALL, at())) as backend:
+        backend.advance(0, [None] * 240)
+        held = backend.observe(240, contacts=True)
+        push(backend, (0, 0, 5))
+        backend.advance(240, [None] * 60)
+    assert [(contact.time, contact.body) for contact in held.contacts] == [(1.0, "ground")]
+
+
 def test_a_ball_rolls_without_loss(engine: str, tmp_path: Path) -> None:
     with running(engine, scene_of(tmp_path, BALL, at())) as backend:
         push(backend, (1, 0, 0), (0, 10, 0))
@@ -306,6 +315,7 @@ def test_a_fixed_base_stays_where_it_is(engine: str, more: str, tmp_path: Path) 
         start = backend.observe(0, contacts=False).pose
         trace = advance(backend, 0, 48)
     assert start.position_xyz == pytest.approx((1, 0, 2), abs=1e-12)
+    assert start.orientation_xyzw == pytest.approx((0, 0, math.sin(0.25), math.cos(0.25)), abs=1e-12)
     assert trace.base_position_xyz == pytest.approx(np.tile(start.position_xyz, (48, 1)), abs=1e-12)
     assert trace.base_orientation_xyzw == pytest.approx(np.tile(start.orientation_xyzw, (48, 1)), abs=1e-12)
     assert not trace.base_linear_xyz.any()

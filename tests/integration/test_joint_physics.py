@@ -118,6 +118,31 @@ def test_a_motor_of_0_has_no_limit_in_the_model_as_in_the_engine(engine: str, tm
     assert trace.joint_velocity[-1, 0] == pytest.approx(4.0, rel=1e-3)
 
 
+def test_a_motor_that_may_exert_nothing_holds_nothing_until_it_may_again(engine: str, tmp_path: Path) -> None:
+    with machine(engine, tmp_path, joint("continuous", "")) as backend:
+        idle = run(backend, 0.5, JointTargets(velocity={"j": 2.0}, max_effort={"j": 0.0}))
+        turned = run(backend, 0.5, JointTargets(velocity={"j": 2.0}))
+    assert idle.joint_velocity[-1, 0] == pytest.approx(0.0, abs=1e-6)
+    assert turned.joint_velocity[-1, 0] == pytest.approx(2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("friction", ["0", "0.5"])
+def test_a_motor_goes_over_from_one_kind_of_target_to_the_next(engine: str, friction: str, tmp_path: Path) -> None:
+    inside = f'<limit lower="-9" upper="9" effort="500" velocity="5"/><dynamics friction="{friction}"/>'
+    with machine(engine, tmp_path, joint("revolute", inside)) as backend:
+        placed = run(backend, 1, JointTargets(position={"j": 0.5}))
+        turned = run(backend, 1, JointTargets(velocity={"j": -2.0}))
+        rolled = run(backend, 1, JointTargets(effort={"j": 0.0}))
+        braked = run(backend, 1, JointTargets(velocity={"j": 0.0}))
+        placed_again = run(backend, 2, JointTargets(position={"j": 1.0}))
+    assert placed.joint_position[-1, 0] == pytest.approx(0.5, abs=1e-3)
+    assert turned.joint_velocity[-1, 0] == pytest.approx(-2.0, rel=1e-3)
+    # Friction / moment of inertia, for a second.
+    assert rolled.joint_velocity[-1, 0] == pytest.approx(-2.0 + float(friction) / 2, rel=1e-3)
+    assert braked.joint_velocity[-1, 0] == pytest.approx(0.0, abs=1e-6)
+    assert placed_again.joint_position[-1, 0] == pytest.approx(1.0, abs=1e-3)
+
+
 def test_a_motor_without_a_limit_turns_what_is_heavy(engine: str, tmp_path: Path) -> None:
     flywheel = joint("continuous", "").replace('"2"', '"20000"').replace('mass value="1"', 'mass value="30000"')
     with machine(engine, tmp_path, flywheel) as backend:

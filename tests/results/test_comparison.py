@@ -103,6 +103,8 @@ def test_warnings_fail_only_if_they_are_to() -> None:
         (({}, {"margin": 0.19}), SmallerMargin("clearance", "m", 0.4, 0.19, 0.4, 0.19)),
         (({}, {"margin": 0.21}), None),
         (({"margin": 0.008}, {"margin": 0.0}), None),
+        (({"margin": 0.012}, {"margin": 0.004}), None),
+        (({"margin": 0.016}, {"margin": 0.004}), SmallerMargin("clearance", "m", 0.016, 0.004, 0.016, 0.004)),
         (({}, {"margin": 0.1, "goal": True}), None),
         (({}, {"margin": 0.1, "unit": "rad"}), None),
         (({}, {"margin": -0.1, "passed": False}), None),
@@ -111,7 +113,8 @@ def test_warnings_fail_only_if_they_are_to() -> None:
         (({"limit": 0.0}, {"limit": 0.0, "measured": 500.0, "margin": 0.1}), None),
     ],
     ids=[
-        *("less than half", "more than half", "next to nothing", "a goal", "another unit", "failed", "none before"),
+        *("less than half", "more than half", "next to nothing", "less than a hundredth", "more than a hundredth"),
+        *("a goal", "another unit", "failed", "none before"),
         *("a limit of zero", "nothing beside what was measured"),
     ],
 )

@@ -79,6 +79,7 @@ def test_a_trace_keeps_pictures(tmp_path: Path) -> None:
         ("{camera: {field_of_view: 180 deg}}", "sensors.0.camera.field_of_view: must be at most 170 deg, found"),
         ("{camera: {near: 0}}", "sensors.0.camera.near: must be at least 0.001 m, found 0"),
         ("{camera: {far: 20 km}}", "sensors.0.camera.far: must be at most 10,000 m, found '20 km'"),
+        ("{camera: {near: 1 m, far: 1 m}}", "sensors.0.camera: 'far' (1 m) must be more than 'near' (1 m)"),
         ("{camera: {near: 2 m, far: 1 m}}", "sensors.0.camera: 'far' (1 m) must be more than 'near' (2 m)"),
         ("{camera: {fov: 1}}", "sensors.0.camera.fov: unknown key"),
         (

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import BadStart, SimulationUnstable
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
-from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
+from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel, Shape
 from sim_action.robot.urdf import read_urdf
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import DrivenRobot
@@ -144,15 +144,30 @@ def test_a_robot_stood_on_the_ground_is_above_it_wherever_its_origin_is_drawn() 
     assert watchdog(start=drawn, robot=put_there).depth < 2.0
 
 
-def sliding(model: RobotModel) -> RobotModel:
-    joint = Joint("slide", "prismatic", "base", "tip", Pose((0.0, 3.0, 4.0)), (0, 0, 1), lower=-0.25, upper=2.0)
+def sliding(
+    model: RobotModel, kind: JointType = "prismatic", lower: float | None = -0.25, upper: float | None = 2.0
+) -> RobotModel:
+    joint = Joint("slide", kind, "base", "tip", Pose((0.0, 3.0, 4.0)), (0, 0, 1), lower=lower, upper=upper)
     shape = Shape("box", Pose((0.0, 0.0, 0.5)))
     return replace(model, links=(Link("base", 1.0), Link("tip", 1.0, (shape,))), joints=(joint,))
 
 
-def test_the_way_to_the_nearest_shape_goes_over_joints_offsets_and_strokes() -> None:
-    where = scene(sliding(scene().model))
-    assert Watchdog.of(where, START).depth == pytest.approx(1.0 + 5.0 + 2.0 + 0.5)
+@pytest.mark.parametrize(
+    ("kind", "lower", "upper", "stroke"),
+    [
+        ("prismatic", -0.25, 2.0, 2.0),
+        ("prismatic", -2.0, 0.25, 2.0),
+        ("prismatic", None, 0.25, 0.25),
+        ("prismatic", -0.25, None, 0.25),
+        ("prismatic", None, None, 0.0),
+        ("revolute", -0.25, 2.0, 0.0),
+    ],
+)
+def test_the_way_to_the_nearest_shape_goes_over_joints_offsets_and_strokes(
+    kind: JointType, lower: float | None, upper: float | None, stroke: float
+) -> None:
+    where = scene(sliding(scene().model, kind, lower, upper))
+    assert Watchdog.of(where, START).depth == pytest.approx(1.0 + 5.0 + stroke + 0.5)
 
 
 def test_a_joint_that_slides_without_end_one_way_adds_what_it_goes_the_other_way(tmp_path: Path) -> None:

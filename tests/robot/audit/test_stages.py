@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from sim_action.robot.audit.stages import audit
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.urdf import read_urdf
 from sim_action.robot.xml_document import read_document
+from tests.mesh_files import CORNERS, HALF, moved, obj
 from tests.robot.bad_models import BAD_MODELS, GOOD, BadModel
 
 
@@ -172,6 +175,16 @@ def test_a_placeholder_is_told_where_it_counts(others: str, rules: list[str], tm
     path = tmp_path / "robot.urdf"
     path.write_text(text.replace('value="2"', f'value="{others}"'), encoding="utf-8")
     assert [finding.rule for finding in read_urdf(path).findings] == rules
+
+
+def test_the_reach_of_a_link_is_from_its_centre_of_mass_to_a_mesh_wherever_that_is_drawn(tmp_path: Path) -> None:
+    # The box lies 10 m along x in its file, and the file lies 5 m along y in the link.
+    (tmp_path / "far.obj").write_bytes(obj(moved(CORNERS, 10.0)))
+    text = GOOD.replace('<sphere radius="0.5"/>', '<mesh filename="far.obj"/>').replace("1 2 3", "0 5 0")
+    (tmp_path / "robot.urdf").write_text(re.sub('(i..)="1"', r'\1="1e9"', text).replace("0 0 0.1", "0 0 0"))
+    found = read_urdf(tmp_path / "robot.urdf").findings
+    reach = math.hypot(10.0, 5.0) + math.hypot(*HALF)
+    assert any(f"extends only {reach:.2g} m" in finding.message for finding in found), found
 
 
 @pytest.mark.parametrize(
